@@ -21,6 +21,7 @@ from repose.calibrate.surrogates.gaussian_process import GaussianProcess
 from repose.calibrate.surrogates.quadratic import QuadraticSurface
 from repose.calibrate.surrogates.support import Support
 
+pytestmark = pytest.mark.usefixtures("short_designs")
 TOP = 30.0
 CENTRE = 0.3
 CURVATURE = 6.0

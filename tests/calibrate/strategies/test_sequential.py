@@ -43,6 +43,7 @@ from repose.report.figures.sequential import sequential
 from repose.report.study_view import StudyView
 from repose.stages.batches import arrange_for_strategy
 
+pytestmark = pytest.mark.usefixtures("short_designs")
 SECTION = {
     "start_samples": 12,
     "seeds": 2,
@@ -379,7 +380,7 @@ def test_figure(done, targets):
     }
     with style.applied():
         figure = sequential(inputs, StudyView(config))
-        figure.canvas.draw()
+        figure.draw_without_rendering()
     says(
         " ".join(text.get_text() for text in figure.findobj(Text)),
         "All targets within 1 %",

@@ -36,6 +36,8 @@ SETTINGS = {
     "seed": 1,
 }
 GIVEN = Study(contact_space(UNIT), TARGETS, {"posterior": SETTINGS})
+# Many walkers take few steps for as many draws.
+WIDE = {"walkers": 128, "steps": 250}
 
 
 def test_statements_and_a_reference_interval_by_its_share_of_the_prior():
@@ -125,6 +127,7 @@ def inferred(targets, slopes, space=UNIT, runs=None, **changes):
     )
 
 
+@pytest.mark.usefixtures("short_search")
 def test_correlations_need_their_runs():
     targets = targets_of(
         sd_percent=4.0, aor_deg=30.0, height_mm=30.0, base_radius_mm=30.0
@@ -155,8 +158,10 @@ def test_correlations_need_their_runs():
         ]
 
 
+@pytest.mark.usefixtures("short_search")
 def test_one_target_determines_one_parameter():
-    found = inferred(targets_of(sd_percent=4.0, drum_slip_deg=30.0), [{"mus_gp": 12.0}])
+    targets = targets_of(sd_percent=4.0, drum_slip_deg=30.0)
+    found = inferred(targets, [{"mus_gp": 12.0}], **WIDE)
     table = found.parameters.set_index("parameter")
     # standard error 0.6, of the prediction 0.1
     expected = math.hypot(0.6, 0.1) / 12
@@ -189,12 +194,12 @@ def test_four_targets_of_two_bench_tests_determine_four_parameters():
     assert len(found.summary["correlation"]) == 3
 
 
+@pytest.mark.usefixtures("short_search")
 def test_a_prior_narrows_its_parameter():
     space = UNIT | {"e_gg": {"prior": {"mean": 0.3, "sd": 0.05}, "range": [0.0, 1.0]}}
     space["mus_gp"] = {"prior": {"mean": 0.4, "sd": 0.1}, "range": [0.0, 1.0]}
-    found = inferred(
-        targets_of(sd_percent=4.0, drum_slip_deg=30.0), [{"mus_gp": 6.0}], space
-    )
+    targets = targets_of(sd_percent=4.0, drum_slip_deg=30.0)
+    found = inferred(targets, [{"mus_gp": 6.0}], space, **WIDE)
     table = found.parameters.set_index("parameter")
     assert table.loc["e_gg", ["mean", "sd"]].tolist() == pytest.approx(
         [0.3, 0.05], abs=0.006
@@ -211,6 +216,7 @@ def test_a_prior_narrows_its_parameter():
     assert table.loc["mus_gp", "sd"] == pytest.approx(precision.sum() ** -0.5, rel=0.1)
 
 
+@pytest.mark.usefixtures("short_search")
 def test_fixed_parameters_are_not_sampled():
     space = UNIT | {
         name: {"fixed": 0.5} for name in PARAMETERS if name not in ("mus_gp", "e_gg")
@@ -219,7 +225,8 @@ def test_fixed_parameters_are_not_sampled():
         targets_of(sd_percent=4.0, drum_slip_deg=30.0),
         [{"mus_gp": 12.0}],
         space,
-        steps=400,
+        walkers=128,
+        steps=100,
     )
     assert list(found.parameters["parameter"]) == ["e_gg", "mus_gp"]
     assert (found.draws["mur_gg"] == 0.5).all()
@@ -230,7 +237,8 @@ def test_fixed_parameters_are_not_sampled():
         targets_of(drum_slip_deg=30.0),
         [{"mus_gp": 12.0}],
         space | {"e_gg": {"fixed": 0.5}},
-        steps=200,
+        walkers=128,
+        steps=50,
     )
     assert alone.summary["correlations"] == [[1.0]]
     for summary in (found.summary, alone.summary):
@@ -363,10 +371,12 @@ def posterior_of(files, study, folder, *source):
     )
 
 
+@pytest.mark.usefixtures("short_search")
 def test_a_study_determines_what_moves_its_responses_and_says_what_it_does_not(
     study, tmp_path
 ):
-    summary = posterior_of(study, GIVEN, tmp_path)
+    given = GIVEN._replace(config={"posterior": SETTINGS | WIDE})
+    summary = posterior_of(study, given, tmp_path)
     table = pd.read_csv(tmp_path / "posterior.csv").set_index("parameter")
     assert table.loc[["mus_gp", "mur_gg"], "median"].to_numpy() == pytest.approx(
         [0.5, 0.5], abs=0.03

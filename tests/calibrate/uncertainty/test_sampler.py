@@ -96,12 +96,13 @@ def test_the_linear_posterior_has_its_closed_form_with_a_prior_too(linear):
 
 
 def test_chains_end_at_their_bounds():
-    chains = sampler.sample(lambda u: 3 * u[:, 0] - 5000.0, 1, 16, 1500, 1).points
+    chains = sampler.sample(lambda u: 3 * u[:, 0] - 5000.0, 1, 96, 250, 1).points
     assert chains.min() >= 0
     assert chains.max() <= 1
     assert chains.mean() == pytest.approx(1 / (1 - math.exp(-3)) - 1 / 3, abs=0.01)
 
 
+@pytest.mark.usefixtures("short_search")
 def test_chains_follow_from_their_seed():
     first = sampler.sample(lambda u: -u[:, 0], 2, 16, 100, 1).points
     second = sampler.sample(lambda u: -u[:, 0], 2, 16, 100, 1).points
