@@ -57,9 +57,8 @@ def _few_rounds():
 
 @contextmanager
 def _few_points():
-    """Designs of few exchanges, and proposals, answers and posteriors from few points and draws."""
+    """Designs of few exchanges, and posteriors from few draws."""
     from repose.calibrate import calibration
-    from repose.calibrate.strategies.sequential import advise, reach
     from repose.calibrate.uncertainty import sampler
 
     infer = calibration.infer
@@ -69,10 +68,6 @@ def _few_points():
         return infer(*arguments, settings=few, **others)
 
     with _few_rounds(), pytest.MonkeyPatch.context() as patch:
-        patch.setattr(advise, "CANDIDATES", 256)
-        patch.setattr(advise, "AROUND", 16)
-        patch.setattr(reach, "CANDIDATES", 64)
-        patch.setattr(reach, "FUNCTIONS", 32)
         patch.setattr(calibration, "infer", infer_briefly)
         patch.setattr(sampler, "ENSEMBLES", 2)
         patch.setattr(sampler, "POPULATION", 128)
@@ -80,7 +75,7 @@ def _few_points():
         yield
 
 
-# For tests that say nothing of how good designs, answers and posteriors are: a whole module, or a single test.
+# For tests that say nothing of how good designs and posteriors are: a whole module, or a single test.
 @pytest.fixture(scope="module")
 def short_designs():
     with _few_rounds():

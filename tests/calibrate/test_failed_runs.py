@@ -19,6 +19,7 @@ from repose.calibrate.strategies.runs import (
     unread_columns,
 )
 
+pytestmark = pytest.mark.usefixtures("short_searches")
 # What a run gives for its responses y and z, and the status that it then has.
 FAILURES = {
     "NaN": ({"y": math.nan, "z": 1.0}, "failed"),

@@ -76,6 +76,7 @@ def test_without_a_scale_no_bit_changes():
     assert space.centre == {"a": 0.4, "mu": 0.5}
 
 
+@pytest.mark.usefixtures("short_search")
 def test_a_design_has_as_many_samples_in_each_decade():
     table = parameter_sets(optimal_lhs(40, 2, 3), SPACE)
     decades = np.floor(np.log10(table["gamma"]))

@@ -17,6 +17,8 @@ from refusals import input_error
 
 from repose import Study
 
+pytestmark = pytest.mark.usefixtures("short_searches")
+
 
 def study(file=None, samples=20, seeds=16):
     return Study(
@@ -149,7 +151,7 @@ def test_the_executor_of_joblib_makes_the_runs():
     from joblib.externals.loky import get_reusable_executor
 
     alone = study(samples=4, seeds=3).calibrate(simulate)
-    executor = get_reusable_executor(max_workers=2)
+    executor = get_reusable_executor(max_workers=1)
     of_joblib = study(samples=4, seeds=3).calibrate(simulate, workers=executor)
     executor.shutdown()
     pd.testing.assert_frame_equal(of_joblib, alone)

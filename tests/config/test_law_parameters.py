@@ -95,6 +95,7 @@ def test_a_card_tells_all_laws_apart_by_their_sentences():
     assert len(sentences) == len(combinations)
 
 
+@pytest.mark.usefixtures("short_search")
 def test_a_law_adds_its_parameters_to_the_six_whose_tables_stay_as_they_were(tmp_path):
     space = study("jkr", **COHESION).parameters
     assert space.names == (*PARAMETERS, "gamma_gg", "gamma_gp")

@@ -610,6 +610,7 @@ def test_resolved_configuration_is_rewritten_only_when_it_changed(config, tmp_pa
     assert PipelineConfig.load(path).config["label"] == "other"
 
 
+@pytest.mark.usefixtures("short_search")
 def test_a_study_and_a_configuration_can_be_handed_to_another_process():
     """As joblib, dask and multiprocessing do, also after their settings were made."""
     config = PipelineConfig.load(ROOT / "config/quick.yaml")

@@ -70,6 +70,7 @@ def walked(request, tmp_path_factory):
     return study, walk(study), file
 
 
+@pytest.mark.usefixtures("short_search")
 def test_strategies_are_known_and_an_answer_takes_one_thread(tmp_path, monkeypatch):
     assert {"published", "refined", "response_surface", "sequential"} <= set(
         strategies.names()
