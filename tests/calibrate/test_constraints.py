@@ -89,6 +89,7 @@ def test_the_allowed_share_and_the_marginals_are_those_of_the_area():
     assert quantiles == pytest.approx(twin, abs=0.03)
 
 
+@pytest.mark.usefixtures("short_search")
 def test_without_constraints_nothing_changes():
     free = ParameterSpace.of(PARAMETERS)
     unit = np.random.default_rng(1).random((20, 2))
@@ -106,6 +107,7 @@ def test_a_sequence_gives_its_first_allowed_points():
     assert (points == more[SPACE.is_allowed(more)][:64]).all()
 
 
+@pytest.mark.usefixtures("short_search")
 def test_a_design_is_spread_more_evenly_over_what_is_allowed_than_random_ones():
     n = 24
     design = points_in(SPACE, n, "optimal", 3)
@@ -127,6 +129,7 @@ def test_a_design_is_spread_more_evenly_over_what_is_allowed_than_random_ones():
     assert np.abs(counts - n / 4).max() <= 2
 
 
+@pytest.mark.usefixtures("short_search")
 def test_a_design_with_a_scale_and_a_prior_obeys_too():
     space = ParameterSpace.of(
         {"mur": {"range": [1e-3, 0.5], "scale": "log"},
@@ -234,6 +237,7 @@ def test_a_strategy_of_fixed_places_is_refused(monkeypatch):
         PipelineConfig.load(overrides=options)
 
 
+@pytest.mark.usefixtures("short_search")
 def test_a_run_outside_is_data_and_proposals_obey():
     study = repose.Study(
         PARAMETERS,

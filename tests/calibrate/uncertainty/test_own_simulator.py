@@ -200,6 +200,7 @@ def test_ask_and_tell_stop_with_an_answer_that_meets_the_targets(study, tmp_path
     assert abs(relative_error).max() < 0.02
 
 
+@pytest.mark.usefixtures("short_search")
 def test_runs_without_numbers_are_told_by_their_rows(study, table):
     runs = checked_runs(study, table.drop(columns=["sample", "run"]))
     assert runs["sample"].tolist() == np.arange(1, 17).repeat(2).tolist()
