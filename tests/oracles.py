@@ -5,12 +5,11 @@ from scipy.optimize import brentq, minimize
 
 
 def rotation(q):
-    """Rotation matrix, body to world, of a unit quaternion (w, x, y, z), from its action on a vector."""
-    w = q[0]
-    v = np.asarray(q[1:])
-    return np.array(
-        [e + 2.0 * np.cross(v, np.cross(v, e) + w * e) for e in np.eye(3)]
-    ).T
+    """Rotation matrix, body to world, of a unit quaternion q = (w, x, y, z), by which a vector v becomes q v q*."""
+    w, x, y, z = q
+    left = np.array([[w, -x, -y, -z], [x, w, -z, y], [y, z, w, -x], [z, -y, x, w]])
+    right = np.array([[w, x, y, z], [-x, w, -z, y], [-y, z, w, -x], [-z, -y, x, w]])
+    return (left @ right)[1:, 1:]
 
 
 def support_point(semi_axes, q, n):

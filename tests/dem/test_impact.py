@@ -115,7 +115,7 @@ def test_impacts_keep_momentum_and_create_no_energy(kind, spin_error, gain):
     """The two forces of a contact act in one place, so they turn the whole by nothing."""
     rng = np.random.default_rng(3)
     hits = 0
-    for _ in range(250):
+    for _ in range(100):
         s = BODIES[kind](
             contact=Contact(rng.uniform(0.1, 0.6), rng.uniform(0.0, 0.8), 0.0), dt=2e-5
         )
@@ -142,7 +142,7 @@ def test_impacts_keep_momentum_and_create_no_energy(kind, spin_error, gain):
             np.abs(angular_momentum(s) - angular).max()
             < spin_error * np.abs(angular).max()
         )
-    assert hits > 120
+    assert hits > 48
 
 
 def test_a_free_rotation_keeps_its_momentum_and_energy():

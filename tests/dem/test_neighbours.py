@@ -18,15 +18,13 @@ from repose.dem.kernels.contact import solve_gap
 
 def slow_contacts(s):
     found = []
-    for i, j in itertools.combinations(range(s.n_bodies), 2):
-        d = s.positions[j] - s.positions[i]
-        distance = np.linalg.norm(d)
-        if distance < 2.0 * s.radius:
-            gap = solve_gap(
-                s.bodies.rows, s.physics.parts, i, j, d / distance, 1e-10, np.inf
-            )
-            if gap < 0.0:
-                found.append((i, j, gap))
+    apart = s.positions - s.positions[:, None]
+    distances = np.linalg.norm(apart, axis=2)
+    for i, j in np.argwhere(np.triu(distances < 2.0 * s.radius, k=1)):
+        direction = apart[i, j] / distances[i, j]
+        gap = solve_gap(s.bodies.rows, s.physics.parts, i, j, direction, 1e-10, np.inf)
+        if gap < 0.0:
+            found.append((i, j, gap))
     return found
 
 

@@ -127,16 +127,26 @@ class Led:
         self.work = 0.0
         self.force = np.zeros(3)
 
-    def leg(self, x, z):
-        way = np.array([x, 0.0, z])
+    def begin(self, way):
+        """Let the floor set off along a way; the number of steps that it takes."""
         steps = math.ceil(np.linalg.norm(way) / (SPEED * STEP))
         self.simulation.set_motion("floor", Motion(way / (steps * STEP)))
+        return steps
+
+    def force_after(self, x, z):
+        """The force on the floor at the end of a leg [N]."""
+        self.simulation.run_steps(self.begin(np.array([x, 0.0, z])))
+        return -self.simulation.wall_loads()["floor"].force_n
+
+    def add_work(self, x, z):
+        """Add the work of a leg, for which the force of each step is needed."""
+        way = np.array([x, 0.0, z])
+        steps = self.begin(way)
         for _ in range(steps):
             self.simulation.run_steps(1)
             now = -self.simulation.wall_loads()["floor"].force_n
             self.work += float(0.5 * (self.force + now) @ way) / steps
             self.force = now
-        return self.force
 
 
 @pytest.mark.parametrize(("shape", "radius", "depth"), SHAPES)
@@ -146,20 +156,20 @@ def test_an_unloading_lowers_the_force_with_the_circle_and_an_end_takes_it_all(
     led = Led(shape(), depth)
     _, shear = effective_moduli(GOJI, PVC)
     circle = np.sqrt(radius * np.array([2e-4, 8e-4, 5e-4]))
-    assert led.leg(0.0, 2e-4 + 1e-6)[0] == 0.0
-    slid = led.leg(1e-4, 0.0)[0]
+    assert led.force_after(0.0, 2e-4 + 1e-6)[0] == 0.0
+    slid = led.force_after(1e-4, 0.0)[0]
     assert slid == pytest.approx(8.0 * shear * circle[0] * 1e-4, rel=1e-3)
-    assert led.leg(0.0, 6e-4)[0] == pytest.approx(slid, rel=1e-4)
+    assert led.force_after(0.0, 6e-4)[0] == pytest.approx(slid, rel=1e-4)
     expected = slid * circle[2] / circle[1]
-    assert led.leg(0.0, -3e-4)[0] == pytest.approx(expected, rel=1e-3)
+    assert led.force_after(0.0, -3e-4)[0] == pytest.approx(expected, rel=1e-3)
     # pressed again it stays where the unloading left it
     expected = slid * circle[2] / circle[1]
-    assert led.leg(0.0, 3e-4)[0] == pytest.approx(expected, rel=1e-3)
+    assert led.force_after(0.0, 3e-4)[0] == pytest.approx(expected, rel=1e-3)
     led = Led(shape(), depth)
-    led.leg(0.0, 4e-4 + 1e-6)
-    slid = led.leg(1e-4, 0.0)[0]
-    assert led.leg(0.0, -5e-4)[0] == 0.0
-    assert abs(led.leg(0.0, 5e-4)[0]) < 1e-5 * slid
+    led.force_after(0.0, 4e-4 + 1e-6)
+    slid = led.force_after(1e-4, 0.0)[0]
+    assert led.force_after(0.0, -5e-4)[0] == 0.0
+    assert abs(led.force_after(0.0, 5e-4)[0]) < 1e-5 * slid
 
 
 def loop(led, forward):
@@ -171,7 +181,7 @@ def loop(led, forward):
         *((-x, -z) for x, z in legs),
         (0.0, -2e-4 - 1e-6),
     ]:
-        led.leg(x, z)
+        led.add_work(x, z)
     return -led.work
 
 
