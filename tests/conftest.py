@@ -17,6 +17,11 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 sys.path.insert(0, str(Path(__file__).parent))
 importlib.import_module("repose.bench")  # makes the responses known by name
 ALL_SLOW = re.compile(r"^pytestmark = \[?pytest\.mark\.slow\b", re.MULTILINE)
+# Files of which an expression of marks takes no test, by what is or is not written in them.
+HAS_NONE = {
+    "not slow": ALL_SLOW.search,
+    "slow and essential": lambda text: "mark.essential" not in text,
+}
 
 
 @pytest.fixture(autouse=True, scope="session")
@@ -130,12 +135,11 @@ def pytest_collection():
 
 
 def pytest_ignore_collect(collection_path, config):
-    """Leave out files whose tests are all slow where no slow test runs; None: what pytest would do."""
-    if config.option.markexpr == "not slow" and collection_path.name.startswith(
-        "test_"
-    ):
-        return True if ALL_SLOW.search(collection_path.read_text()) else None
-    return None
+    """Leave out files of which no test runs, so that they are not imported; None: what pytest would do."""
+    has_none = HAS_NONE.get(config.option.markexpr)
+    if has_none is None or not collection_path.name.startswith("test_"):
+        return None
+    return True if has_none(collection_path.read_text()) else None
 
 
 class ByKernels(LoadScopeScheduling):

@@ -8,6 +8,7 @@ from dem.common import BERRY, DENSITY, GOJI, PVC, simulation
 from repose.bench.funnel import Funnel
 from repose.dem import Clump, Cone, Contact, Shape, Simulation
 
+LAW = "hertz_mindlin_rescaled"
 RADIUS = 0.006
 FUNNEL = Funnel(0.15, 0.032, 60.0, 0.0, 0.001, 0.1)
 # a bent body of five spheres of three sizes, none of them in its centre
@@ -45,7 +46,10 @@ def scene(
     gravity=(0.0, 0.0, 0.0),
     **keywords,
 ):
-    """Bodies of the material `body` and walls of the material `wall`; `on_wall` is their contact with these."""
+    """Bodies of the material `body` and walls of the material `wall`; `on_wall` is their contact with these.
+
+    Their law is that of the cases of tests/verification, which share the kernels of clumps.
+    """
     contact = contact or Contact(0.3, 0.5, 0.02)
     contacts = {
         ("body", "body"): contact,
@@ -56,6 +60,7 @@ def scene(
         "lower": (-0.1, -0.1, -0.1),
         "upper": (0.1, 0.1, 0.2),
         "gravity_m_s2": gravity,
+        "contact_law": LAW,
     } | keywords
     return Simulation(
         shapes, materials, contacts, dt, capacity=capacity, walls=walls, **keywords

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from dem.clump_scenes import ball_of_one, bent
+from dem.clump_scenes import LAW, ball_of_one, bent
 from dem.common import GOJI, bits, mesh_of
 from refusals import input_error, not_refused, raised
 
@@ -22,11 +22,11 @@ from repose.dem.kernels import state as st
 
 
 def falling(kind="berries", **laws):
-    """60 berries and balls above a floor that rises, in a tube; or 30 clumps, and a block that rises and turns.
+    """60 berries and balls above a floor that rises, in a tube; or 30 clumps, also with a block that rises and turns.
 
     They have two shapes, sizes and materials, and their lists have to grow.
     """
-    clumps = kind == "clumps"
+    clumps = kind != "berries"
     rising = (0.0, 0.0, 0.5)
     floor = Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall", motion=Motion(rising))
     walls = {
@@ -35,18 +35,21 @@ def falling(kind="berries", **laws):
     }
     if clumps:
         shapes = {"bent": bent(), "ball": ball_of_one(0.005, "clay")}
-        walls["block"] = mesh_of(
-            trimesh.creation.box((0.02, 0.02, 0.02)),
-            1e-3,
-            motion=Motion(rising, (0, 0, 20)),
-        )
     else:
         shapes = {
             "berry": Shape.ellipsoid((0.0106, 0.0057, 0.0049), 840.0, "body"),
             "ball": Shape.sphere(0.006, 1200.0, "clay"),
         }
+    if kind == "clumps and a block":
+        walls["block"] = mesh_of(
+            trimesh.creation.box((0.02, 0.02, 0.02)),
+            1e-3,
+            motion=Motion(rising, (0, 0, 20)),
+        )
     materials = {"body": GOJI, "clay": Material(1e5, 0.3), "wall": Material(1e7, 0.3)}
     constants = {"surface_energy_j_m2": 0.05} if laws else {}
+    if clumps:
+        laws = {"contact_law": LAW}
     pairs = itertools.combinations_with_replacement(materials, 2)
     contacts = {
         pair: Contact(0.3, 0.5, 0.02, constants=constants)
@@ -88,10 +91,10 @@ def saved_of(tmp_path_factory):
         simulation.run_steps(1500)
         simulation.save(path)
         assert len(simulation.contacts()) > 10
-        if kind == "clumps":
-            assert (
-                min(simulation.counts[st.N_MESHED], simulation.counts[st.N_CURVED]) > 0
-            )
+        if kind != "berries":
+            assert simulation.counts[st.N_CURVED] > 0
+        if kind == "clumps and a block":
+            assert simulation.counts[st.N_MESHED] > 0
         simulation.run_steps(500)
         return path, bits(simulation)
 
@@ -103,12 +106,16 @@ def saved(saved_of):
     return saved_of("berries")
 
 
+ESSENTIAL = (pytest.mark.slow, pytest.mark.essential)
+BLOCK = pytest.param("clumps and a block", {}, id="block", marks=ESSENTIAL)
 COHESIVE = pytest.param(
     "berries", {"contact_law": "jkr"}, id="cohesive", marks=pytest.mark.slow
 )
 
 
-@pytest.mark.parametrize(("kind", "laws"), [("berries", {}), ("clumps", {}), COHESIVE])
+@pytest.mark.parametrize(
+    ("kind", "laws"), [("berries", {}), ("clumps", {}), BLOCK, COHESIVE]
+)
 def test_going_on_from_a_checkpoint_gives_the_same_bits_also_in_a_fresh_process(
     saved_of, kind, laws
 ):
@@ -131,13 +138,17 @@ def test_going_on_from_a_checkpoint_gives_the_same_bits_also_in_a_fresh_process(
     assert done.stdout == expected
 
 
+FEW_SPHERES = {"SPHERE_CONTACTS_PER_BODY": 1, "MOST_NEW": 0, "NEAR_PER_BODY": -7}
+
+
 @pytest.mark.parametrize(
     ("kind", "room"),
     [
         ("berries", {"CONTACTS_PER_BODY": 0, "NEAR_PER_BODY": -4}),
-        ("clumps", {"SPHERE_CONTACTS_PER_BODY": 1, "MOST_NEW": 0, "NEAR_PER_BODY": -7}),
+        ("clumps", FEW_SPHERES),
+        pytest.param("clumps and a block", FEW_SPHERES, marks=ESSENTIAL),
     ],
-    ids=["berries", "clumps"],
+    ids=["berries", "clumps", "block"],
 )
 def test_lists_that_have_grown_are_saved_whole(
     saved_of, kind, room, tmp_path, monkeypatch
