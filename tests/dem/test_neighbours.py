@@ -100,18 +100,15 @@ ROUGH = np.column_stack([PLACES, np.random.default_rng(17).uniform(2e-3, 3.5e-3,
 def entries(s):
     """Number of each entry, its bodies' displacements, gaps of all pairs of spheres, pairs touching and watched."""
     centres, radii, bodies, _ = all_spheres(s)
-    distances = np.linalg.norm(centres[:, None] - centres, axis=2)
-    all_gaps = distances - radii[:, None] - radii
-    # the spheres of a body follow each other
-    begins = np.searchsorted(bodies, np.arange(s.n_bodies + 1))
     for k in range(s.counts[st.N_NEAR]):
         i = int(s.pairs.near_first[k])
         j = int(s.pairs.near_second[k])
         if i == s.capacity:
             continue
-        of_i = slice(begins[i], begins[i + 1])
-        of_j = slice(begins[j], begins[j + 1])
-        gaps = all_gaps[of_i, of_j].copy()
+        a = np.flatnonzero(bodies == i)
+        b = np.flatnonzero(bodies == j)
+        distances = np.linalg.norm(centres[a][:, None] - centres[b], axis=2)
+        gaps = distances - radii[a][:, None] - radii[b]
         n_pairs = s.counts[st.N_PAIRS]
         is_of_entry = s.pairs.entry[:n_pairs] == k
         touching = [tuple(pair) for pair in s.pairs.spheres[:n_pairs][is_of_entry]]
@@ -163,9 +160,12 @@ def test_a_pair_that_ends_is_seen_in_time():
                 *np.unravel_index(np.argsort(gaps, axis=None), gaps.shape), strict=True
             ):
                 n = s.pairs.n_watched[k]
-                if n == SLOTS:
-                    break
-                if gaps[pair] > 0.0 and pair not in watched and pair not in touching:
+                if (
+                    n < SLOTS
+                    and gaps[pair] > 0.0
+                    and pair not in watched
+                    and pair not in touching
+                ):
                     s.pairs.watched[k, n] = pair
                     s.pairs.watched_limit[k, n] = total + gaps[pair]
                     s.pairs.near_limit[k] = min(

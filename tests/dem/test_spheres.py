@@ -107,7 +107,14 @@ WALLS = {
 }
 
 
-@pytest.mark.parametrize("kind", WALLS)
+# a mesh has kernels of its own, for smooth bodies and for clumps
+KINDS = [
+    pytest.param(kind, marks=pytest.mark.slow if kind == "mesh" else ())
+    for kind in WALLS
+]
+
+
+@pytest.mark.parametrize("kind", KINDS)
 def test_they_pile_up_among_walls(kind):
     """Spheres, ellipsoids and clumps of one sphere move alike, from three layers of four in free fall to a pile."""
     scenes = three(

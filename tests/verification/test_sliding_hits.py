@@ -82,7 +82,7 @@ def lost_velocity(shape, contact, laws):
     return along - float(simulation.velocities[0, 0])
 
 
-@pytest.mark.essential  # the only case that compiles the kernels of clumps
+@pytest.mark.essential  # the one case of clumps that .ci/run has
 def test_coulomb(case, laws):
     """A sliding hit loses mu (1 + e) V: smooth bodies and clumps, e 0.05 to 0.9."""
     for name, body in particles().items():
