@@ -1,5 +1,7 @@
 """The grains and the configurations that the tests of the bench tests share."""
 
+import copy
+import functools
 from dataclasses import replace
 
 from shared import ROOT
@@ -28,8 +30,14 @@ BEAD = {"shear_modulus_pa": 1e5, "poisson_ratio": 0.3, "density_kg_m3": 1200.0}
 SPHERE = particle((10.0, 10.0, 10.0), BEAD["density_kg_m3"])
 
 
+@functools.cache
+def loaded(*over):
+    """The program's configuration with files over it, which no test may change."""
+    return PipelineConfig.load(ROOT / "config/config.yaml", *over).config
+
+
 def recommended(section, *over, **keys):
-    whole = PipelineConfig.load(ROOT / "config/config.yaml", *over).config
+    whole = copy.deepcopy(loaded(*over))
     whole[section].update(keys)
     return whole
 
@@ -40,14 +48,19 @@ def example(name, time_step_s=1.5e-4, **keys):
     return whole
 
 
-def own_example(name):
-    """The program's configuration with the example that a bench test brings."""
-    config = PipelineConfig.load(ROOT / "config/config.yaml").config
+@functools.cache
+def checked_example(name):
+    config = copy.deepcopy(loaded())
     for key, part in bench(name).example.items():
         config[key] = part if key == "targets" else config.get(key, {}) | part
     # The goji berry's shape study is of other responses.
     config["posterior"]["shape_study"] = None
     return PipelineConfig.of(config).config
+
+
+def own_example(name):
+    """The program's configuration with the example that a bench test brings."""
+    return copy.deepcopy(checked_example(name))
 
 
 def check_statuses(test, config, good, cases):

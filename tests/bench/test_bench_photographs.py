@@ -71,24 +71,34 @@ def drum_picture(filled, radius_px=420, size=(1200, 1500), centre=(730, 610)):
     return noisy(picture), points.ravel().tolist()
 
 
-@pytest.mark.parametrize("mirrored", [False, True])
-def test_a_drum_gives_the_angle_and_the_surface_of_the_simulation(tmp_path, mirrored):
-    config = recommended("turning")
-    section = SceneSettings(config).section("turning", TurningSettings)
+@pytest.fixture(scope="module")
+def simulated_drum():
+    """A drum's section and radius [m], a pixel [mm], and a bed's surface and occupied share."""
+    section = SceneSettings(recommended("turning")).section("turning", TurningSettings)
     radius_m = Drum.of(section).radius_m
-    grain = Shape.sphere(1e-3, 1500.0, "grain")
-    share = section.fit_share
-    frame = Grains(*grains(31.0, radius_m), grain)
+    frame = Grains(*grains(31.0, radius_m), Shape.sphere(1e-3, 1500.0, "grain"))
     pixel = 2e3 * radius_m / 840
-    true = bed.surface_of(bed.side_view(frame, radius_m, pixel), radius_m, pixel, share)
-    occupied = bed.occupied_share([frame], radius_m, pixel)
+    view = bed.side_view(frame, radius_m, pixel)
+    true = bed.surface_of(view, radius_m, pixel, section.fit_share)
+    return section, radius_m, pixel, true, bed.occupied_share([frame], radius_m, pixel)
+
+
+@pytest.mark.parametrize("mirrored", [False, True])
+def test_a_drum_gives_the_angle_and_the_surface_of_the_simulation(
+    tmp_path, simulated_drum, mirrored
+):
+    section, radius_m, pixel, true, occupied = simulated_drum
     picture, points = drum_picture(occupied > 0.5)
     if mirrored:
         picture = np.ascontiguousarray(picture[:, ::-1])
         points[::2] = [picture.shape[1] - 1 - x for x in points[::2]]
     write_image(tmp_path / "drum.png", picture)
     (seen,) = photographs.measure_all(
-        [tmp_path / "drum.png"], points, SceneSettings(config), "turning", HOW
+        [tmp_path / "drum.png"],
+        points,
+        SceneSettings(recommended("turning")),
+        "turning",
+        HOW,
     )
     assert not seen.refused
     assert seen.values["turning_deg"] == pytest.approx(true.angle_deg, abs=0.15)

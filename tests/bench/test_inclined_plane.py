@@ -32,7 +32,10 @@ def check_angles(found, friction, rolling, within=0.01):
     assert [found["slip_deg"], found["roll_deg"]] == pytest.approx(angles, abs=within)
 
 
-@pytest.mark.parametrize(("friction", "rolling"), [(0.2, 0.05), (0.5, 0.2), (0.8, 0.4)])
+@pytest.mark.parametrize(
+    ("friction", "rolling"),
+    [(0.2, 0.05), (0.5, 0.2), pytest.param(0.8, 0.4, marks=pytest.mark.slow)],
+)
 def test_a_sled_slides_and_a_sphere_rolls_at_the_angle_of_its_coefficient(
     friction, rolling
 ):
@@ -82,7 +85,9 @@ def test_the_other_surface_is_of_the_berries_own_material():
     )
 
 
-@pytest.mark.parametrize("friction", [0.0, 0.1, 0.3])
+@pytest.mark.parametrize(
+    "friction", [0.0, pytest.param(0.1, marks=pytest.mark.slow), 0.3]
+)
 def test_a_sphere_leaves_its_pocket_in_a_glued_layer_over_the_saddle(
     friction, monkeypatch
 ):
