@@ -81,14 +81,20 @@ MAP_MM = 0.5
 TONE_CURVE = 2.2
 
 
-@numba.njit(cache=True)
 def cast(place, way, boxes, centres, to_unit, depth, which):
     """Nearest grain along each ray; a ray's place and way (3, 3) are first + column * second + row * third."""
-    for k in range(len(centres)):
-        first = place.copy()
-        first[0] -= centres[k]
-        starts = first @ to_unit[k].T
-        ways = way @ to_unit[k].T
+    first = np.repeat(place[None], len(centres), axis=0)
+    first[:, 0] -= centres
+    turned = np.swapaxes(to_unit, 1, 2)
+    cast_at_spheres(first @ turned, way @ turned, boxes, depth, which)
+
+
+@numba.njit(cache=True)
+def cast_at_spheres(places, all_ways, boxes, depth, which):
+    """As `cast`, each grain in the axes (N, 3, 3) in which it is a unit sphere; without products, which BLAS makes."""
+    for k in range(len(places)):
+        starts = places[k]
+        ways = all_ways[k]
         for row in range(boxes[k, 2], boxes[k, 3]):
             for column in range(boxes[k, 0], boxes[k, 1]):
                 oo = od = dd = 0.0

@@ -7,6 +7,7 @@ pile's own silhouette, orthographic and without anything else, measured like tha
 World: x right, y away from the camera, z up, in mm; the crest lies near x = y = 0, the plate at z = 0.
 """
 
+import functools
 import itertools
 from dataclasses import dataclass
 from functools import cached_property
@@ -29,6 +30,33 @@ CROPS = {  # albedo (blue first), axes of the mean grain [mm]
     "pea": ((70, 170, 110), (7.6, 7.4, 7.2)),
     "coffee": ((30, 45, 75), (10.5, 8.0, 5.5)),
 }
+
+
+@functools.cache
+def heap(seed, crop, angle, height):
+    """A scene's grains; scenes of other cameras and surfaces share them."""
+    axes = np.array(CROPS[crop][1]) / 2
+    rng = np.random.default_rng([seed, 1])
+    big = 2 * float(np.prod(axes) ** (1 / 3))
+    inset = 0.5 * big
+    radius = height / np.tan(np.radians(angle))
+    count = int(60 * radius**2 / big**2)
+    turn = rng.uniform(0, 2 * np.pi, count)
+    share = np.sqrt(rng.uniform(0, 1, count))
+    low = rng.uniform(0, 1.6 * big, count)  # below the surface
+    bent = (
+        1
+        + 0.04 * np.cos(turn - rng.uniform(0, 6))
+        + 0.03 * np.cos(2 * turn - rng.uniform(0, 6))
+    )
+    away = share * (radius - inset) * bent
+    z = height * (1 - share) - inset * (1 - share) + inset * share - low
+    points = np.column_stack([away * np.cos(turn), away * np.sin(turn), z])
+    points = points[z >= 0.45 * big]
+    points = points[_apart(points, 0.72 * big)]
+    quaternions = rng.normal(size=(len(points), 4))
+    quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
+    return points, quaternions, rng.normal(1.0, 0.06, len(points)).clip(0.8, 1.2)
 
 
 @dataclass
@@ -67,30 +95,10 @@ class Scene:
     def axes(self):
         return np.array(CROPS[self.crop][1]) / 2
 
-    @cached_property
+    @property
     def grains(self):
         """Centres (N, 3), rotations (N, 3, 3) and sizes (N,) of the pile's grains."""
-        rng = np.random.default_rng([self.seed, 1])
-        big = 2 * float(np.prod(self.axes) ** (1 / 3))
-        inset = 0.5 * big
-        radius = self.height / np.tan(np.radians(self.angle))
-        count = int(60 * radius**2 / big**2)
-        turn = rng.uniform(0, 2 * np.pi, count)
-        share = np.sqrt(rng.uniform(0, 1, count))
-        low = rng.uniform(0, 1.6 * big, count)  # below the surface
-        bent = (
-            1
-            + 0.04 * np.cos(turn - rng.uniform(0, 6))
-            + 0.03 * np.cos(2 * turn - rng.uniform(0, 6))
-        )
-        away = share * (radius - inset) * bent
-        z = self.height * (1 - share) - inset * (1 - share) + inset * share - low
-        points = np.column_stack([away * np.cos(turn), away * np.sin(turn), z])
-        points = points[z >= 0.45 * big]
-        points = points[_apart(points, 0.72 * big)]
-        quaternions = rng.normal(size=(len(points), 4))
-        quaternions /= np.linalg.norm(quaternions, axis=1, keepdims=True)
-        return points, quaternions, rng.normal(1.0, 0.06, len(points)).clip(0.8, 1.2)
+        return heap(self.seed, self.crop, self.angle, self.height)
 
     @cached_property
     def loose_grains(self):

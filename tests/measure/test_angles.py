@@ -174,12 +174,11 @@ def slow_straightest(profile, smallest, rule):
         ]:
             x = u[first:last]
             y = z[first:last]
-            if (
-                x.std() >= angles.WALL_SD
-                and y.std() > 0
-                and np.corrcoef(x, y)[0, 1] > best + 1e-12
-            ):
-                best = np.corrcoef(x, y)[0, 1]
+            if x.std() < angles.WALL_SD or y.std() == 0:
+                continue
+            correlation = np.corrcoef(x, y)[0, 1]
+            if correlation > best + 1e-12:
+                best = correlation
                 slope = np.polyfit(x, y, 1)[0]
     return degrees(slope)
 
@@ -195,7 +194,7 @@ def slow_straightest(profile, smallest, rule):
 )
 def test_windows_of_lumpy_flanks_equal_a_slow_search(fast, slow, height, window, rule):
     rng = np.random.default_rng(11)
-    for slope in (0.35, 0.6, 0.9):
+    for slope in (0.35, 0.9):
         profile = lumpy(slope, height, rng)
         assert fast(profile, *window, rule).angle_deg == pytest.approx(
             slow(profile, *window, rule), abs=1e-6
