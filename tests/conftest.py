@@ -116,13 +116,19 @@ def command(capsys):
     return run
 
 
-# A first set of kernels takes two minutes to compile and each further one a minute less, as they share what no law
-# changes. So the tests that call them are one group, which comes first as it is the largest; those of
-# `tests/verification` come late, as their files are small, and find the kernels in numba's cache. Photographs are the
-# other worker's.
+# A first set of kernels takes a minute and a half to compile and each further one half a minute or more, as they share
+# what no law changes. So the tests that call them are one group, which comes first as it takes longest. In two groups
+# one worker would wait for what the other one compiles. Photographs are the other worker's.
+KERNELS = "kernels"
 GROUPS = {
     "photographs": ("tests/measure/",),
-    "kernels": ("tests/dem/", "tests/bench/", "tests/cli/"),
+    KERNELS: (
+        "tests/dem/",
+        "tests/bench/",
+        "tests/cli/",
+        "tests/random_pours/",
+        "tests/verification/",
+    ),
 }
 
 
@@ -143,13 +149,18 @@ def pytest_ignore_collect(collection_path, config):
 
 
 class ByKernels(LoadScopeScheduling):
-    """Workers take whole groups: those of `GROUPS`, or the tests of one file."""
+    """Workers take whole groups: those of `GROUPS`, or the tests of one file; larger ones first, kernels before all."""
 
     def _split_scope(self, nodeid):
         path = nodeid.split("::")[0]
         return next(
             (name for name, places in GROUPS.items() if path.startswith(places)), path
         )
+
+    def _assign_work_unit(self, node):
+        if KERNELS in self.workqueue:  # few of the essential tests, which take long
+            self.workqueue.move_to_end(KERNELS, last=False)
+        super()._assign_work_unit(node)
 
 
 @pytest.hookimpl(optionalhook=True)
