@@ -238,9 +238,12 @@ def answers():
     shares = [
         f"{100 * covered_share(DEFAULT, meeting, name):.0f} %" for name in PARAMETERS
     ]
-    inside = f"share of the range that {len(meeting)} of the {len(samples)} samples of `goji_berry` cover"
+    inside = (
+        f"share of the range spanned by the {len(meeting)} of {len(samples)} samples of `goji_berry` "
+        "that met both targets"
+    )
     ranges = [
-        "{:g} to {:g}".format(*target["range"])
+        "target {:g} to {:g}".format(*target["range"])
         for target in DEFAULT.settings()["targets"]
     ]
     rows.append([inside, *shares, *ranges])
@@ -502,12 +505,14 @@ def overlaps():
     """In how many parameters each search's solutions overlap the article's Table 3."""
     counts = {run.name: len(common_parameters(run)[0]) for run in RUNS if run.solutions}
     apart = [name for name, count in counts.items() if count == 0]
+    without = [run.name for run in RUNS if run.solutions is None]
     common = [f"in {name} {count} do" for name, count in counts.items() if count]
     return (
         "The article's search ends with 90 solutions, parameter sets that are predicted to meet the targets. "
         "Its Table 3 gives their span in each parameter, from the smallest to the largest value. "
         "Our searches keep 90 solutions, too.\n"
-        f"In {listed(apart)} none of the six spans overlaps the article's; {listed(common)}.\n"
+        f"In {listed(apart)} none of the six spans overlaps the article's; {listed(common)}. "
+        f"The runs {listed(without)} are left out, because their strategy keeps no list of 90 solutions.\n"
     )
 
 
@@ -816,6 +821,12 @@ def sets_flatter_than_predicted():
     return int((table4["aor_predicted_deg"] > table4["aor_simulated_deg"]).sum())
 
 
+def counted_flatter():
+    """How many of the sets simulated again were flatter than predicted, in words."""
+    flatter, count = sets_flatter_than_predicted(), len(DEFAULT.table(DEFAULT.answer))
+    return f"all {count}" if flatter == count else f"{flatter} of {count}"
+
+
 def beside_article():
     """README's short table: checks and predictions beside the article's."""
     ours, refined = check_cells(DEFAULT), check_cells(RUN_OF_FOLDER["refined"])
@@ -823,22 +834,22 @@ def beside_article():
     article_sets = poured_published_sets().loc[article.index]
     rows = [
         [
-            "angle of the answer, measured 32.87°",
+            "angle of the answer: off the measured 32.87°, in % of it",
             "one simulation, 0.76 % off",
             f"`goji_berry`: {ours[ANGLE][1]}; `refined`: {refined[ANGLE][1]}",
         ],
         [
-            "Height of the answer, measured 65.57 mm",
+            "Height of the answer: off the measured 65.57 mm, in % of it",
             "one simulation, 1.33 % off",
             f"`goji_berry`: {ours[HEIGHT][1]}; `refined`: {refined[HEIGHT][1]}",
         ],
         [
-            "predicted against simulated angle, six sets (article: five)",
+            "error of the predicted angle, in % of the simulated; six sets (article: five)",
             "below 5 %",
-            f"`goji_berry`: {deviation_range(DEFAULT, ANGLE)}; {sets_flatter_than_predicted()} of them flatter than predicted",
+            f"`goji_berry`: {deviation_range(DEFAULT, ANGLE)}; {counted_flatter()} flatter than predicted",
         ],
         [
-            "predicted against simulated Height",
+            "error of the predicted Height, in % of the simulated",
             "below 5 %",
             f"`goji_berry`: {deviation_range(DEFAULT, HEIGHT)}",
         ],
@@ -846,7 +857,7 @@ def beside_article():
             "R² of the network on test samples (1 is perfect), angle and Height",
             "0.94, 0.94",
             f"`goji_berry`: {r_squared(DEFAULT)}; [a perfect model](docs/network.md#what-the-articles-094-would-take) "
-            f"would reach about {perfect_r_squared(DEFAULT)}",
+            f"would reach about {perfect_r_squared(DEFAULT)}, because the samples are noisy",
         ],
         [
             "the article's six sets, simulated",
@@ -1255,6 +1266,165 @@ def most_sensitive():
         f"`{next_angle}` follows for the angle ({share(ANGLE, next_angle)}) "
         f"and `{next_height}` for the Height ({share(HEIGHT, next_height)}); "
         f"`{least}` has the smallest sum of both shares ({share(ANGLE, least)} and {share(HEIGHT, least)}).\n"
+        f"{direction(most)} {direction('mus_gg')}\n"
+    )
+
+
+def direction(parameter):
+    """Whether the piles of the design are steeper with more of a parameter, a sentence."""
+    samples = DEFAULT.table(DEFAULT.samples)
+    correlation = samples[parameter].corr(samples[ANGLE], method="spearman")
+    change = "steeper" if correlation > 0 else "flatter"
+    return (
+        f"More of `{parameter}` makes a pile {change} "
+        f"(rank correlation with the angle {correlation:+.2f})."
+    )
+
+
+def kept_of_ranges(interval):
+    """Widths of 95 % intervals over the searched ranges, by parameter.
+
+    `interval` takes a name of a parameter and returns the ends of its interval.
+    """
+    widths = {}
+    for name in PARAMETERS:
+        low, high = bounds_of(DEFAULT, name)
+        interval_low, interval_high = interval(name)
+        # The intervals are estimated, so some pass 95 % by a little.
+        widths[name] = min(0.95, (interval_high - interval_low) / (high - low))
+    return widths
+
+
+def describe_kept(widths, named):
+    """The widths of some parameters by name, and from which to which the others go."""
+    parts = [f"`{name}` {100 * widths[name]:.0f} %" for name in named]
+    others = [f"{100 * widths[name]:.0f}" for name in widths if name not in named]
+    ends = dict.fromkeys((min(others, key=int), max(others, key=int)))
+    span = f"{' to '.join(ends)} %"
+    parts.append(f"the others {span}" if named else f"each {span}")
+    return ", ".join(parts)
+
+
+def further_tests():
+    """What a pile leaves open, and what further measurements would, for README."""
+    samples, meeting = meeting_samples(DEFAULT)
+    posterior = DEFAULT.table("posterior/posterior.csv").set_index("parameter")
+    ends = ["credible_low", "credible_high"]
+    by_default = kept_of_ranges(lambda name: posterior.loc[name, ends])
+    discrepancy = pd.read_csv(KEPT / DEFAULT.folder / "posterior/discrepancy.csv")
+
+    def by_discrepancy(percent):
+        # The correlation of the errors that the study of several tests assumes.
+        rows = discrepancy[
+            (discrepancy["discrepancy_percent"] == percent)
+            & (discrepancy["discrepancy_correlation"] == 0.9)
+        ]
+        row = rows.iloc[0]
+        return kept_of_ranges(lambda name: (row[f"{name}_low"], row[f"{name}_high"]))
+
+    tests = pd.read_csv(KEPT / "joint_targets" / "tests.csv")
+    sets = pd.read_csv(KEPT / "joint_targets" / "sets.csv")
+    by_set = pd.concat([tests, sets]).drop_duplicates("set").set_index("set")
+    ways = pd.read_csv(KEPT / "joint_targets/responses/ways.csv")
+    profile = ways[(ways["way"] == "profile") & (ways["discrepancy_percent"] == 2)]
+    photographs = profile.iloc[0]
+
+    def of_set(name):
+        row = by_set.loc[name]
+        return {name: row[f"width_{name}"] for name in PARAMETERS}
+
+    def work(name):
+        return f"{by_set.loc[name, 'minutes'] / 60:.1f} h"
+
+    default_errors = posterior_of(DEFAULT)["discrepancy_sd"]
+    default_error = (
+        f"{default_errors[0]:.1f}° and {default_errors[1]:.1f} mm, our default"
+    )
+    direct = ("mus_gg", "mur_gg", "e_gp", "mus_gp")
+    four = " + ".join(f"direct {name}" for name in direct)
+    rows = [
+        [
+            "angle and Height of ten piles",
+            "-",
+            default_error,
+            describe_kept(by_default, ()),
+        ],
+        [
+            "the same",
+            "-",
+            "2 %",
+            describe_kept(by_discrepancy(2), ("mus_gg", "mur_gg")),
+        ],
+        [
+            "many numbers of ten piles: several angles, loose grains, spread, packing",
+            work("pile"),
+            "2 %",
+            describe_kept(of_set("pile"), ("mus_gg", "mur_gg", "mur_gp")),
+        ],
+        [
+            "a drop test of `e_gp`",
+            work("direct e_gp"),
+            "any",
+            describe_kept(of_set("direct e_gp"), ("e_gp",)),
+        ],
+        [
+            "an inclined plane of the wall's material: `mus_gp`",
+            work("direct mus_gp"),
+            "any",
+            describe_kept(of_set("direct mus_gp"), ("mus_gp",)),
+        ],
+        [
+            f"a direct test of each of {listed([f'`{name}`' for name in direct])}",
+            work(four),
+            "any",
+            describe_kept(of_set(four), direct),
+        ],
+    ]
+    head = [
+        "what you measure",
+        "work",
+        "assumed error of the simulator",
+        "what the 95 % intervals keep of the searched ranges",
+    ]
+    exact = by_discrepancy(0)
+    narrowest = min(exact, key=exact.get)
+    region = DEFAULT.table("posterior/region.csv")["share"].mean()
+    return (
+        "**These piles determine none of the six parameters**, with the error that we allow the simulator. "
+        f"Of the {len(samples)} parameter sets that the run simulated first, {len(meeting)} "
+        f"({100 * len(meeting) / len(samples):.0f} %) gave piles inside both target ranges. "
+        f"With the allowed error, {100 * region:.0f} % of all combinations remain possible. "
+        f"A perfect simulator would narrow `{narrowest}` to {100 * exact[narrowest]:.0f} % of its range. It would still leave at "
+        f"least {100 * min(width for name, width in exact.items() if name != narrowest):.0f} % of every other range open.\n"
+        "So use the six values only together, and only for piles like the measured one. A pile alone does not give "
+        "parameters for a conveyor or a packing machine; it shows which further tests you need:\n\n"
+        f"{markdown(head, rows)}\n"
+        "An interval of 95 % of the range says nothing. No four of these tests narrow four parameters to a quarter of their ranges. "
+        "For each hour of work, two kinds of measurement tell most. "
+        "[Further numbers of the same photographs](research/docs/second_responses.md) take "
+        f"{photographs['minutes']:.0f} minutes and give {with_error(photographs['gain_bits'], photographs['gain_se_bits'])} bits "
+        "(a bit halves what is possible), if the simulator errs by 2 %. "
+        f"A direct test of the wall takes {by_set.loc['direct mus_gp', 'minutes']:.0f} minutes and gives "
+        f"{by_set.loc['direct mus_gp', 'gain_bits']:.1f} bits, whatever the simulator's error.\n"
+        "The direct tests' assumed standard deviations are 0.03 for a restitution, 0.035 for a static "
+        "and 0.005 for a rolling friction; find yours. "
+        "All but the first two rows are [computed for made-up measurements](research/docs/joint_targets.md), with an earlier engine.\n"
+    )
+
+
+def equal_berries():
+    """What equal berries do to the pile, by the models of the shape study, for README."""
+    models = pd.read_csv(ROOT / "resources" / "shape_study.csv")
+    models = models[models["definition"] == "flank_levels"]
+    cases = ["tension", "filling"]
+    equal = models[models["particle"] == "smooth"].set_index(cases)
+    unequal = models[models["particle"] == "smooth_sizes"].set_index(cases)
+    columns = ["aor_difference_deg", "height_difference_mm"]
+    changes = (unequal[columns] - equal[columns]).dropna()
+    angle, height = (mean_with_error(changes[column]) for column in columns)
+    return (
+        "**All 500 berries are equal**: smooth, 21.1 mm long, 11.4 mm wide and 9.9 mm thick, the mean of fifty berries of 15 to 25 mm. "
+        f"In {len(changes)} pairs of models, sizes that scatter as measured changed the angle by {angle}° and the Height by {height} mm.\n"
     )
 
 
@@ -1597,8 +1767,10 @@ TEXTS = {
     "drum_cases": drum_cases,
     "drum_quantities": drum_quantities,
     "effect_of_friction": effect_of_friction,
+    "equal_berries": equal_berries,
     "first_draw": first_draw,
     "five_runs": five_runs,
+    "further_tests": further_tests,
     "information": information,
     "intervals": intervals,
     "lines": lines,
