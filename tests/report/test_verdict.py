@@ -10,10 +10,22 @@ from repose.report.page.verdict import describe_probability
 @pytest.mark.parametrize(
     ("n_targets", "beginning"),
     [
-        (1, "With a probability of 83 % the response lies inside the target range"),
-        (2, "With a probability of 83 % both responses lie inside the target range"),
-        (3, "With a probability of 83 % all 3 responses lie inside the target range"),
-        (4, "With a probability of 83 % all 4 responses lie inside the target range"),
+        (
+            1,
+            "With a probability of 83 % the mean of the response lies inside its target range",
+        ),
+        (
+            2,
+            "With a probability of 83 % the means of both responses lie inside their target ranges",
+        ),
+        (
+            3,
+            "With a probability of 83 % the means of all 3 responses lie inside their target ranges",
+        ),
+        (
+            4,
+            "With a probability of 83 % the means of all 4 responses lie inside their target ranges",
+        ),
     ],
 )
 def test_the_probability_is_that_of_all_targets(n_targets, beginning):

@@ -121,7 +121,8 @@ def test_the_answer_compares_simulation_and_measurement_and_has_all_parameters(
     # 33.5 is 1.5 deg above 32, and a repetition has a standard deviation of 2 deg.
     assert (
         "Simulated minus measured: "
-        "aor_deg +4.7 +- 0.8 % (0.75 standard deviations of a repetition)." in text
+        "aor_deg +4.7 +- 0.8 % (0.75 of the standard deviation of single measurements)."
+        in text
     )
     assert "by these runs alone: within 1 %: 0.25, within 2 %: 0.75" in text
 

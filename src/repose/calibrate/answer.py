@@ -264,8 +264,8 @@ class Check:
     def distance(self) -> str:
         """Text on the difference between the simulated and the measured mean.
 
-        It has the difference in percent with its standard error, and in standard
-        deviations of a repetition.
+        It has the difference in percent with its standard error, and over the standard
+        deviation of single measurements.
         """
         if self.simulated is None:
             return f"{self.response} unknown"
@@ -279,7 +279,9 @@ class Check:
         deviations_text = ""
         if self.sd > 0:
             deviations = abs(difference) / self.sd
-            deviations_text = f" ({deviations:.2f} standard deviations of a repetition)"
+            deviations_text = (
+                f" ({deviations:.2f} of the standard deviation of single measurements)"
+            )
         return f"{self.response} {percent:+.1f}{error_text} %{deviations_text}"
 
     @property
@@ -301,8 +303,7 @@ class Check:
         label = self.label
         if known_response(self.response) is not None:
             label = label[0].upper() + label[1:]
-        if self.line:
-            label += f" ({self.line})"
+        line = f"; line: {self.line}" if self.line else ""
 
         # Write the simulated mean, or else the predicted one.
         value = self.simulated
@@ -311,12 +312,13 @@ class Check:
             value = self.predicted
             kind = "predicted "
         if value is None:
-            return f"{label} without a number (measured {rounded(self.measured)})"
+            return f"{label} without a number (measured {rounded(self.measured)}{line})"
         # Adding 0.0 turns -0.0, a possible result of rounding, into 0.0.
         percent = 100 * (value - self.measured) / self._whole_of_measured
         percent = round(percent, 1) + 0.0
         number = f"{kind}{self._format_mean(value)} {self.unit}".rstrip()
-        return f"{label} {number} (measured {rounded(self.measured)}, {percent:+.1f} %)"
+        measured = f"measured {rounded(self.measured)}, {percent:+.1f} %"
+        return f"{label} {number} ({measured}{line})"
 
     @property
     def _whole_of_measured(self) -> float:

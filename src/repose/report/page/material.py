@@ -3,9 +3,13 @@
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
+from repose.common.numbers import rounded
 from repose.dem.materials import Material
 from repose.report.page.tables import Table
 
+# The contact parameters are found, and the other values are known, to so many digits.
+DIGITS_FOUND = 3
+DIGITS_KNOWN = 4
 # The directions of a grain's principal axes, the longest first.
 AXES = ("x", "y", "z")
 
@@ -16,10 +20,16 @@ class Value(NamedTuple):
     name: str
     value: float
     unit: str = "–"
+    digits: int = DIGITS_KNOWN
+
+    @property
+    def text(self) -> str:
+        """The rounded value; numbers below a million have no exponent."""
+        return f"{float(f'{self.value:.{self.digits}g}'):.6g}"
 
 
 def tabulate_material(card: Mapping[str, Any]) -> Table:
-    """Tabulate the values that another program needs, in SI units.
+    """Tabulate the values that another program needs, in SI units and rounded.
 
     Parameters
     ----------
@@ -32,8 +42,18 @@ def tabulate_material(card: Mapping[str, Any]) -> Table:
         *_list_contact_values(card["parameters"]),
         *_list_simulation_values(card.get("simulation", {})),
     ]
-    rows = [[value.name, f"{value.value:.6g}", value.unit] for value in values]
+    rows = [[value.name, value.text, value.unit] for value in values]
     return Table(["quantity", "value", "unit"], rows, style="material")
+
+
+def describe_size(grain: Mapping[str, Any]) -> str:
+    """Say whether the grains are equal in size; empty for a card that does not tell."""
+    spread = grain.get("relative_spread")
+    if spread is None:
+        return ""
+    if spread == 0:
+        return "All grains are equal in size."
+    return f"The sizes of the grains scatter by {rounded(100 * spread, 2)} %."
 
 
 def tabulate_laws(card: Mapping[str, Any]) -> Table:
@@ -69,7 +89,12 @@ def _list_contact_values(parameters: Mapping[str, Any]) -> Iterator[Value]:
     """Yield the contact parameters of the answer."""
     for name, parameter in parameters.items():
         # The meaning of a parameter with a unit names the unit.
-        yield Value(f"{parameter['meaning']} ({name})", parameter["value"], unit="")
+        yield Value(
+            f"{parameter['meaning']} ({name})",
+            parameter["value"],
+            unit="",
+            digits=DIGITS_FOUND,
+        )
 
 
 def _list_simulation_values(simulation: Mapping[str, float]) -> Iterator[Value]:

@@ -1,5 +1,6 @@
 """What each section of the report says, as plain values for its template."""
 
+import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -24,7 +25,11 @@ from repose.common.statuses import explain
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.settings import describe_line_of_response, line_of
 from repose.report.page import captions
-from repose.report.page.material import tabulate_laws, tabulate_material
+from repose.report.page.material import (
+    describe_size,
+    tabulate_laws,
+    tabulate_material,
+)
 from repose.report.page.pictures import EmbeddedPicture, embed_known
 from repose.report.page.prediction import has_network, without_scales
 from repose.report.page.study import Results
@@ -97,6 +102,7 @@ class MaterialSection(NamedTuple):
 
     values: Table
     laws: Table
+    size: str  # whether the grains are equal in size, a sentence
 
 
 class DrumSection(NamedTuple):
@@ -180,12 +186,12 @@ def _describe_determination(study: Results) -> str:
         return (
             "With the assumed error of the simulator, the measurements determine none of "
             f"the {n_parameters} parameters: each 95 % interval covers {narrowest:.0f} % "
-            "or more of what was possible before."
+            "or more of its width without them."
         )
     return (
         "With the assumed error of the simulator, the measurements narrow "
         f"{n_determined} of the {n_parameters} parameters: the narrowest 95 % interval "
-        f"covers {narrowest:.0f} % of what was possible before."
+        f"covers {narrowest:.0f} % of its width without them."
     )
 
 
@@ -209,16 +215,40 @@ def _describe_sets_inside(study: Results) -> str:
     return (
         f"{len(inside)} of the {len(samples)} simulated samples already lie inside all "
         f"target ranges; they span {100 * shares[narrowest]:.0f} ({narrowest}) to "
-        f"{100 * shares[widest]:.0f} % ({widest}) of the ranges."
+        f"{100 * shares[widest]:.0f} % ({widest}) of the searched ranges."
     )
 
 
 def _describe_nearness(study: Results) -> str:
-    """Describe how far the simulated means are from the measured ones; empty without them."""
+    """Describe how far the simulated means are from the measured ones; empty without them.
+
+    The scatter of single simulations and the errors of the measured means follow.
+    """
     if not study.number("n_seeds"):
         return ""
-    checks = checks_of(study)
-    return nearness(replace(check, response=check.label) for check in checks)
+    checks = list(checks_of(study))
+    sentences = [nearness(replace(check, response=check.label) for check in checks)]
+    scatters = [
+        f"{rounded(check.standard_error * math.sqrt(check.runs), 2)} {check.unit}"
+        for check in checks
+        if check.standard_error is not None
+    ]
+    if scatters:
+        scatter = " and ".join(text.rstrip() for text in scatters)
+        sentences.append(
+            f"Single simulations scatter more than their mean: by {scatter} "
+            "(standard deviation)."
+        )
+    # The errors above are those of the simulation alone.
+    errors = [
+        f"{rounded(check.sd / math.sqrt(check.repetitions), 2)} {check.unit}".rstrip()
+        for check in checks
+    ]
+    sentences.append(
+        f"The standard errors of the measured means, {' and '.join(errors)}, are not "
+        "in these numbers."
+    )
+    return " ".join(sentences)
 
 
 def _describe_near_bounds(study: Results) -> str:
@@ -303,7 +333,11 @@ def make_material(study: Results) -> MaterialSection | None:
             "gravity_m_s2": simulation.gravity_m_s2,
             "time_step_s": simulation.time_step_s,
         }
-    return MaterialSection(values=tabulate_material(card), laws=tabulate_laws(card))
+    return MaterialSection(
+        values=tabulate_material(card),
+        laws=tabulate_laws(card),
+        size=describe_size(card["grain"]),
+    )
 
 
 # --- The check ------------------------------------------------------------------------

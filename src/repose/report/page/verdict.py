@@ -115,14 +115,18 @@ def describe_probability(study: Results, names_inside: bool = True) -> str:
     if names_inside:
         sentences.append(
             f"With a probability of {format_percent(probability)} "
-            f"{_name_subject(n_targets)} inside the target range, {evidence}."
+            f"{_describe_inside(n_targets)}, {evidence}."
         )
-    true_means = "the true mean lies" if n_targets == 1 else "all true means lie"
+    true_means = "all true means lie"
+    measured_means = "the measured means"
+    if n_targets == 1:
+        true_means = "the true mean lies"
+        measured_means = "the measured mean"
     for percent, within in study.probability_within.items():
         if within is not None:
             sentences.append(
                 f"With a probability of {format_percent(within)} {true_means} within "
-                f"{percent:g} % of what was measured."
+                f"{percent:g} % of {measured_means}, taken as exact."
             )
     if n_runs is None:
         sentences.append(_describe_optimism(study))
@@ -149,13 +153,12 @@ def _describe_optimism(study: Results) -> str:
     return f"This does not count the expected optimism ({'; '.join(clauses)})."
 
 
-def _name_subject(n_targets: int) -> str:
-    """Return the subject and verb of a sentence about all responses."""
+def _describe_inside(n_targets: int) -> str:
+    """Return a clause on the true means of all responses, which lie inside."""
     if n_targets == 1:
-        return "the response lies"
-    if n_targets == 2:
-        return "both responses lie"
-    return f"all {n_targets} responses lie"
+        return "the mean of the response lies inside its target range"
+    responses = "both responses" if n_targets == 2 else f"all {n_targets} responses"
+    return f"the means of {responses} lie inside their target ranges"
 
 
 def format_percent(probability: float | None) -> str:
