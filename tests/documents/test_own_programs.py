@@ -1,8 +1,6 @@
 """The steps of the pages on the user's own programs, taken with programs that stand for them."""
 
 import csv
-import subprocess
-import sys
 
 import numpy as np
 import pytest
@@ -84,31 +82,28 @@ def exported_pile(row, folder):
     height_m = 0.16 * np.tan(np.radians(slope_deg))
     centres = cone(slope_deg, height_m)
     with open(folder / name, "w", newline="") as file:
-        writer = csv.writer(file)
-        writer.writerow(["x", "y", "z", "radius"])
-        writer.writerows([*centre, RADIUS] for centre in centres.tolist())
+        csv.writer(file).writerows(centres.tolist())
 
 
 @pytest.mark.slow
 def test_a_program_with_a_graphical_interface(tmp_path, monkeypatch):
     page = "docs/edem.md"
     monkeypatch.chdir(tmp_path)
-    for name in ("edem.yaml", "join.py"):
-        (tmp_path / name).write_text(files_of(page)[name])
+    (tmp_path / "edem.yaml").write_text(files_of(page)["edem.yaml"])
     design, tell, calibrate = commands_of(page, "edem.yaml")
-    (measure,) = commands_of(page, "repose measure piles")
+    (measure,) = commands_of(page, "repose measure exported")
+    assert float(measure[measure.index("--radius") + 1]) == RADIUS
     assert main(design) == 0
     with open("own/samples.csv", newline="") as file:
         rows = list(csv.DictReader(file))
-    (tmp_path / "piles").mkdir()
+    (tmp_path / "exported").mkdir()
     # The last row stands for a run that failed.
     for row in rows[:-1]:
-        exported_pile(row, tmp_path / "piles")
-    files = sorted(map(str, (tmp_path / "piles").iterdir()))
-    place = measure.index("piles/*.csv")
+        exported_pile(row, tmp_path / "exported")
+    files = sorted(map(str, (tmp_path / "exported").iterdir()))
+    place = measure.index("exported/*.csv")
     measure[place : place + 1] = files
     assert main(measure) == 0
-    subprocess.run([sys.executable, "join.py"], check=True)
     assert main(tell) == 0
     assert main(calibrate) == 0
     with open("own/runs.csv", newline="") as file:

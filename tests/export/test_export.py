@@ -412,6 +412,8 @@ def test_cohesion_is_written(config):
     job = job_of(config, THREE, "jkr", gamma_gg=0.05, gamma_gp=0.02)
     table = export.PROGRAMS["edem"](job)["edem.md"]
     assert "Hertz-Mindlin with JKR" in table
+    percent = int(re.search(r"The time step is (\d+) % of the Rayleigh", table)[1])
+    assert percent == round(100 * job.time_step_s / job.rayleigh_s) <= 20
     energies = re.findall(r"Surface energy, \S+ \| (\S+) \| J/m2", table)
     assert energies == ["0.1", "0.04"]
     deck = export.PROGRAMS["liggghts"](

@@ -234,3 +234,41 @@ def test_the_command_writes_a_table_and_refuses_pictures_beside(
     picture.write_bytes(b"\x89PNG\r\n\x1a\n\0\0")
     error = command("measure", dump, picture, status=2).err
     assert "files of particles alone" in error
+
+
+def test_positions_alone_take_a_given_radius(written, tmp_path):
+    expected = measure_particles(particle_files.read(written[1]), SETTINGS)
+    rows = pd.DataFrame(cone())
+    for separator, header in ((",", False), (";", False), (" ", ["x", "y", "z"])):
+        path = tmp_path / "positions.csv"
+        rows.to_csv(path, index=False, header=header, sep=separator)
+        found = measure_particles(particle_files.read(path, RADIUS), SETTINGS)
+        assert found.n_particles == len(rows)
+        assert found.result.aor_deg == pytest.approx(expected.result.aor_deg)
+        with pytest.raises(InputError):
+            particle_files.read(path)
+    with pytest.raises(InputError, match="column Diameter is 'found'; expected no"):
+        particle_files.read(written[1], RADIUS)
+
+
+def test_the_command_puts_piles_beside_the_runs_of_a_design(tmp_path, command):
+    runs = tmp_path / "samples.csv"
+    runs.write_text("sample,run,friction\n1,1,0.3\n2,1,0.4\n")
+    pile = tmp_path / "2_1.csv"
+    pd.DataFrame(cone()).to_csv(pile, index=False, header=False)
+    given = ("--radius", RADIUS, "--runs", runs, "--out", tmp_path)
+    command("measure", pile, *given)
+    piles = pd.read_csv(tmp_path / "piles.csv")
+    results = pd.read_csv(tmp_path / "results.csv")
+    assert list(results) == ["sample", "run", "friction", "aor_deg", "height_mm"]
+    assert list(results["friction"]) == [0.3, 0.4]
+    assert results["aor_deg"].isna().tolist() == [True, False]
+    for response in ("aor_deg", "height_mm"):
+        assert results[response][1] == piles[response][0]
+    other = pile.rename(tmp_path / "9_1.csv")
+    error = command("measure", other, *given, status=2).err
+    assert (
+        f"expected a row of the sample and run that the name of {other} gives" in error
+    )
+    error = command("measure", other, "--radius", 0, status=2).err
+    assert "--radius is 0.0; expected above 0" in error

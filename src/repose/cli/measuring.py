@@ -17,6 +17,8 @@ from repose.common.provenance import hash_of_file
 from repose.config.pipeline import PipelineConfig
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from repose.bench.photographs import PhotographResult
     from repose.measure.photographs.photograph import Photograph, Scale
     from repose.measure.settings import MeasureSettings
@@ -28,6 +30,8 @@ BENCHES = "funnel or lifted_cylinder, which leave a pile, turning or drawdown"
 POINTS = "three points of the drum's inner rim, or of the box's two lower inner corners"
 SIZES = "sizes.csv"  # in the folder of a crop
 PARTICLE_TABLE = "piles.csv"  # of files of particles
+RESULTS_TABLE = "results.csv"  # of runs with the responses of their piles
+RUN_RESPONSES = ("aor_deg", "height_mm")  # of this table
 TWO_FLANKS = "a pile with two flanks, seen from the side"
 
 
@@ -100,6 +104,17 @@ TWO_FLANKS = "a pile with two flanks, seen from the side"
         "--base",
         type=float,
         help="height of the plate in a file of particles, in its unit (found)",
+    ),
+    Option(
+        "--radius",
+        type=float,
+        help="radius of all particles in files without sizes, in their unit; such a file "
+        "may be rows of x, y, z alone",
+    ),
+    Option(
+        "--runs",
+        help="table of `repose design`: write results.csv for `repose tell`, from files "
+        "of particles named by sample and run, as 3_1.csv",
     ),
     JSON.with_changes(help="print every number as JSON"),
     out="measured",
@@ -196,6 +211,10 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
         args.up,
         f"one of {', '.join(DIRECTIONS)}",
     )
+    require_option(
+        args.radius is None or args.radius > 0, "--radius", args.radius, "above 0"
+    )
+    runs = None if args.runs is None else _read_runs(args.runs, args.pictures)
     settings = _make_measure_settings(args)
     if args.config is None:
         # Without a study the grains of each file decide the scale of its views.
@@ -204,7 +223,7 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
     # Measure each file as a row of the table.
     rows = []
     for name in args.pictures:
-        particles = particle_files.read(name)
+        particles = particle_files.read(name, args.radius)
         try:
             pile = measure_particles(
                 particles,
@@ -230,6 +249,11 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
     table = pd.DataFrame(rows)
     path = Path(args.out) / PARTICLE_TABLE
     write_table(path, table)
+    if runs is not None:
+        piles = table.set_index(table["file"].map(_name_run))
+        for response in RUN_RESPONSES:
+            runs[response] = runs.index.map(piles[response])
+        write_table(Path(args.out) / RESULTS_TABLE, runs)
 
     # Print the table, or a line for each pile.
     if args.json:
@@ -244,6 +268,49 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
             f"the plate at {rounded(row['base'])} {args.unit}"
         )
     print(f"angles by every line and more: {path}")
+
+
+def _name_run(path: str) -> str:
+    """Return the name of a file without its ending, which names sample and run."""
+    return Path(path).stem
+
+
+def _read_runs(path: str, files: Sequence[str]) -> "pd.DataFrame":
+    """Read a table of runs, and check that each file of particles belongs to one.
+
+    Parameters
+    ----------
+    path : str
+        The table, with the columns `sample` and `run`.
+    files : sequence of str
+        Files of particles, named by sample and run.
+
+    Returns
+    -------
+    DataFrame
+        The table. Its index is the name of each run, such as ``3_1``.
+
+    Raises
+    ------
+    InputError
+        If a file has no row, or two files have the same name.
+    """
+    from repose.common.files import read_table
+
+    runs = read_table(path, ("sample", "run"))
+    runs.index = runs["sample"].astype(str) + "_" + runs["run"].astype(str)
+    names = [_name_run(file) for file in files]
+    for file, name in zip(files, names, strict=True):
+        require_option(
+            name in runs.index,
+            "--runs",
+            path,
+            f"a row of the sample and run that the name of {file} gives, as 3_1.csv",
+        )
+        require_option(
+            names.count(name) == 1, "pictures", file, "one file for each run"
+        )
+    return runs
 
 
 def _find_photographed_piles() -> dict[str, Mapping[str, str]]:

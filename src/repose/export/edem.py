@@ -169,12 +169,14 @@ def _format_page(job: Job, table: list[Row]) -> str:
     """
     law = job.simulation.contact_law
     contact_model = CONTACT_MODELS.get(law, DEFAULT_CONTACT_MODEL)
+    percent_of_rayleigh = 100 * job.time_step_s / job.rayleigh_s
     lines = [
         f"# `{job.label}` in EDEM: a table that nobody has tried there",
         "",
         f"Contact model: {contact_model}. Rolling friction model: {ROLLING_MODEL}. The "
         "spheres of a grain are in spheres.csv, the funnel is in funnel.stl, both in m. "
-        "Grains appear at rest, in random orientations.",
+        "Grains appear at rest, in random orientations. The time step is "
+        f"{percent_of_rayleigh:.0f} % of the Rayleigh time of the smallest sphere.",
         "",
         "| name | value | unit |",
         "|---|---|---|",

@@ -101,15 +101,29 @@ def is_particle_file(path: Path_) -> bool:
     return b"\0" not in start and start.isascii()
 
 
-def read(path: Path_) -> Particles:
+def read(path: Path_, radius: float | None = None) -> Particles:
     """Read the particles of a file.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    radius : float, optional
+        Radius of all particles, for a file without sizes. Such a file may lack a
+        header; its columns are then x, y and z.
 
     Raises
     ------
     InputError
-        If a column is missing, or a number is no number or not allowed.
+        If a column is missing, a number is no number or not allowed, or both the file
+        and `radius` give sizes.
     """
-    table = _read_table(Path(path))
+    if radius is None:
+        table = _read_table(Path(path))
+    else:
+        table = _read_positions(Path(path))
+        _refuse_sizes(path, table)
+        table["radius"] = radius
     if table.empty:
         raise InputError(path, "file", "without a particle", "a row for each particle")
     columns = _find_columns(table)
@@ -185,6 +199,35 @@ def _read_table(path: Path) -> pd.DataFrame:
     except (ValueError, pd.errors.ParserError) as error:
         fault = str(error).partition("\n")[0]
         raise InputError(path, "file", fault, "a table with a header") from error
+
+
+def _read_positions(path: Path) -> pd.DataFrame:
+    """Read a file without sizes, which may be numbers alone, without a header."""
+    with path.open("rb") as file:
+        first_line = file.readline()
+    numbers = first_line.replace(b",", b" ").replace(b";", b" ").split()
+    if len(numbers) != len(POSITION) or not all(map(_is_number, numbers)):
+        return _read_table(path)
+    lines = path.read_text(encoding="utf-8").replace(",", " ").replace(";", " ")
+    return _split_rows(path, list(POSITION), lines.splitlines())
+
+
+def _is_number(text: bytes) -> bool:
+    """Return whether a text is a number."""
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _refuse_sizes(path: Path_, table: pd.DataFrame) -> None:
+    """Raise InputError for a table that has sizes, beside a given radius."""
+    sizes = {"radius", "diameter", *SEMI_AXES, *FULL_AXES}
+    columns = _find_columns(table)
+    for quantity in sizes & set(columns):
+        allowed = "no column of sizes where a radius is given"
+        raise InputError(path, f"column {columns[quantity]}", "found", allowed)
 
 
 def _read_dump(path: Path, text: str) -> pd.DataFrame:

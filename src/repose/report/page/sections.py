@@ -301,7 +301,7 @@ def _make_parameter_row(study: Results, name: str, value: float) -> list[str]:
     low, high = parameter_ranges(parameters)[name]
     searched = f"{rounded(low, 3)} to {rounded(high, 3)}"
     meaning = with_remark(label, interval).removeprefix("; ")
-    return [name, meaning, f"{rounded(value)}", *interval_cells, searched]
+    return [name, meaning, f"{rounded(value, 3)}", *interval_cells, searched]
 
 
 def _describe_share_left_open(share: float) -> str:
