@@ -2,10 +2,9 @@
 
 import errno
 import json
+import multiprocessing
 import os
 import signal
-import subprocess
-import sys
 import textwrap
 import time
 
@@ -406,24 +405,17 @@ def test_a_killed_job_ends_its_program_and_leaves_no_run(tmp_path):
     open({str(mark)!r}, "w").write(str(os.getpid()))
     time.sleep(60)
     """
-    settings(tmp_path, code)
-    job = f"""
-    import sys
-    sys.path[:0] = {sys.path!r}
-    sys.path.insert(0, {os.path.dirname(__file__)!r})
-    from pathlib import Path
-    import test_simulate
-    section = test_simulate.SimulatorSettings(
-        name="toy", command=["python", "program.py"],
-        files=[{str(tmp_path / "program.py")!r}], output="out.json")
-    test_simulate.run(Path({str(tmp_path)!r}), section)
-    """
-    process = subprocess.Popen([sys.executable, "-c", textwrap.dedent(job)])
+    section = settings(tmp_path, code)
+    job = multiprocessing.get_context("fork").Process(
+        target=run, args=(tmp_path, section)
+    )
+    job.start()
     deadline = time.monotonic() + 60
     while not (mark.is_file() and mark.read_text()) and time.monotonic() < deadline:
         time.sleep(0.05)
-    process.send_signal(signal.SIGTERM)
-    assert process.wait(30) == 128 + signal.SIGTERM
+    job.terminate()
+    job.join(30)
+    assert job.exitcode == 128 + signal.SIGTERM
     with pytest.raises(ProcessLookupError):
         os.kill(int(mark.read_text()), 0)
     assert not (tmp_path / "001" / "1.json").exists()
