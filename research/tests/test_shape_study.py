@@ -34,11 +34,26 @@ ANGLE, HEIGHT = shared.TARGETS
 TARGETS = Targets.of([ANGLE, HEIGHT])
 
 
+@pytest.fixture(scope="module")
+def quick():
+    config = PipelineConfig.load(ROOT / "config/quick.yaml").config
+    return config | settings.of(config)
+
+
+@pytest.fixture(scope="module")
+def small_study(quick):
+    return config_of(quick)
+
+
 @pytest.fixture
-def config(monkeypatch):
+def config(quick, monkeypatch):
     monkeypatch.chdir(ROOT)
-    config = PipelineConfig.load("config/quick.yaml").config
-    config = copy.deepcopy(config | settings.of(config))
+    return config_of(quick)
+
+
+def config_of(quick):
+    """The configuration of a shape study of few cells."""
+    config = copy.deepcopy(quick)
     config["shape_study"] |= {
         "particles": {
             "egg": {"particle": "smooth"},
@@ -329,9 +344,11 @@ def a_design(signal, noise, sets=16, seeds=4, angle=30.0):
     ]
 
 
-@pytest.fixture
-def selected(config, tmp_path):
+@pytest.fixture(scope="module")
+def selected(small_study, tmp_path_factory):
     """Tables of a selection: a clump without volume that is nearest, then the egg, rough and truest particles."""
+    config = small_study
+    tmp_path = tmp_path_factory.mktemp("selected")
     config["shape_study"]["particles"] = {
         name: {"particle": "smooth"} for name in ("hollow", "egg", "light", "fine")
     }
@@ -412,7 +429,7 @@ def test_finalists_are_the_four_nearest_cells_of_right_particles_and_the_most_ph
     assert egg["share_of_piles"] == 1.0
 
 
-def verdict(selected, first_off, signal=2.0, angle=32.0):
+def verdict(selected, out, first_off, signal=2.0, angle=32.0):
     """The choice, where the first finalist's fresh piles are off by `first_off`, and all others by far."""
     config, folder, files = selected
     cells = [
@@ -430,13 +447,15 @@ def verdict(selected, first_off, signal=2.0, angle=32.0):
         offset = {cells[0]: first_off, cells[-1]: 0.0}.get(cell, 5.0)
         fresh = piles(config, offset, offset)
         design = a_design(signal, 1.0, angle=angle)
-        files.append(write_cell(folder, "fresh", cell, fresh, **facts))
-        files.append(write_cell(folder, "design", cell, design, **facts))
-    return shape_study.run_verdict(config, files, folder / "finalists.csv", folder)
+        files.append(write_cell(out, "fresh", cell, fresh, **facts))
+        files.append(write_cell(out, "design", cell, design, **facts))
+    return shape_study.run_verdict(config, files, folder / "finalists.csv", out)
 
 
-def test_the_first_finalist_that_meets_the_published_piles_is_chosen(selected):
-    choice = verdict(selected, 2.0)
+def test_the_first_finalist_that_meets_the_published_piles_is_chosen(
+    selected, tmp_path
+):
+    choice = verdict(selected, tmp_path, 2.0)
     assert choice["meets_the_published_piles"]
     assert [choice["chosen"][key] for key in shape_rule.COMBINATION] == [
         "egg",
@@ -447,7 +466,7 @@ def test_the_first_finalist_that_meets_the_published_piles_is_chosen(selected):
     assert choice["effective"]["particle"] == "hollow"
     assert choice["effective"]["meets"]
     assert choice["rule_sha256"] == shape_rule.sha256()
-    assert json.loads((selected[1] / "choice.json").read_text()) == choice
+    assert json.loads((tmp_path / "choice.json").read_text()) == choice
 
 
 @pytest.mark.parametrize(
@@ -455,9 +474,9 @@ def test_the_first_finalist_that_meets_the_published_piles_is_chosen(selected):
     [(2.3, 2.0, 32.0, True), (0.0, 0.1, 36.0, False)],
 )
 def test_without_a_near_finalist_the_most_physical_one_is_chosen(
-    selected, first_off, signal, angle, reached
+    selected, tmp_path, first_off, signal, angle, reached
 ):
-    choice = verdict(selected, first_off, signal, angle)
+    choice = verdict(selected, tmp_path, first_off, signal, angle)
     assert not choice["meets_the_published_piles"]
     assert [choice["chosen"][key] for key in shape_rule.CELL] == [
         "fine",
