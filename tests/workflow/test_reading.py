@@ -12,10 +12,13 @@ QUICK = "config/quick.yaml"
 LIBRARIES = ("pandas", "scipy", "matplotlib", "sklearn", "emcee")
 LIBRARIES += ("numba", "llvmlite", "cv2", "trimesh")
 # An entry None makes the import of a library an error. The workflow that has nothing in
-# it loads what every workflow needs.
+# it loads what every workflow needs. Each reading is a fork that has loaded no more than
+# that. Noise only lengthens a time, and the first reading may have to compile modules,
+# so the least time counts.
 READ = f"""
 import sys
 sys.modules |= dict.fromkeys({LIBRARIES})
+import os
 import time
 import snakemake.cli
 
@@ -24,11 +27,18 @@ def list_rules(*words):
         snakemake.cli.main(["--list-rules", *words])
     except SystemExit as end:
         assert not end.code, words
+    sys.stdout.flush()
 
 list_rules("--snakefile", "empty.smk")
-start_s = time.process_time()
-list_rules("--configfile", "{QUICK}")
-print(start_s, time.process_time() - start_s)
+print(time.process_time(), flush=True)
+for _ in range(2):
+    child = os.fork()
+    if not child:
+        list_rules("--configfile", "{QUICK}")
+        os._exit(0)
+    _, status, used = os.wait4(child, 0)
+    assert not status
+    print(used.ru_utime + used.ru_stime, flush=True)
 """
 
 
@@ -42,7 +52,9 @@ def test_a_checked_workflow_is_read_without_libraries_in_less_than_snakemakes_st
     run = run_of_workflow(config, [QUICK], has_command_line=False, inputs=True)
     earlier_check.write(run.first_check, run.study.config)
 
-    *rules, times = run_python("-c", READ, cwd=project).splitlines()
-    assert {"pour", "miga", "draw_figure13", "sequential", "page"} <= {*rules}
-    start_s, reading_s = map(float, times.split())
-    assert reading_s < start_s
+    lines = run_python("-c", READ, cwd=project).splitlines()
+    rules = {line for line in lines if line.isidentifier()}
+    assert {"pour", "miga", "draw_figure13", "sequential", "page"} <= rules
+    start_s, *reading_s = (float(line) for line in lines if line[:1].isdigit())
+    assert len(reading_s) == 2
+    assert min(reading_s) < start_s
