@@ -288,6 +288,8 @@ def test_a_job_writes_what_tables_and_film_read(tmp_path):
     with np.load(tmp_path / "drum_3.npz") as arrays:
         for state in drum.STATES:
             assert arrays[f"position_{state}"].shape == (60, 3)
+        with np.load(tmp_path / "median.npz") as median:
+            np.testing.assert_array_equal(median["position"], arrays["position"])
     out = tmp_path / "drum.gif"
     section = drum.DrumSettings(**config(**keys)["drum"])
     film.animate_drum(

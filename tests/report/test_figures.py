@@ -36,6 +36,7 @@ from repose.report.figures import (
 from repose.report.figures.registry import Drawn
 from repose.report.renderer.scenery import look_at
 from repose.report.study_view import StudyView
+from repose.stages.drum_tables import choose_median_run
 
 LINE = "line fitted to the side from 30 to 80 % of the height"
 
@@ -259,6 +260,25 @@ def test_a_drum_that_never_slips_is_shown_at_the_report(inputs, tmp_path, monkey
     np.savez(states, **arrays)
     files = {"states": states, "particle": inputs["particle"]}
     says(drawn_texts(rotation.states, files), "NO SLIP", "at the report")
+
+
+def test_the_drum_names_the_run_that_it_shows(inputs, monkeypatch, tmp_path):
+    """Of four slips, the second smallest is the lower of the middle two."""
+    monkeypatch.setattr(rotation, "PIXELS", 120)
+    turned_deg = [52.5, np.nan, 46.5, 51.0, 48.0]
+    runs = pd.DataFrame(
+        {
+            "seed": [11, 12, 13, 14, 15],
+            "status": ["ok", "no_slip", "ok", "ok", "ok"],
+            "before_turned_deg": turned_deg,
+            "before_time_s": np.divide(turned_deg, 5.0),
+        }
+    )
+    assert choose_median_run(runs) == 15
+    runs.to_csv(tmp_path / "runs.csv", index=False)
+    files = {key: inputs[key] for key in ("states", "particle")}
+    text = drawn_texts(rotation.states, files | {"runs": tmp_path / "runs.csv"})
+    says(text, "Run 5 of 5, whose slip angle is the median")
 
 
 def test_a_drum_that_slips_says_when(drawn):

@@ -7,7 +7,6 @@ PLACES = {
     "answer": answer(),
     "config": config,
     "published": config["validation"]["published"] if PUBLISHED_SOLUTIONS else "",
-    "states": f"{RESULTS}/drum/drum_{DRUM_SEEDS[0]}.npz" if "drum" in config else "",
     "stored": "" if IS_EXTERNAL else rules.validate.output.published,
     "table3": published("table3.csv") or "",
     "trajectory": "" if IS_EXTERNAL else rules.trajectory.output.trajectory,

@@ -97,7 +97,8 @@ def run(
 ) -> "dict[str, pd.DataFrame]":
     """Measure saved runs of the drum, and write the tables of `tables`.
 
-    The files are runs.csv, summary.csv, record.csv and profile.csv.
+    The files are runs.csv, summary.csv, record.csv and profile.csv, and median.npz, a
+    copy of the frames of the run that `choose_median_run` names.
 
     Parameters
     ----------
@@ -122,19 +123,44 @@ def run(
     # A measurement needs no parameters of the contacts.
     scene = Scene.of(config, {}, grain={}, particle=particle)
     runs: list[MeasuredRun] = []
-    earlier_seeds = set()
+    path_of_seed: dict[int, Path] = {}
     for path in map(Path, json_paths):
         record = read_json(path, {"run": dict}, WHAT)["run"]
         seed = record.get("seed")
-        if seed in earlier_seeds:
+        if seed in path_of_seed:
             raise InputError(path, "run.seed", seed, "each seed once")
         runs.append(_measure(record, path, scene))
-        earlier_seeds.add(record["seed"])
+        path_of_seed[record["seed"]] = path
 
     tables_by_name = tables(runs)
     for name, table in tables_by_name.items():
         write_table(Path(out_dir) / f"{name}.csv", table)
+    median_path = path_of_seed[choose_median_run(tables_by_name["runs"])]
+    median_frames = read_npz(median_path.with_suffix(".npz"), (), WHAT)
+    write_npz(Path(out_dir) / "median.npz", median_frames)
     return tables_by_name
+
+
+def choose_median_run(runs: "pd.DataFrame") -> int:
+    """Choose the run whose drum had turned by the median angle before its first slip.
+
+    Parameters
+    ----------
+    runs : pandas.DataFrame
+        A row for each run: `seed`, `status`, and for runs that slipped
+        `before_turned_deg`.
+
+    Returns
+    -------
+    int
+        Its seed. Of an even number of slips it is the lower of the middle two; without
+        any slip it is the first run.
+    """
+    slipped = runs[runs["status"] == "ok"]
+    if slipped.empty:
+        return int(runs["seed"].iloc[0])
+    sorted_runs = slipped.sort_values("before_turned_deg", kind="stable")
+    return int(sorted_runs["seed"].iloc[(len(sorted_runs) - 1) // 2])
 
 
 def _measure(record: Mapping[str, Any], path: Path, scene: Scene) -> MeasuredRun:

@@ -48,6 +48,7 @@ rule drum:
         summary=f"{RESULTS}/drum/summary.csv",
         record=f"{RESULTS}/drum/record.csv",
         profile=f"{RESULTS}/drum/profile.csv",
+        median=f"{RESULTS}/drum/median.npz",
     log:
         f"{RESULTS}/logs/drum.log",
     benchmark:
@@ -60,7 +61,7 @@ rule drum:
         settings=settings_of("drum_tables"),
         code=code_hash("stages.drum_tables"),
     message:
-        "Measuring the drum's runs: tables of angles, first slip, slipping layer"
+        "Measuring the drum's runs: tables of angles, first slip, slipping layer; and choosing the median run"
     shell:
         "python -m repose stage drum_tables {input.runs:q} --config {params.config:q} --berry {input.berry:q}"
         " --particle {input.particle:q} --out {params.folder:q} > {log:q} 2>&1"
@@ -68,7 +69,7 @@ rule drum:
 
 rule drum_film:
     input:
-        frames=f"{RESULTS}/drum/drum_{DRUM_SEEDS[0]}.npz",
+        frames=rules.drum.output.median,
         particle=rules.shape.output.particle,
     output:
         f"{RESULTS}/drum/drum.gif",

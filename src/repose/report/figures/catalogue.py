@@ -8,7 +8,6 @@ from repose.report.figures.registry import (
     ANSWER_CHECK,
     ANSWER_SAMPLES,
     ANSWER_SOLUTIONS,
-    DRUM_STATES,
     POUR_TRAJECTORY,
     PUBLISHED_HERE,
     PUBLISHED_INTERVALS,
@@ -289,17 +288,18 @@ FIGURES: dict[str, Drawn] = {
     "figure15": Drawn(
         "rotation.states",
         title="Figure 15",
-        inputs={"states": DRUM_STATES, "particle": "berry/particle.json"},
+        inputs={"states": "drum/median.npz", "particle": "berry/particle.json"},
         optional={"runs": "drum/runs.csv"},
         caption=(
             "Figure 15. The bed in the drum before the rotation, before its first "
             "slip and after it, simulated with the representative solution: side "
             "views along the axis; the green line is fitted to the middle "
             "{drum[fit_share]:.3g} of the upper edge, which is that of the highest "
-            "grains along the axis. The pictures show the first of {drum[seeds]} "
-            "run(s). Does the bed slip as early as in the article? Below stands how "
+            "grains along the axis. The pictures show the run whose slip angle is the "
+            "median of {drum[seeds]} run(s). Does the bed slip as early as in the article? Below stands how "
             "far the drum turned before the slip. The article gives no angle, but "
-            "its run ends {drum[report_s]:g} s after the filling began."
+            "the length of its run, {drum[report_s]:g} s with the filling; below "
+            "stands by what angle the drum has turned then."
         ),
         reads=("drum", "measure.mm_per_pixel", "colour"),
         when=has_drum,
@@ -318,7 +318,8 @@ FIGURES: dict[str, Drawn] = {
             "mass of every run. A slip is judged when the centre of mass has fallen "
             "by {drum[slip_drop_deg]} degrees below its highest, and began at that "
             "highest; the drum then stops. The article shows the bed after a slip "
-            "by the time of the vertical line. b: how far grains moved in the slip, "
+            "by the time of the vertical line: {drum[report_s]:g} s from the start "
+            "of the filling, less the time before the rotation. b: how far grains moved in the slip, "
             "against the drum, by depth."
         ),
         reads=("drum",),

@@ -25,7 +25,6 @@ ANSWER_CHECK = "{answer.table4}"  # sets that were simulated again, with the ans
 PUBLISHED_SOLUTIONS = "{published}"  # published sets, with what was published of them
 PUBLISHED_HERE = "{stored}"  # published sets, as simulated here
 PUBLISHED_INTERVALS = "{table3}"  # published intervals of the parameters
-DRUM_STATES = "{states}"  # places of the grains in the drum, first run
 POUR_TRAJECTORY = "{trajectory}"  # places of the grains over a pour of the answer
 
 # Draws a figure from its inputs and the configuration of a study.

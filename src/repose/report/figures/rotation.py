@@ -14,12 +14,13 @@ from repose.common.files import read_npz, read_table
 from repose.grain.particle import Particle
 from repose.measure import bed
 from repose.measure.silhouette import Grains
+from repose.stages.drum_tables import choose_median_run
 
 from . import panels, style
 from .registry import Inputs, StudyView
 
 PIXELS = 620  # side of a picture at the default resolution
-SLIP_COLUMNS = ("before_turned_deg", "before_time_s")
+SLIP_COLUMNS = ("seed", "before_turned_deg", "before_time_s")
 ARTICLE_RUN_S = 10.0  # time of the article's run, from the start of the filling
 # States in the file, with their descriptions in titles.
 TITLES = {
@@ -95,7 +96,7 @@ def _describe_slip(
     seconds = turned_deg / np.degrees(settings.angular_velocity_rad_s)
     text = (
         f"The bed slipped first when the drum had turned by {turned_deg:.1f}°, after "
-        f"{seconds:.1f} s."
+        f"{seconds:.1f} s of rotation."
     )
     if runs.empty:
         return text
@@ -103,6 +104,8 @@ def _describe_slip(
     if len(slipped) > 1:
         angle = _format_mean_and_error(slipped["before_turned_deg"])
         time = _format_mean_and_error(slipped["before_time_s"])
+        number = runs["seed"].tolist().index(choose_median_run(runs)) + 1
+        text = f"Run {number} of {len(runs)}, whose slip angle is the median. {text}"
         text += f"\nIn {len(slipped)} runs, mean ± standard error: {angle}°, {time} s."
     return text
 
@@ -252,13 +255,15 @@ def _draw_angles(
         label="carried like a solid",
     )
     if "report_time_s" in runs:
-        label = f"{settings.report_s:g} s after the filling began, the time reported"
+        report_time_s = runs["report_time_s"].median()
+        words = "the time reported"
         if settings.report_s == ARTICLE_RUN_S:
-            label = (
-                f"the article's end, {settings.report_s:g} s after the filling began"
-            )
+            words = "end of the article's run"
         panel.axvline(
-            runs["report_time_s"].median(), color=style.ORANGE, lw=1.4, label=label
+            report_time_s,
+            color=style.ORANGE,
+            lw=1.4,
+            label=f"{words}, after {report_time_s:.1f} s of rotation",
         )
     # Leave room below the lowest angle and above the highest.
     lowest = min(-3.0, record["bed_deg"].min() - 2)
@@ -353,7 +358,7 @@ def _draw_layers(panel: Axes, profile: pd.DataFrame) -> None:
         color=style.BLUE,
         elinewidth=0.9,
         capsize=1.5,
-        label="mean ± SE",
+        label="mean ± standard error",
     )
     panel.axvline(0.0, color=style.GREY, lw=0.6)
     panel.legend(loc="lower right")
