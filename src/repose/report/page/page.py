@@ -168,6 +168,7 @@ def _target(study: Results, target: Target) -> dict[str, Any]:
         "unit": response.unit,
         "value": target.value,
         "sd": target.sd,
+        "standardError": target.standard_error,
         "low": target.low,
         "high": target.high,
         "simulated": simulated,

@@ -46,8 +46,9 @@ function shareInside(low, high, mean, std) {
 
 // --- Gauges --------------------------------------------------------------------------------
 
-// Draw one response on a line: the target's range, the measurement, and a value with its standard
-// error, which `word` names: simulated or predicted.
+// Draw one response on a line: the target's range, the measured mean and a value, each with its
+// standard error; thin, the standard deviation of single repetitions. `word` names the value: simulated
+// or predicted.
 function gauge(target, value, error, word) {
   const [low, high] = target.axis;
   const width = 640;
@@ -62,13 +63,14 @@ function gauge(target, value, error, word) {
   drawing.append(
     line(low, high, 31, "axis"),
     make("rect", { x: x(target.low), width: bandWidth, y: 14, height: 34, class: "band" }),
-    line(target.value - target.sd, target.value + target.sd, 22, "measured"),
+    line(target.value - target.sd, target.value + target.sd, 22, "single"),
+    line(target.value - target.standardError, target.value + target.standardError, 22, "measured"),
     make("path", { d: `M${x(target.value)} 15l6 7-6 7-6-7z`, class: "measured" }),
     make("text", { x: x(low), y: 61 }, digits(low, 3)),
     make("text", { x: x(high), y: 61, "text-anchor": "end" }, digits(high, 3)),
   );
   if (value !== null && Number.isFinite(value)) {
-    if (error > 0) drawing.append(line(value - 1.96 * error, value + 1.96 * error, 40, "found"));
+    if (error > 0) drawing.append(line(value - error, value + error, 40, "found"));
     drawing.append(make("circle", { cx: clippedX(value), cy: 40, r: 6, class: "found" }));
   }
   drawing.setAttribute(
@@ -173,7 +175,7 @@ function insideText(target, mean, std, isAtAnswer) {
 function drawPredictions({ mean, std }, isAtAnswer) {
   const drawings = content.targets.map((target, k) => {
     const share = shareInside(target.low, target.high, mean[k], std[k]);
-    const value = `${digits(mean[k])} ± ${digits(1.96 * std[k], 2)} ${target.unit}`;
+    const value = `${digits(mean[k])} ± ${digits(std[k], 2)} ${target.unit}`;
     return make(
       "div",
       { class: "prediction" },
