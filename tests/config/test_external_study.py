@@ -6,10 +6,15 @@ import pytest
 import yaml
 
 from repose.calibrate.targets import OWN
+from repose.common import places
 from repose.common.errors import InputError
 from repose.config import dependencies, loader, results_folder
 from repose.config.external import ExternalConfig
-from repose.config.external_check import list_runs, make_trial_run
+from repose.config.external_check import (
+    describe_strategy,
+    list_runs,
+    make_trial_run,
+)
 from repose.config.pipeline import PipelineConfig
 from repose.stages import simulate
 
@@ -149,10 +154,15 @@ def test_a_trial_has_the_seed_of_the_first_run_of_the_design(tmp_path):
     (tmp_path / "toy.py").write_text(PROGRAM_OF_SEEDS)
     command = [sys.executable, str(tmp_path / "toy.py")]
     study = loaded(inputs=True, **simulator(command=command))
-    lines = list(make_trial_run(study, study.simulator))
+    lines = list(make_trial_run(study, study.simulator, 2))
     expected = simulate.seed_of(STUDY["seed"], "design", sample=1, run=1)
     assert lines[0].startswith(f"trial run, seed {expected}, ")
     assert f"angle {expected:.4g} deg" in lines[1]
+    elapsed_s = float(lines[0].split(", ")[2].removesuffix(" s"))
+    # The design has 14 samples of 3 runs, and the check 5 and 2 times 4.
+    assert lines[-1].startswith("55 runs as long as this one: about ")
+    hours = float(lines[-1].split()[8])
+    assert hours == pytest.approx(55 * elapsed_s / 2 / 3600, rel=0.2)
 
 
 def test_records_are_handed_over_as_counted_folders():
@@ -219,10 +229,65 @@ def test_seeds_of_the_added_file_count():
     assert study.settings.design.seed == 9
 
 
-def test_a_faulty_target_of_such_a_study_is_named():
+def test_a_faulty_target_of_such_a_study_is_named_with_its_file():
     targets = [OURS["targets"][0] | {"sd": -1.0}]
-    with pytest.raises(InputError, match=r"targets\.aor_deg\.sd is -1"):
+    with pytest.raises(InputError, match=r"^ours\.yaml: targets\.aor_deg\.sd is -1"):
         layered(OURS | {"targets": targets}, ADDED)
+
+
+def test_missing_keys_have_the_defaults_of_a_study_with_our_simulator():
+    """So a study stays the same when another program makes its runs."""
+    names = ("label", "parameters", "targets", "funnel")
+    ours = {name: OURS[name] for name in names} | {"funnel": {"berries": 150}}
+    study = layered(ours, ADDED)
+    defaults = loader.read(places.find(places.METHOD_CONFIG))
+    assert study.settings.strategy == defaults["strategy"] == "published"
+    assert study.settings.surrogate == defaults["surrogate"]
+    assert study.settings.seeds == defaults["funnel"]["seeds"]
+    assert study.settings.design.seed == defaults["design"]["seed"]
+    assert study.settings.design.samples == defaults["design"]["samples"]
+
+
+def test_a_mistyped_section_of_such_a_study_is_refused():
+    with pytest.raises(InputError, match=r"^ours\.yaml: funel is .* a known key"):
+        layered(OURS | {"funel": {"seeds": 9}}, ADDED)
+
+
+def test_published_sets_are_to_be_deleted_from_the_file_that_names_them():
+    ours = OURS | {"validation": {"published": "table4.csv"}}
+    with pytest.raises(InputError, match=r"^ours\.yaml: .* delete this key$"):
+        layered(ours, ADDED)
+
+
+def test_a_program_without_a_study_says_what_is_missing():
+    for name, content in {"lmp.yaml": ADDED, "t.yaml": {"seeds": 3}}.items():
+        with open(name, "w") as file:
+            yaml.safe_dump(content, file)
+    message = (
+        r"^lmp\.yaml: parameters is null; .*`--configfile config\.yaml lmp\.yaml`$"
+    )
+    with pytest.raises(InputError, match=message):
+        PipelineConfig.load("lmp.yaml", "t.yaml")
+
+
+def test_the_check_names_the_strategy_and_the_keys_that_are_not_read():
+    ours = OURS | {
+        "surrogate": "gaussian_process",
+        "berry": {"density_kg_m3": 1250},
+        "network": {"hidden": 3, "seed": 1},
+    }
+    study = layered(ours, ADDED)
+    assert list(describe_strategy(study, ["ours.yaml", "added.yaml"])) == [
+        "strategy: published, surrogate gaussian_process",
+        "keys: the strategy published does not read network.hidden, network.seed",
+        "keys: LAMMPS makes the runs, so these are not read: berry, funnel (but for "
+        "seeds); the program's own input must agree with them",
+    ]
+    study = loaded(strategy="sequential")
+    lines = list(describe_strategy(study, ["study.yaml"]))
+    assert lines[0] == "strategy: sequential"
+    assert "design.samples" in lines[1]
+    assert len(lines) == 2
 
 
 def test_a_fixed_parameter_may_be_a_number_of_the_deck():

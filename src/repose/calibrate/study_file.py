@@ -37,7 +37,7 @@ from repose.calibrate.targets import Target, Targets, own_response
 from repose.calibrate.uncertainty.settings import PosteriorSettings
 from repose.common import faults, places
 from repose.common.errors import YamlError, raise_together
-from repose.common.keys import get
+from repose.common.keys import Origin, get, owner_of
 from repose.common.reading import read
 from repose.common.section import ABSENT, AUTO, Allowed, Contradictions, Section, refuse
 from repose.common.target_range import range_about
@@ -275,7 +275,7 @@ def complete_configuration(
     content : mapping
         The keys that the user sets.
     source : object, optional
-        File that a fault names.
+        File that a fault names; an Origin has the file of each key.
     model : type of StudyFile, optional
         What the configuration may hold; by default `file_model`.
 
@@ -294,9 +294,10 @@ def complete_configuration(
     from repose.calibrate.strategies import cost
 
     model = model or file_model()
-    config = _add_defaults(content, source, model)
+    origin = source if isinstance(source, Origin) else str(source)
+    config = _add_defaults(content, origin, model)
     config = faults.convert_whole_numbers(config, model)
-    raise_together(faults.check(config, str(source), model).faults)
+    raise_together(faults.check(config, origin, model).faults)
     # Each section with random numbers has the seed of the study.
     for name in SEEDED:
         config[name] = config[name] | {"seed": config["seed"]}
@@ -307,7 +308,8 @@ def complete_configuration(
     # checks the budget, and `noise_sd` may replace repeated runs.
     name = config["strategy"]
     if "constraints" in config and not strategy(name).obeys_constraints:
-        raise YamlError(str(source), "strategy", name, obeying_strategies())
+        file = owner_of(origin, "strategy")
+        raise YamlError(file, "strategy", name, obeying_strategies())
     if name != "sequential":
         section = settings_of(config).of_strategy(name)
         contradictions = cost.contradictions(
@@ -317,14 +319,14 @@ def complete_configuration(
             responses=len(config["targets"]),
         )
         raise_together(
-            YamlError(str(source), key, get(config, key), allowed)
+            YamlError(owner_of(origin, key), key, get(config, key), allowed)
             for key, allowed in contradictions
         )
     return config
 
 
 def _add_defaults(
-    content: Mapping[str, Any], source: object, model: type[StudyFile]
+    content: Mapping[str, Any], source: str | Origin, model: type[StudyFile]
 ) -> dict[str, Any]:
     """Put the keys of the user over the defaults, without checking them.
 
@@ -335,7 +337,7 @@ def _add_defaults(
     ----------
     content : mapping
         The keys that the user sets.
-    source : object
+    source : str or Origin
         Their file, for an error.
     model : type of StudyFile
         It has a field for each section of the result.
@@ -360,7 +362,9 @@ def _add_defaults(
         **content,
     }
     _refuse_unusable_names(config, source)
-    config["targets"] = expand_own_profiles(config.get("targets"), source)
+    config["targets"] = expand_own_profiles(
+        config.get("targets"), owner_of(source, "targets")
+    )
     # Shorten the two sections. A budget in pours is one in runs here.
     defaults["sequential"] = {
         "start_samples": sequential["start_samples"],
@@ -398,7 +402,7 @@ def _find_runs_of_a_sample(content: Mapping[str, Any], otherwise: int) -> int:
     return otherwise
 
 
-def _refuse_unusable_names(config: Mapping[str, Any], source: object) -> None:
+def _refuse_unusable_names(config: Mapping[str, Any], source: str | Origin) -> None:
     """Refuse names of parameters and targets that no table could have.
 
     YAML reads an unquoted number or date as such. A name that begins with # would begin
@@ -408,7 +412,7 @@ def _refuse_unusable_names(config: Mapping[str, Any], source: object) -> None:
     ----------
     config : mapping
         The configuration, unchecked.
-    source : object
+    source : str or Origin
         Its file, for the errors.
 
     Raises
@@ -421,15 +425,16 @@ def _refuse_unusable_names(config: Mapping[str, Any], source: object) -> None:
         entries = config.get(section)
         if not isinstance(entries, Mapping):
             continue
+        file = owner_of(source, section)
         for name in entries:
             if not isinstance(name, str):
                 allowed = "text as each name; put it in quotes"
-                errors.append(YamlError(str(source), section, name, allowed))
+                errors.append(YamlError(file, section, name, allowed))
             elif name.startswith("#"):
                 allowed = (
                     "names that do not begin with #, which begins a comment in tables"
                 )
-                errors.append(YamlError(str(source), section, name, allowed))
+                errors.append(YamlError(file, section, name, allowed))
     raise_together(errors)
 
 

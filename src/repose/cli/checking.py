@@ -139,6 +139,7 @@ def _describe_external_study(
     from repose.config import check, external_check
 
     _print_lines(external_check.describe_program(study, simulator))
+    _print_lines(external_check.describe_strategy(study, args.config))
     _print_lines(check.warn_of_few_measurements(study))
     runs = external_check.list_runs(study.settings)
     _print_pours(runs)
@@ -151,7 +152,7 @@ def _describe_external_study(
         "time limit"
     )
     if args.makes_run:
-        _print_lines(external_check.make_trial_run(study, simulator))
+        _print_lines(external_check.make_trial_run(study, simulator, args.cores))
 
 
 def _print_computed(files: list[str], study: PipelineConfig) -> None:
@@ -191,9 +192,9 @@ def _print_pours(pours: "Pours") -> None:
     pours : sequence of (str, int, int)
         Purpose, number of parameter sets, and seeds of each set.
     """
-    print(f"{'runs':>14} {'parameter sets':>15} {'seeds':>6} {'pours':>6}")
+    print(f"{'stage':>15} {'parameter sets':>15} {'runs each':>10} {'runs':>6}")
     for purpose, n_sets, n_seeds in pours:
-        print(f"{purpose:>14} {n_sets:>15} {n_seeds:>6} {n_sets * n_seeds:>6}")
+        print(f"{purpose:>15} {n_sets:>15} {n_seeds:>10} {n_sets * n_seeds:>6}")
 
 
 @verb(
@@ -211,7 +212,7 @@ def plan(args: argparse.Namespace, study: PipelineConfig) -> None:
     example: --config config/fast.yaml
     """
     from repose.calibrate.strategies import plan as planning
-    from repose.config import check
+    from repose.config import check, external_check
 
     # Earlier runs show the noise. Without any it is assumed.
     runs_csv = args.runs or _find_own_runs(study)
@@ -219,12 +220,21 @@ def plan(args: argparse.Namespace, study: PipelineConfig) -> None:
     if runs_csv is not None:
         runs = planning.read_runs(runs_csv, study.targets)
 
-    _print_lines(check.describe_study(study))
+    if study.simulator is None:
+        _print_lines(check.describe_study(study))
+    else:
+        _print_lines(external_check.describe_strategy(study, args.config))
     result = planning.plan(
         study.parameters, study.targets, study.settings.strategy, runs, runs_csv
     )
     _print_noise(study, result, runs_csv)
     _print_probabilities(result)
+
+    # The time of a run of another program is unknown.
+    if study.simulator is not None:
+        _print_pours(external_check.list_runs(study.settings))
+        print("time: `repose check --try` makes one run, and estimates that of all")
+        return
 
     # Show these lines now: the costs below wait for a timed pour.
     sys.stdout.flush()

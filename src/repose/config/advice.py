@@ -115,11 +115,19 @@ def give_funnel_hints(
 
     # Size the scene for the number of grains that would fill the target pile.
     n_grains = funnel.berries
+    beginning = "ok, the pile is"
     if not filling.fits:
-        n_grains = max(n_grains, count_needed_grains(config, particle.volume_m3))
+        n_needed = count_needed_grains(config, particle.volume_m3)
+        beginning = f"{n_needed} would fill the target pile, which is"
+        n_grains = max(n_grains, n_needed)
     grain_mm = diameter_mm(grain)
     definition = SceneSettings(config).measure_of({}).response
-    yield _describe_number_of_grains(n_grains, height_mm / grain_mm, definition)
+    yield _describe_number_of_grains(
+        n_grains,
+        height=height_mm / grain_mm,
+        definition=definition,
+        beginning=beginning,
+    )
     # Leave out the first line of this advice, since the last hint says the same.
     _, *smaller_scene = scene_size.advice(
         config, grain_mm, height_mm=height_mm, poured=n_grains
@@ -127,7 +135,9 @@ def give_funnel_hints(
     yield from smaller_scene
 
 
-def _describe_number_of_grains(n_grains: int, height: float, definition: str) -> str:
+def _describe_number_of_grains(
+    n_grains: int, height: float, definition: str, beginning: str
+) -> str:
     """Describe how the angle of a pile depends on the number of its grains.
 
     Parameters
@@ -138,6 +148,8 @@ def _describe_number_of_grains(n_grains: int, height: float, definition: str) ->
         Its height in diameters of a grain.
     definition : str
         Definition of the angle.
+    beginning : str
+        Whether the number suits the target pile; the height follows.
 
     Returns
     -------
@@ -155,7 +167,7 @@ def _describe_number_of_grains(n_grains: int, height: float, definition: str) ->
     ).angle_deg
     direction = "lower" if change_deg < 0 else "raise"
     text = (
-        f"grains: ok, the pile is {rounded(height, 2)} grains high; {n_tabulated // 2} "
+        f"grains: {beginning} {rounded(height, 2)} grains high; {n_tabulated // 2} "
         f"in place of {n_tabulated} would {direction} the {tabulated_angle} angle by "
         f"{abs(change_deg):.1f} deg"
     )
@@ -313,10 +325,16 @@ def compare_volumes(config: Config, grain_m3: float) -> Filling:
 
     # Compare volumes only. `repose.bench.reach` checks the angle against the height.
     cone_m3 = _compute_cone_volume_m3(height_mm, angle_deg)
-    return Filling(
+    sentence = (
         f"{poured_text}; the cone of {angle_deg:g} deg and {height_mm:g} mm Height holds "
-        f"{_format_volume(cone_m3)}",
-        fits=1 / VOLUME_FACTOR <= volume_m3 / cone_m3 <= VOLUME_FACTOR,
+        f"{_format_volume(cone_m3)}"
+    )
+    if 1 / VOLUME_FACTOR <= volume_m3 / cone_m3 <= VOLUME_FACTOR:
+        return Filling(sentence, fits=True)
+    return Filling(
+        f"WARNING: {sentence}, {rounded(cone_m3 / volume_m3, 2)} times as much; count the "
+        "grains, and check the scale of the photographs",
+        fits=False,
     )
 
 

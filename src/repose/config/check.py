@@ -47,7 +47,13 @@ FAR_FROM_TRIALS = 0.5
 # A time step that could be longer by this factor is worth a hint.
 MUCH_LONGER = 1.5
 # Widths of the columns in the table of costs.
-COST_COLUMNS = {"strategy": 18, "pours": 12, "core-minutes": 13, "disk": 8}
+COST_COLUMNS = {
+    "strategy": 18,
+    "pours to learn": 15,
+    "to check": 9,
+    "core-minutes": 13,
+    "disk": 8,
+}
 
 ShowMessage = Callable[[str], AbstractContextManager[None]]
 
@@ -500,8 +506,8 @@ def tabulate_costs(
     for name, reason in misfits.items():
         yield f"{name}: {reason}"
     yield (
-        "* as configured; + the check of the answer; response_surface: at most; "
-        "minutes: as measured now"
+        "*: the configured strategy; response_surface: at most so many; minutes: as fast "
+        "as this machine is now"
     )
 
 
@@ -528,18 +534,20 @@ def _format_cost_row(
         The row. A star marks the strategy that the study uses.
     """
     work = cost.estimate_work(study.config, grain_step_s, pours)
-    run_counts = [sets * seeds for _, sets, seeds in work["pours"]]
-    pours_text = str(sum(run_counts))
-    if name == "sequential":
-        # Other lines of the output count the budget without the check.
-        budget, n_checks = run_counts
-        pours_text = f"{budget} + {n_checks}"
+    n_learned = 0
+    n_checked = 0
+    for purpose, n_sets, n_seeds in work["pours"]:
+        if purpose in cost.CHECKS:
+            n_checked += n_sets * n_seeds
+        else:
+            n_learned += n_sets * n_seeds
     minutes = work["total_s"] / 60
-    disk_mb = cost.disk_mb(study.settings, sum(run_counts))
+    disk_mb = cost.disk_mb(study.settings, n_learned + n_checked)
     return _align_costs(
         {
             "strategy": f"*{name}" if name == study.settings.strategy else name,
-            "pours": pours_text,
+            "pours to learn": str(n_learned),
+            "to check": str(n_checked),
             "core-minutes": rounded(minutes, 3),
             "disk": f"{rounded(disk_mb, 3)} MB",
         }

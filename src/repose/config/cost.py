@@ -35,6 +35,8 @@ REPEATS = 3
 BYTES_A_GRAIN = 62  # of a saved run, measured
 # Keys with the number of runs of a parameter set end with one of these.
 SEEDS = ("seeds", "checks")
+# Purposes of the runs that check an answer; all other runs look for it.
+CHECKS = ("answer", "other solutions", "check")
 # The runs of a study: purpose, number of parameter sets, seeds of each parameter set.
 Pours = Sequence[tuple[str, int, int]]
 
@@ -272,8 +274,8 @@ def _list_article_pours(settings: StudySettings) -> Pours:
     validation = settings.validation
     return (
         ("design", settings.design.samples, settings.design_seeds("funnel")),
-        ("representative", 1, validation.representative_seeds),
-        ("validation", validation.solutions, validation.seeds),
+        ("answer", 1, validation.representative_seeds),
+        ("other solutions", validation.solutions, validation.seeds),
     )
 
 

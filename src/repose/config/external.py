@@ -23,7 +23,7 @@ from repose.calibrate.study_file import (
 )
 from repose.calibrate.targets import OWN, Targets
 from repose.calibrate.uncertainty.settings import SensitivitySettings
-from repose.common import provenance
+from repose.common import places, provenance
 from repose.common.errors import InputError, YamlError, raise_together
 from repose.common.files import Path_
 from repose.common.keys import Origin, get
@@ -35,6 +35,7 @@ from repose.config.models import (
     Label,
     ResultsFolder,
     StudySettings,
+    settings_type,
     targets_of,
 )
 from repose.config.pipeline import PipelineConfig
@@ -47,6 +48,8 @@ if TYPE_CHECKING:
 
 # Sections that were checked with bounds of their own.
 WITH_OTHER_BOUNDS = ("sequential", "posterior")
+# Keys at the top of the short form, and where a study with our simulator has them.
+OLD_KEYS = {"seeds": "funnel.seeds", "seed": "design.seed"}
 # Keys of the file that are read as they are.
 AS_GIVEN = (
     "label",
@@ -93,7 +96,9 @@ class ExternalFile(StudyFile):
         """Refuse published sets: they are of the parameters of our simulator."""
         for key in ("published", "published_simulated"):
             if getattr(section, key) is not None:
-                words = "null: published sets are of the contact parameters of repose"
+                words = (
+                    "null: another simulator pours no published sets; delete this key"
+                )
                 refuse([(key, words)])
         return section
 
@@ -135,10 +140,13 @@ class ExternalConfig(PipelineConfig):
         InputError
             With all faults.
         """
+        _require_whole_study(layered)
+
         # Check the short form, and complete it by defaults.
-        source = layered.origin.default
-        short_form = _convert_to_short_form(layered.config)
-        complete = complete_configuration(short_form, source, make_file_model())
+        short_form = convert_to_short_form(layered)
+        complete = complete_configuration(
+            short_form.config, short_form.origin, make_file_model()
+        )
 
         study = cls(_convert_to_resolved_form(complete), layered.origin)
         if inputs:
@@ -269,29 +277,50 @@ def make_file_model() -> type[StudyFile]:
     return create_model("ExternalConfiguration", __base__=ExternalFile, **sections)
 
 
-def _convert_to_short_form(content: Mapping[str, Any]) -> Mapping[str, Any]:
+def _require_whole_study(layered: loader.Layered) -> None:
+    """Refuse a section `simulator` that stands alone, without the study around it.
+
+    Other files are read over the configuration of the working folder. A file with this
+    section is not, as a study of another program needs none of our grain.
+    """
+    if "parameters" in layered.config:
+        return
+    file = layered.origin.find_owner("simulator")
+    words = (
+        "a section with a range for each parameter; a file with a section simulator is "
+        "a whole study by itself, or stands after the file of one, as in "
+        f"`--configfile config.yaml {file}`"
+    )
+    raise YamlError(file, "parameters", None, words)
+
+
+def convert_to_short_form(layered: loader.Layered) -> loader.Layered:
     """Turn a study with our simulator, to which a program was added, into the short form.
 
     Its targets are a list. The short form has them by name, and the number of runs and
     the seed of the study at its top. Sections that only our simulator reads are left
-    out.
+    out. Keys that the files lack have the defaults of a study with our simulator.
 
     Parameters
     ----------
-    content : mapping
-        The values of the files, which were not checked. It is not changed.
+    layered : Layered
+        The values of the files, which were not checked. They are not changed.
 
     Returns
     -------
-    mapping
-        The short form, or `content` itself if it has this form already.
+    Layered
+        The short form, or `layered` itself if it has this form already.
     """
     # Only a study with our simulator has a list.
+    content = layered.config
     targets = content.get("targets")
     if not isinstance(targets, list):
-        return content
-    known_keys = make_file_model().model_fields
-    short = {name: value for name, value in content.items() if name in known_keys}
+        return layered
+
+    # Leave out the sections of our simulator. A mistyped key stays, and is refused later.
+    dropped = set(settings_type().model_fields) - set(make_file_model().model_fields)
+    short = {name: value for name, value in content.items() if name not in dropped}
+    origin = dict(layered.origin.origin)
 
     # Put the targets by name. A response of our bench tests has a unit, which the user
     # need not give. A faulty entry is refused later.
@@ -306,13 +335,64 @@ def _convert_to_short_form(content: Mapping[str, Any]) -> Mapping[str, Any]:
         keys = {key: entry[key] for key in OwnTarget.model_fields if key in entry}
         unit = {} if response is None or not response.unit else {"unit": response.unit}
         short["targets"][name] = unit | keys
+        for key in keys:
+            origin[f"targets.{name}.{key}"] = layered.origin.of("targets")
+
+    # Both forms have these keys, and different defaults.
+    defaults = loader.read(places.find(places.METHOD_CONFIG))
+    for key in ("strategy", "surrogate"):
+        short.setdefault(key, defaults[key])
 
     # Move the number of runs and the seed to the top.
-    for key, old_key in {"seeds": "funnel.seeds", "seed": "design.seed"}.items():
+    for key, old_key in OLD_KEYS.items():
         value = get(content, old_key)
         if key not in content and value is not None:
             short[key] = value
-    return short
+            origin[key] = layered.origin.of(old_key)
+    short.setdefault("seed", defaults["design"]["seed"])
+    if _has_bench_test_seeds(short["strategy"]):
+        short.setdefault("seeds", defaults["funnel"]["seeds"])
+    if isinstance(content.get("design"), Mapping):
+        design = dict(content["design"])
+        design.pop("seed", None)
+        short["design"] = design
+    return loader.Layered(short, Origin(origin, layered.origin.default))
+
+
+def _has_bench_test_seeds(name: object) -> bool:
+    """Tell whether a strategy makes as many runs of a sample as the bench test says."""
+    return name in names() and strategy(str(name)).seeds_key is None
+
+
+def list_unread_sections(content: Mapping[str, Any]) -> list[str]:
+    """List the sections of a study with our simulator that another program cannot read.
+
+    Parameters
+    ----------
+    content : mapping
+        The values of its files.
+
+    Returns
+    -------
+    list of str
+        Names of sections and keys, in the order of the files; a section of which one key
+        is read has a note.
+    """
+    known_names = make_file_model().model_fields
+    unread = []
+    for name, value in content.items():
+        if name in known_names:
+            continue
+        keys_read = [
+            old_key.removeprefix(f"{name}.")
+            for old_key in OLD_KEYS.values()
+            if get(content, old_key) is not None and old_key.startswith(f"{name}.")
+        ]
+        if not keys_read:
+            unread.append(name)
+        elif len(keys_read) < len(value):
+            unread.append(f"{name} (but for {', '.join(keys_read)})")
+    return unread
 
 
 def _map_sections_to_models() -> dict[str, type[Section]]:

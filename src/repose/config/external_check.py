@@ -3,16 +3,20 @@
 import shlex
 import tempfile
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from repose.calibrate.parameter_types import wide_ranges
 from repose.calibrate.strategies import strategy
+from repose.calibrate.study_file import unread_keys
 from repose.common.errors import InputError
+from repose.common.files import Path_
 from repose.common.numbers import rounded
 from repose.common.statuses import describe_failure
+from repose.config import loader
 from repose.config.cost import Pours, strategy_pours
+from repose.config.external import convert_to_short_form, list_unread_sections
 from repose.config.models import StudySettings
 from repose.config.pipeline import PipelineConfig
 from repose.stages import simulate, simulated
@@ -48,7 +52,11 @@ def describe_program(
         used_names = simulate.names_in_deck(simulator)
         for name, value in study.parameters.fixed.items():
             if name not in used_names:
-                yield f"{name} is fixed at {value:g}; the deck must hold this number"
+                yield (
+                    f"{name} is fixed at {value:g}, and no name in the deck; the deck "
+                    "must hold the number that its program needs for it, as that of "
+                    "`repose export` does"
+                )
 
     for sentence in wide_ranges(study.config["parameters"]):
         yield f"ranges: WARNING: {sentence}"
@@ -58,6 +66,41 @@ def describe_program(
         f"a run: cores {simulator.cores}, memory {simulator.memory_mb} MB, at most "
         f"{simulator.time_limit_s:g} s"
     )
+
+
+def describe_strategy(study: PipelineConfig, files: Sequence[Path_]) -> Iterator[str]:
+    """Describe the strategy of a study, and the keys of its files that are not read.
+
+    Parameters
+    ----------
+    study : PipelineConfig
+        The study.
+    files : sequence of path
+        Its files.
+
+    Yields
+    ------
+    str
+        A line of text.
+    """
+    assert study.simulator is not None
+    name = study.settings.strategy
+    surrogate = ""
+    if strategy(name).begins_with_design:
+        surrogate = f", surrogate {study.settings.surrogate}"
+    yield f"strategy: {name}{surrogate}"
+
+    layered = loader.read_given(files)
+    short_form = convert_to_short_form(layered).config
+    keys = unread_keys({**short_form, "simulator": study.simulator.name})
+    if keys:
+        yield f"keys: the strategy {name} does not read {', '.join(keys)}"
+    sections = list_unread_sections(layered.config)
+    if sections:
+        yield (
+            f"keys: {study.simulator.name} makes the runs, so these are not read: "
+            f"{', '.join(sections)}; the program's own input must agree with them"
+        )
 
 
 def list_runs(settings: StudySettings) -> Pours:
@@ -85,7 +128,7 @@ def list_runs(settings: StudySettings) -> Pours:
 
 
 def make_trial_run(
-    study: PipelineConfig, simulator: SimulatorSettings
+    study: PipelineConfig, simulator: SimulatorSettings, cores: int
 ) -> Iterator[str]:
     """Make one run at the centre of the ranges, and describe its responses.
 
@@ -95,6 +138,8 @@ def make_trial_run(
         The study.
     simulator : SimulatorSettings
         Its section `simulator`.
+    cores : int
+        Cores of the study, for its time.
 
     Yields
     ------
@@ -148,3 +193,10 @@ def make_trial_run(
             f"{target.value:g}{unit}, {rounded(target.low)} to {rounded(target.high)}"
         )
     yield f"its files: {folder / '1'}"
+
+    # Estimate the time of the study from that of this run.
+    n_runs = sum(n_sets * n_seeds for _, n_sets, n_seeds in list_runs(study.settings))
+    hours = n_runs * elapsed_s * simulator.cores / cores / 3600
+    yield (
+        f"{n_runs} runs as long as this one: about {rounded(hours, 2)} h on {cores} cores"
+    )

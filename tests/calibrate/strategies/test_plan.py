@@ -174,24 +174,22 @@ def test_the_configured_strategy_is_in_the_table_and_no_pour_is_timed_before_the
         sorted(set(campaigns(1)["pours"])),
     )
     sets = (
-        section["screening_runs"]
-        + section["steps"]
-        + 1
-        + 24
-        + 2 * section["centres"]
-        + section["checks"]
+        section["screening_runs"] + section["steps"] + 1 + 24 + 2 * section["centres"]
     )
+    design, *checks = (
+        sets * seeds for _, sets, seeds in cost.estimate_work(config)["pours"]
+    )
+    sequential = config["sequential"]["checks"]
+    # Pours to learn from and pours to check the answer, for each row of the strategy
     pours = {
-        "response_surface": [sets * section["seeds"]],
-        "sequential": budgets,
+        "response_surface": [
+            (sets * section["seeds"], section["checks"] * section["seeds"])
+        ],
+        "sequential": [(budget, sequential) for budget in budgets],
+        "published": [(design, sum(checks))],
     }
-    pours |= {
-        "published": [
-            sum(sets * seeds for _, sets, seeds in cost.estimate_work(config)["pours"])
-        ]
-    }
-    assert [int(row[1]) for row in marked] == pours[strategy]
-    assert lines[-1].startswith("* as configured")
+    assert [(int(row[1]), int(row[2])) for row in marked] == pours[strategy]
+    assert lines[-1].startswith("*: the configured strategy")
     # The table of probabilities is only for the strategy that the campaigns followed.
     case = (
         "strategy sequential, 6 free parameters, 1 or 2 targets, a scatter of 1 to 10 %"
