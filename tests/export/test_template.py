@@ -12,7 +12,7 @@ from repose.cli import main
 from repose.common.errors import InputError
 from repose.config.pipeline import PipelineConfig
 from repose.export.template import NUMBER, template_of, write_template
-from repose.stages.simulate import fill
+from repose.stages.simulate import fill, seed_of
 
 EXAMPLE = ROOT / "examples" / "lammps_pile"
 EXAMPLE_OF_LIGGGHTS = ROOT / "examples" / "liggghts_pile"
@@ -113,16 +113,38 @@ def test_the_decks_of_the_examples_are_what_export_writes(
         assert (tmp_path / name).read_text() == (folder / name).read_text()
 
 
+def test_a_template_needs_no_values_and_a_deck_does(tmp_path, monkeypatch, capsys):
+    """The numbers of a template are names, except those at the centre of a range."""
+    monkeypatch.chdir(ROOT)
+    words = ["export", "--to", "lammps", "--configfile", str(EXAMPLE / "pile.yaml")]
+    words += ["--out", str(tmp_path)]
+    assert main([*words, "--names", "mus_gg", "mur_gg"]) == 0
+    template = (tmp_path / "in.pour.j2").read_text()
+    assert template == (EXAMPLE / "in.pour.j2").read_text()
+    capsys.readouterr()
+    assert main(words) == 2
+    assert capsys.readouterr().err == (
+        "repose: error: command line: --card is None; expected the card of a finished "
+        "study, or parameters by --set or --samples\n"
+    )
+
+
 def test_each_run_of_liggghts_has_a_prime_as_its_seed():
     """LIGGGHTS refuses other seeds, and those up to 10,000."""
     study = yaml.safe_load((EXAMPLE_OF_LIGGGHTS / "liggghts.yaml").read_text())
     seed_template = study["simulator"]["command"][-1]
-    seeds = set()
-    for sample in range(1, 31):
-        for run in range(1, 9):
-            numbers = {"sample": sample, "run": run}
-            seeds.add(int(fill(seed_template, numbers, "liggghts.yaml")))
-    assert len(seeds) == 48
-    for seed in seeds:
-        assert seed > 10_000
-        assert all(seed % divisor for divisor in range(2, math.isqrt(seed) + 1))
+    primes = []
+    for purpose in ("design", "validation"):
+        for sample in range(1, 31):
+            for run in range(1, 9):
+                seed = seed_of(1, purpose, sample=sample, run=run)
+                prime = int(fill(seed_template, {"seed": seed}, "liggghts.yaml"))
+                assert 0 <= prime - seed < 1000
+                primes.append(prime)
+    # Neither the runs of a sample nor those of the check repeat a seed.
+    assert len(set(primes)) == len(primes)
+    small = fill(seed_template, {"seed": 5}, "liggghts.yaml")
+    assert int(small) == 10_007, "the first prime above 10,000"
+    for prime in primes:
+        assert prime > 10_000
+        assert all(prime % divisor for divisor in range(2, math.isqrt(prime) + 1))

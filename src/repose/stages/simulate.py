@@ -15,6 +15,7 @@ import sys
 import traceback
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from math import isqrt
 from pathlib import Path
 from types import FrameType
 from typing import Any, NamedTuple
@@ -37,6 +38,7 @@ ABOUT = ".run.json"  # in the folder of a good run: the hash of its inputs
 NAMES = ("sample", "run", "seed", "cores")
 # The name of a template in the tracebacks of Jinja2.
 TEMPLATE = "<template>"
+SMALLEST_PRIME_SEED = 10_007
 TEMPLATE_ENDINGS = (".j2", ".jinja", ".jinja2")
 # Seeds are at most this: LAMMPS takes none above 900 million.
 MOST_SEED = 899_999_999
@@ -66,9 +68,19 @@ def _make_environment() -> Environment:
     run is made again only if its own template has changed.
     """
     # A deck is no HTML, so nothing in it is escaped.
-    return SandboxedEnvironment(
+    environment = SandboxedEnvironment(
         undefined=StrictUndefined, keep_trailing_newline=True, loader=DictLoader({})
     )
+    environment.filters["prime"] = find_prime
+    return environment
+
+
+def find_prime(seed: int) -> int:
+    """Find the first prime from a seed on, above 10,000: LIGGGHTS takes no other seed."""
+    candidate = max(seed, SMALLEST_PRIME_SEED)
+    while any(candidate % factor == 0 for factor in range(2, isqrt(candidate) + 1)):
+        candidate += 1
+    return candidate
 
 
 def fill(text: str, values: Mapping[str, Any], source: object) -> str:
