@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 import yaml
 from refusals import input_error
-from shared import run_python
+from shared import ROOT, run_python
 
 from repose.common import places
 from repose.common.reading import read
@@ -91,6 +91,15 @@ def test_an_empty_folder_names_every_number_that_is_missing(folder, refused):
         assert f"config.yaml: {key} is null; {moduli}" in output
     assert "sizes.csv: rows is 0; expected at least 2 berries" in output
     assert not re.search("None|method.yaml", output)
+
+
+def test_photographs_of_a_folder_without_sizes_ask_for_the_size_of_a_grain(
+    folder, command
+):
+    picture = ROOT / "docs/figures/tutorial/photograph.jpg"
+    fault = command("measure", picture, status=2).err
+    assert "sizes.csv: rows is 0; " in fault
+    assert fault.endswith("; or give the size of a grain by --grain-mm\n")
 
 
 @pytest.mark.parametrize("key", ["poisson_ratio", "shear_modulus_pa"])

@@ -102,14 +102,24 @@ def export(args: argparse.Namespace) -> None:
 
 
 def _require_one_parameter_option(args: argparse.Namespace) -> None:
-    """Refuse an export without, or with several, options that give the parameters."""
+    """Refuse an export without, or with several, options that give the parameters.
+
+    A template may do without: its parameters are names, and the others take the centre
+    of their range.
+    """
     has_card = args.card is not None
     has_values = bool(args.set) or args.samples is not None
     require_option(
-        has_card != has_values,
-        "export",
+        not (has_card and has_values),
+        "--card",
         args.card,
-        "one source of the parameters: --card, --set or --samples",
+        "no --set and no --samples beside it, which give the parameters too",
+    )
+    require_option(
+        has_card or has_values or args.names,
+        "--card",
+        args.card,
+        "the card of a finished study, or parameters by --set or --samples",
     )
 
 

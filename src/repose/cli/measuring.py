@@ -719,7 +719,12 @@ def _make_measure_settings(args: argparse.Namespace) -> "MeasureSettings":
     if args.grain_mm is not None:
         return settings.model_copy(update={"berry_height_mm": args.grain_mm})
     if settings.berry_height_mm is None and sizes_csv is not None:
-        return settings.for_grain(mean_axes(read_sizes(sizes_csv), keeps_volume))
+        try:
+            sizes = read_sizes(sizes_csv)
+        except InputError as error:
+            allowed = f"{error.allowed}; or give the size of a grain by --grain-mm"
+            raise InputError(error.source, error.key, error.value, allowed) from None
+        return settings.for_grain(mean_axes(sizes, keeps_volume))
     return settings
 
 

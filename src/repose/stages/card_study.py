@@ -51,6 +51,8 @@ DEFAULT_GRAVITY_M_S2 = 9.81
 REST_ENERGY_J = 1.0e-9
 # The engine shortens the time step of a deck to the longest that is stable.
 ANY_TIME_STEP_S = 1.0e-2
+# Of the sizes, as a share of their mean; rounding errors are smaller.
+SMALLEST_SPREAD = 1e-9
 
 
 class CardTarget(Protocol):
@@ -463,9 +465,11 @@ def _describe_grain(
     half_axes_mm = [
         [_round_to_six_digits(1e3 * x) for x in row] for row in particle.semi_axes_m
     ]
+    # Equal rows of sizes are one mean, written several times.
+    has_equal_sizes = grain["scale_sd"] < SMALLEST_SPREAD
     return {
         "mean_axes_mm": [grain[key] for key in SIZE_COLUMNS],
-        "measured": int(grain["n"]),
+        "measured": 1 if has_equal_sizes else int(grain["n"]),
         "relative_spread": 0.0 if is_alike else float(grain["scale_sd"]),
         **{key: grain[key] for key in GRAIN},
         "shape": particle.kind,

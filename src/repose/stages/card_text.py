@@ -118,11 +118,13 @@ def _describe_subject(card: Card) -> Iterator[str]:
 
     grain = card["grain"]
     axes = " x ".join(rounded(axis) for axis in grain["mean_axes_mm"])
-    spread = ""
+    sizes = f"mean of {grain['measured']}"
+    if grain["measured"] == 1:
+        sizes = "mean axes only"
     if grain["relative_spread"]:
-        spread = f", spread {rounded(100 * grain['relative_spread'], 2)} %"
+        sizes += f", spread {rounded(100 * grain['relative_spread'], 2)} %"
     yield (
-        f"grain: {axes} mm (mean of {grain['measured']}{spread}), {grain['shape']}, "
+        f"grain: {axes} mm ({sizes}), {grain['shape']}, "
         f"{rounded(grain['volume_mm3'])} mm3, {rounded(grain['mass_g'])} g"
     )
     yield f"  density {rounded(grain['density_kg_m3'])} kg/m3, {_format_moduli(grain)}"
@@ -175,7 +177,7 @@ def _describe_test(test: Card) -> Iterator[str]:
         optimism = f" ({check.expected_optimism})" if check.expected_optimism else ""
         yield (
             f"  predicted {rounded(check.predicted)}{optimism}, {check.error_percent:.1f} % "
-            "off the simulated (the article's solutions: below 5 %)"
+            "off the simulated"
         )
 
     definition = test["definition"]
