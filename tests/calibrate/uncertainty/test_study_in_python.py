@@ -18,18 +18,22 @@ from repose.common.errors import InputError
 from repose.report.figures import own as figures_own
 from repose.report.page import own as page_own
 
+pytestmark = pytest.mark.usefixtures("short_searches")
 QUICK = {
     "posterior": {"walkers": 32, "steps": 100},
     "sequential": {"start_samples": 8, "tolerance_percent": 5.0},
 }
 
 
-def make_study(file=None, **keys):
+def make_study(file=None, most_runs=None, **keys):
+    sections = dict(QUICK)
+    if most_runs is not None:
+        sections["sequential"] = QUICK["sequential"] | {"most_runs": most_runs}
     return Study(
         {"a": (0.0, 1.0), "b": (0.0, 1.0)},
         {"y": (1.0, 0.05), "z": (0.5, 0.05)},
         file=file,
-        **QUICK,
+        **sections,
         **keys,
     )
 
@@ -214,11 +218,11 @@ def test_the_verb_adds_rows_of_several_processes(tmp_path):
         pd.DataFrame(np.random.default_rng(1).random((24, 2)), columns=["a", "b"])
     )
     parts = []
-    for k in range(8):
+    for k in range(4):
         parts.append(tmp_path / f"{k}.csv")
-        rows[3 * k : 3 * k + 3].to_csv(parts[-1], index=False)
+        rows[6 * k : 6 * k + 6].to_csv(parts[-1], index=False)
     with ProcessPoolExecutor(2) as pool:
-        list(pool.map(add_part, parts, [tmp_path / "record.csv"] * 8))
+        list(pool.map(add_part, parts, [tmp_path / "record.csv"] * 4))
     found = pd.read_csv(tmp_path / "record.csv").sort_values("a", ignore_index=True)
     np.testing.assert_allclose(found[["a", "b"]], rows.sort_values("a")[["a", "b"]])
 
@@ -364,7 +368,9 @@ def test_what_is_wrong_is_told_by_its_name(tmp_path):
         ),
         (lambda: make_study().calibrate(3), "a function of a row"),
         (
-            lambda: make_study().calibrate(lambda row: {"y": math.nan, "z": 1.0}),
+            lambda: make_study(most_runs=32).calibrate(
+                lambda row: {"y": math.nan, "z": 1.0}
+            ),
             "samples with a good run is 0; .* not fail",
         ),
         (
@@ -372,7 +378,7 @@ def test_what_is_wrong_is_told_by_its_name(tmp_path):
             r"simulate is \[3.0.*a mapping with y, z",
         ),
         (
-            lambda: make_study().calibrate(lambda row: None),
+            lambda: make_study(most_runs=32).calibrate(lambda row: None),
             "samples with a good run is 0; .* not fail",
         ),
     ]
