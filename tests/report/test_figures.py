@@ -26,6 +26,7 @@ from repose.report.figures import (
     checks,
     outline,
     plane,
+    posterior,
     rotation,
     samples,
     search,
@@ -309,8 +310,20 @@ def test_the_accuracy_of_a_surrogate_stands_beside_that_of_a_perfect_model(tmp_p
     # errors: R2 = 1 - 4 * 0.25 / 20, and for the height 1 - 4 * 2.25 / 20
     says(
         drawn_texts(surrogate.predicted_against_simulated, files),
-        "test: R² 0.80, RMSE 1.00 deg\nperfect model, 4 sets: R² 0.95, RMSE 0.50 deg",
-        "test: R² 0.80, RMSE 1.00 mm\nperfect model, 4 sets: R² 0.55, RMSE 1.50 mm",
+        "test, 4 sets: R² 0.80, RMSE 1.00 deg\n"
+        "a perfect model on them: R² 0.95, RMSE 0.50 deg",
+        "test, 4 sets: R² 0.80, RMSE 1.00 mm\n"
+        "a perfect model on them: R² 0.55, RMSE 1.50 mm",
+    )
+    # Two training samples with other values change the noise, but not the test samples:
+    # the mean square of the errors is (4 * 0.25 + 2 * 1) / 6 = 0.5.
+    more = predictions.iloc[:2].assign(sample=[4, 5], split="train", aor_deg=20.0)
+    pd.concat([predictions, more]).to_csv(files["predictions"], index=False)
+    noisier = pd.DataFrame({"sample": [4, 5], "aor_se_deg": 1.0, "height_se_mm": 1.5})
+    pd.concat([dataset, noisier]).to_csv(files["dataset"])
+    says(
+        drawn_texts(surrogate.predicted_against_simulated, files),
+        "a perfect model on them: R² 0.90, RMSE 0.71 deg",
     )
 
 
@@ -327,6 +340,43 @@ def test_errors_of_the_validation_are_percent_of_the_simulated_value(tmp_path):
     text = drawn_texts(checks.validation, {"table4": table4})
     assert "| 10.0 % |" in text
     assert "published" not in text
+
+
+def test_percentages_of_the_validation_stand_below_the_error_bars(tmp_path):
+    row = {
+        "solution": 5,
+        "aor_predicted_deg": 33.0,
+        "height_predicted_mm": 63.0,
+        "aor_simulated_deg": 32.0,
+        "aor_se_deg": 1.5,
+        "height_simulated_mm": 70.0,
+        "height_se_mm": 2.0,
+    }
+    table4 = tmp_path / "table4.csv"
+    pd.DataFrame([row]).to_csv(table4, index=False)
+    with style.applied():
+        figure = checks.validation({"table4": table4}, StudyView(CONFIG))
+    places = [
+        text.xy[1]
+        for panel in figure.axes
+        for text in panel.texts
+        if text.get_text().endswith(" %")
+    ]
+    # the angle's bar ends below its prediction, the height's bar above it
+    assert places == [30.5, 63.0]
+
+
+def test_credible_intervals_show_the_answer(inputs):
+    files = {key: inputs[key] for key in ("posterior", "feasible")}
+    solutions = pd.read_csv(files["feasible"])
+    (answer,) = solutions[solutions["representative"]].to_dict("records")
+    with style.applied():
+        figure = posterior.intervals(files, study := StudyView(CONFIG))
+    diamonds = [line for line in figure.axes[0].lines if line.get_marker() == "D"]
+    names = pd.read_csv(files["posterior"])["parameter"]
+    for name, diamond in zip(names, diamonds, strict=True):
+        expected = study.parameters.shares(name, answer[name])
+        assert diamond.get_xdata()[0] == pytest.approx(expected)
 
 
 def test_a_posterior_says_what_is_wrong_with_it(drawn):
@@ -482,7 +532,7 @@ def test_predicted_and_simulated_responses_have_equal_axes(fresh, inputs, drawn)
         assert panel.get_xticks().tolist() == panel.get_yticks().tolist()
     text = texts_of(figure)
     assert ("new points: R²" in text) is fresh
-    assert text.count("perfect model, ") == (1 + fresh) * len(figure.axes)
+    assert text.count("a perfect model on them: ") == (1 + fresh) * len(figure.axes)
 
 
 def test_the_error_of_the_surrogate_is_drawn_in_units_of_the_objective(
@@ -556,6 +606,13 @@ def test_the_outline_has_the_measured_height_and_slope_at_one_scale(drawn):
         (x0, x1), (z0, z1) = line.get_data()
         slope = (z1 - z0) / abs(x1 - x0)
         assert np.degrees(np.arctan(slope)) == pytest.approx(measured["aor_deg"])
+    # The simulated height is the mean of the highest points in the views.
+    views = [line for line in panel.lines if line.get_color() == style.SKY]
+    (simulated,) = [
+        line for label, line in lines.items() if label.startswith("simulated height")
+    ]
+    highest_points = [view.get_ydata().max() for view in views]
+    np.testing.assert_allclose(simulated.get_ydata(), np.mean(highest_points))
     # The cone of made-up grains is as high as its outlines.
     mean = lines["simulated pile, mean of the views"]
     views = [line for line in panel.lines if line.get_color() == style.SKY]

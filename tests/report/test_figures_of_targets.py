@@ -76,8 +76,15 @@ def test_the_planes_of_the_targets_show_samples_ranges_and_answer(
     across = measured.lines[2][0].get_segments()[0][:, 0]
     error = first["sd"] / np.sqrt(first["repetitions"])
     np.testing.assert_allclose(across, [first["value"] - error, first["value"] + error])
-    assert ("nearest solutions, none feasible, predicted" in result) is not feasible
-    assert ("feasible solutions, predicted" in result) is feasible
+    infeasible_label = "90 nearest solutions, none feasible, predicted"
+    assert (infeasible_label in result) is not feasible
+    assert ("90 feasible solutions, predicted" in result) is feasible
+    # All solutions are drawn, above every mark that could hide them.
+    for panel in figure.axes:
+        (solutions,) = [line for line in panel.lines if "solutions" in line.get_label()]
+        assert len(solutions.get_xdata()) == len(pd.read_csv(files["feasible"]))
+        others = [line for line in panel.lines if line is not solutions]
+        assert solutions.zorder > max(line.zorder for line in others)
     (box,) = figure.axes[0].patches
     assert box.get_x() == first["range"][0]
     assert box.get_width() == np.diff(first["range"])[0]
@@ -440,6 +447,24 @@ def test_the_region_has_its_parameters_on_the_right_axes(tmp_path):
     assert np.asarray(np.diff(depth.get_coordinates()[0, :, 0])) == pytest.approx(
         0.4 / implausibility.CELLS
     )
+
+
+def test_without_an_excluded_cell_the_region_shows_shares_alone(tmp_path):
+    config = uncertain_config(1)
+    space = contact_space(config["parameters"])
+    made_up_studies._region(tmp_path, space)
+    inputs = {"region": tmp_path / "region.csv", "summary": tmp_path / "summary.json"}
+    write_json(inputs["summary"], {"not_implausible_share": 0.9})
+    figure = figures.FIGURES["region"].draw(inputs, config)
+    d = len(FREE)
+    panels = np.array(figure.axes[: d * d]).reshape(d, d)
+    shown = [
+        (row, column) for row, column in np.ndindex(d, d) if panels[row, column].axison
+    ]
+    assert shown == [(row, column) for row, column in np.ndindex(d, d) if row < column]
+    text = texts_of(figure)
+    assert "no pair of values is excluded by itself" in text
+    assert "excluded" not in text.replace("is excluded by itself", "")
 
 
 def test_cells_of_a_pair_show_the_posterior_over_the_prior():

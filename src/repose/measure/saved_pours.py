@@ -174,10 +174,20 @@ def read_first_pour(path: str | PathLike) -> dict[str, np.ndarray]:
     InputError if the file has no pour.
     """
     arrays = read_positions(path)
+    return select_pour(arrays, _find_first_seed(arrays, path), path)
+
+
+def read_first_seed(path: str | PathLike) -> str:
+    """Read the seed of the pour that `read_first_pour` reads."""
+    return _find_first_seed(read_positions(path), path)
+
+
+def _find_first_seed(arrays: Mapping[str, np.ndarray], path: str | PathLike) -> str:
+    """Find the seed of the first pour among the arrays of a job's .npz file."""
     for key in arrays:
         match = re.fullmatch(r"position_(.+)", key)
         if match:
-            return select_pour(arrays, match.group(1), path)
+            return match.group(1)
     allowed = "position_SEED, quaternion_SEED, in_pile_SEED"
     raise InputError(path, "arrays", sorted(arrays), allowed)
 

@@ -109,8 +109,12 @@ FIGURES: dict[str, Drawn] = {
         inputs=MEASURED_PILE,
         caption=(
             "How much does the angle depend on its definition? All definitions on "
-            "the pile of the representative solution: their lines in one side view, "
-            "and the angle that each gives in all views. The study calibrates the "
+            "one pile, the first pour of the representative solution: their lines in "
+            "one side view, and the angle that each gives in all views. They differ "
+            "from the means over all pours of the check. The sides of a pile differ "
+            "because it is of few grains, and lie at other distances from the crest, "
+            "which is its single highest grain; the angle of a view is the mean of "
+            "both. The study calibrates the "
             "definition {measure[response]}; ``repose docs measurement`` compares "
             "them."
         ),
@@ -141,10 +145,12 @@ FIGURES: dict[str, Drawn] = {
         caption=(
             "Does the simulated pile look like the measured one? The outlines of "
             "the first pour of the answer in all views, with their mean, over the "
-            "measured numbers at the same scale: the measured height, and the "
-            "measured slope through each flank, each with the standard deviation of "
-            "a repetition. The measurement gives no width, so the lines of the "
-            "slope are drawn through the middle of the simulated flanks."
+            "measured numbers at the same scale. Blue is simulated; orange and red "
+            "are measured: the height, and the slope, each with the standard "
+            "deviation of a repetition. The measurement gives no width, so the lines "
+            "of the slope are drawn through the middle of the simulated flanks. The "
+            "height of a pile is that of its highest point in each view, which the "
+            "mean outline does not reach."
         ),
         reads=("measure", "targets"),
         when=has_pile,
@@ -165,7 +171,8 @@ FIGURES: dict[str, Drawn] = {
             "standard error; the predictions of the solutions that the search "
             "lists; and the answer, as predicted and as simulated with fresh seeds, "
             "with its standard error. The second panel of each pair enlarges the "
-            "target ranges."
+            "target ranges. The solutions lie close together, since the search "
+            "aims at the measured means; their span stands below the panel."
         ),
         reads=("targets",),
         when=has_pairs,
@@ -195,11 +202,16 @@ FIGURES: dict[str, Drawn] = {
     "intervals": Drawn(
         "posterior.intervals",
         title="Credible intervals",
-        inputs={"posterior": "posterior/posterior.csv"},
+        inputs={
+            "posterior": "posterior/posterior.csv",
+            "feasible": "miga/feasible.csv",
+        },
         caption=(
             "Does the pile determine the parameters? The 95 % interval of each free "
             "parameter as a part of its range; one that covers the whole range "
-            "determines nothing. The thin lines span the solutions found and the "
+            "determines nothing. The diamond is the answer. At the right the width of "
+            "the interval over that before the measurements, and the information in "
+            "bits: one bit halves the range. The thin lines span the solutions found and the "
             "published ones; they show where two searches ended, no uncertainty."
         ),
         reads=("parameters", "targets"),
@@ -229,11 +241,12 @@ FIGURES: dict[str, Drawn] = {
         caption=(
             "Which parameters do the measurements exclude? The region of parameters "
             "that the measurements do not exclude (history matching), projected on "
-            "each pair of parameters. Below the diagonal the misfit (minimum "
-            "implausibility): how many standard deviations the worst response lies "
-            "from its measurement at the best values of all other parameters. Above "
-            "it the share of parameter sets still possible (optical depth): those "
-            "whose misfit is below three."
+            "each pair of parameters. Above the diagonal the share of parameter sets "
+            "still possible (optical depth): those whose misfit is below three, the "
+            "number of standard deviations by which the worst response misses its "
+            "measurement. Below the diagonal, where a cell is excluded whatever the "
+            "other parameters are: the misfit at their best values (minimum "
+            "implausibility). Without such a cell these panels are left out."
         ),
         reads=("parameters", "targets"),
         folder="posterior",
@@ -458,8 +471,8 @@ FIGURES: dict[str, Drawn] = {
             "Predicted against simulated responses, on equal axes. Samples without "
             "a result are left out. A mean of few pours scatters about its true "
             "value, so no model can be nearer to the line than that scatter: the "
-            "figure gives the R2 and the RMSE of a perfect model beside those of "
-            "the surrogate. The parts are predicted by the training part's fit, new "
+            "figure gives the R2 and the RMSE of a perfect model on the same "
+            "samples beside those of the surrogate. The parts are predicted by the training part's fit, new "
             "points, where they were poured, by the final one."
         ),
         reads=("targets",),

@@ -194,15 +194,19 @@ def _draw_predicted_and_simulated(
     )
     panel.errorbar(x + OFFSET, simulated, error, **marks)
 
-    # Write the error of each prediction below both marks.
-    for place, prediction, simulation in zip(x, predicted, simulated, strict=True):
+    # Write the error of each prediction below both marks and the error bar.
+    bar_ends = simulated if error is None else simulated - error.to_numpy(float)
+    lowest = np.fmin(predicted, bar_ends)
+    for place, prediction, simulation, low in zip(
+        x, predicted, simulated, lowest, strict=True
+    ):
         if not np.isfinite(simulation) or simulation == 0:
             continue
         percent = 100 * abs((prediction - simulation) / simulation)
         panel.annotate(
             f"{percent:.1f} %",
-            (place, min(prediction, simulation)),
-            xytext=(0, -9),
+            (place, low),
+            xytext=(0, -7),
             textcoords="offset points",
             ha="center",
             va="top",

@@ -9,7 +9,7 @@ from repose.grain.particle import Particle
 from repose.measure import pile
 from repose.measure.angles import DEFINITIONS
 from repose.measure.saved_piles import side_view
-from repose.measure.saved_pours import read_first_pour
+from repose.measure.saved_pours import read_first_pour, read_first_seed
 from repose.measure.settings import MeasureSettings
 from repose.measure.silhouette import Grains
 
@@ -45,9 +45,10 @@ def definitions(inputs: Inputs, study: StudyView) -> Figure:
     settings = study.settings.measure.for_grain(read_grain(inputs["berry"]))
     pour = read_first_pour(inputs["heap"])
     particle = Particle.load(inputs["particle"])
-    figure = style.new_figure(style.PAGE, 4.4)
+    figure = style.new_figure(style.PAGE, 4.9)
     above, below = figure.subplots(2, 1, height_ratios=(1.5, 1))
     first_view = _draw_first_view(above, side_view(pour, particle, settings), settings)
+    above.set_title(f"a  one view of one pile, seed {read_first_seed(inputs['heap'])}")
     all_views = pile.measure_pile(Grains.of(pour, particle), settings, pour["in_pile"])
     _draw_all_views(below, all_views, first_view)
     return figure
@@ -102,9 +103,14 @@ def _draw_first_view(
         ylabel="height (mm)",
         ylim=(0, 1.08 * measured.height_mm),
         aspect="equal",
-        title="a  one view",
     )
-    panel.figure.legend(*panel.get_legend_handles_labels(), loc="outside lower left")
+    panel.figure.legend(
+        *panel.get_legend_handles_labels(),
+        loc="outside lower left",
+        title="lines in view a: mean of both sides (left, right)",
+        title_fontsize=style.SMALL_TEXT_PT,
+        alignment="left",
+    )
     return measured
 
 
@@ -139,7 +145,9 @@ def _draw_definition(
         z = (measured.base_row - row) * scale
         panel.plot(x, z, **line_style)
     # An empty line gives both lines a single entry of the legend.
-    panel.plot([], [], label=f"{angle.aor_deg:.1f}°  {name}: {text}", **line_style)
+    sides = f"{angle.left_deg:.1f}°, {angle.right_deg:.1f}°"
+    label = f"{angle.aor_deg:.1f}° ({sides})  {name}: {text}"
+    panel.plot([], [], label=label, **line_style)
 
 
 def _draw_levels(panel: Axes, height_mm: float, settings: MeasureSettings) -> None:
@@ -222,4 +230,6 @@ def _draw_all_views(
     panel.set_yticks([-k for k in range(count)], DEFINITIONS)
     panel.set(ylim=(0.9 - count - 0.4, 0.9), xlabel="angle of repose (deg)")
     n_views = all_views.view_height_mm.size
-    panel.set_title(f"b  all {n_views} views, their mean (bar), and view a (ring)")
+    panel.set_title(
+        f"b  all {n_views} views of this pile, their mean (bar), and view a (ring)"
+    )

@@ -61,6 +61,8 @@ def outline_and_measurement(inputs: Inputs, study: StudyView) -> Figure:
     panel.plot(
         *mean, color=style.BLUE, lw=1.6, label="simulated pile, mean of the views"
     )
+    highest_mm = [float(outline.height_mm.max()) for outline in outlines]
+    _draw_simulated_height(panel, np.mean(highest_mm), mean)
     _draw_measured_height(panel, study.targets, mean)
     _draw_measured_slope(panel, study.targets, mean=mean, settings=settings)
     panel.set(
@@ -100,6 +102,22 @@ def _average_outlines(outlines: list[Outline]) -> Outline:
         for outline in outlines
     ]
     return Outline(x_mm, np.mean(heights, axis=0))
+
+
+def _draw_simulated_height(panel: Axes, height_mm: float, mean: Outline) -> None:
+    """Draw the height of the simulated pile, the mean of its highest points in the views.
+
+    The mean outline is lower, since the highest points lie at different places. `mean`
+    is this outline, whose width the line has.
+    """
+    panel.plot(
+        mean.x_mm[[0, -1]],
+        [height_mm, height_mm],
+        color=style.BLUE,
+        ls="--",
+        lw=1.0,
+        label=f"simulated height, highest points: {height_mm:.1f} mm",
+    )
 
 
 def _draw_measured_height(panel: Axes, targets: Targets, mean: Outline) -> None:
@@ -175,7 +193,11 @@ def _draw_measured_slope(
             heights,
             color=style.RED,
             lw=1.4,
-            label=f"{label_prefix}measured slope, {symbol} {_format_mean_and_sd(target)}",
+            ls=(0, (5, 2)),
+            label=(
+                f"{label_prefix}measured slope, {symbol} {_format_mean_and_sd(target)}; "
+                "its place is not measured"
+            ),
         )
 
 

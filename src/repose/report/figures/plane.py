@@ -106,6 +106,8 @@ def draw(
             _draw_targets(panel, across, up)
             _draw_solutions(panel, data.solutions, across=across, up=up)
             _draw_answer(panel, data.answer, across=across, up=up)
+        span = _describe_span(data.solutions, across, up)
+        enlarged.set_xlabel(f"{enlarged.get_xlabel()}\n{span}")
         enlarged.set_xlim(_compute_axis_limits(across, data.answer))
         enlarged.set_ylim(_compute_axis_limits(up, data.answer))
         whole.set_title(f"{style.panel_letter(2 * k)}   all samples")
@@ -244,6 +246,7 @@ def _draw_solutions(
     kind = "nearest solutions, none feasible"
     if solutions["feasible"].any():
         kind = "feasible solutions"
+    # Above the answer's marks, which would hide most of them
     panel.plot(
         solutions[across.response.predicted],
         solutions[up.response.predicted],
@@ -251,9 +254,21 @@ def _draw_solutions(
         ms=2.6,
         mew=0,
         color=style.ORANGE,
-        zorder=5,
-        label=f"{kind}, predicted",
+        zorder=8,
+        label=f"{len(solutions)} {kind}, predicted",
     )
+
+
+def _describe_span(solutions: pd.DataFrame, across: Target, up: Target) -> str:
+    """Describe between which responses the solutions of the search are predicted.
+
+    `across` and `up` are the targets of the x axis and of the y axis.
+    """
+    spans = []
+    for response in (across.response, up.response):
+        values = solutions[response.predicted]
+        spans.append(f"{values.min():.2f} to {values.max():.2f} {response.unit}")
+    return f"{len(solutions)} solutions: {', '.join(spans)}"
 
 
 def _draw_answer(panel: Axes, answer: pd.Series, across: Target, up: Target) -> None:
@@ -274,7 +289,7 @@ def _draw_answer(panel: Axes, answer: pd.Series, across: Target, up: Target) -> 
         answer[x.predicted],
         answer[y.predicted],
         "s",
-        ms=7,
+        ms=6,
         mfc="none",
         color=style.RED,
         zorder=6,
@@ -293,7 +308,7 @@ def _draw_answer(panel: Axes, answer: pd.Series, across: Target, up: Target) -> 
         answer[y.simulated],
         **errors,
         fmt="s",
-        ms=6,
+        ms=4.5,
         color=style.RED,
         mec="white",
         elinewidth=1.4,

@@ -36,12 +36,15 @@ SEARCH_SOLUTIONS = "solutions of the search"
 # Share of the draws where samples are thin, above which the figure warns.
 EXTRAPOLATED_SHARE = 0.5
 CREDIBLE_COLUMNS = ["credible_low", "credible_high"]
+COLUMN_WORDS = (
+    "width that the measurements leave open; information: one bit halves the range"
+)
 SEARCH_COLUMNS = ["miga_low", "miga_high"]
 PUBLISHED_COLUMNS = ["published_low", "published_high"]
 # Bars of a parameter: their columns, place above the middle, colour, width and label.
 # The spans of solutions are thin, since they are no uncertainty.
 BARS = (
-    (CREDIBLE_COLUMNS, 0.22, style.BLUE, 3.0, "95 % interval and median"),
+    (CREDIBLE_COLUMNS, 0.22, style.BLUE, 3.0, "95 % interval, median white"),
     (SEARCH_COLUMNS, 0.0, style.RED, 1.2, "span of the solutions found"),
     (PUBLISHED_COLUMNS, -0.22, style.ORANGE, 1.2, "span of the published solutions"),
 )
@@ -403,7 +406,7 @@ def _describe_draws(summary: Mapping[str, Any], targets: Targets) -> str:
         f"best draw {distance:.2f} standard deviations from the targets",
         f"{thin_percent:.0f} % of the draws lie where samples are thin",
         f"R-hat ≤ {r_hat:.3f}, effective draws ≥ {n_effective:.0f}",
-        "above each histogram: information of the measurements",
+        "above each histogram: information (1 bit halves the range)",
     ]
     if summary["thin_share"] > EXTRAPOLATED_SHARE:
         lines.append("EXTRAPOLATED")
@@ -479,8 +482,21 @@ def _make_legend_handles(
 
 
 def intervals(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw credible intervals in the parameters' ranges."""
+    """Draw credible intervals in the parameters' ranges, with the answer.
+
+    Parameters
+    ----------
+    inputs : mapping
+        Paths: `posterior` has a row for each parameter, `feasible` for each solution.
+    study : StudyView
+        The study.
+    """
     table = read_table(inputs["posterior"], ("parameter", "credible_low", "miga_low"))
+    names = table["parameter"].tolist()
+    solutions = read_table(inputs["feasible"], ("representative", *names))
+    answers = solutions[solutions["representative"]]
+    if len(answers):
+        table = table.assign(answer=answers.iloc[0][names].to_numpy(float))
     figure = style.new_figure(style.PAGE, 3.3)
     draw_intervals(figure.subplots(), table, study.parameters)
     return figure
@@ -511,16 +527,17 @@ def draw_intervals(
         places = partial(parameters.shares, row["parameter"])
         _draw_interval_strip(panel, row, places=places, y=y, is_first=is_first)
     panel.text(
-        1.03,
+        1.17,
         n_parameters - 0.45,
-        "left open,\ninformation",
+        COLUMN_WORDS,
         fontsize=6.3,
+        ha="right",
         va="bottom",
-        color=style.GREY,
+        color=style.BLACK,
     )
     panels.label_strips(panel, table["parameter"].tolist())
     panel.set(xlim=(-0.03, 1.17), ylim=(-1.2, n_parameters - 0.35))
-    panel.legend(loc="lower center", ncols=3, bbox_to_anchor=(0.43, -0.02))
+    panel.legend(loc="lower center", ncols=4, bbox_to_anchor=(0.5, -0.02))
 
 
 def _draw_interval_strip(
@@ -562,10 +579,10 @@ def _draw_interval_strip(
     panel.plot(
         [places(row["median"])],
         [y + 0.22],
-        "o",
-        ms=4.5,
+        "|",
+        ms=6,
+        mew=1.6,
         color="white",
-        mec=style.BLUE,
         zorder=5,
     )
     if "answer" in row:

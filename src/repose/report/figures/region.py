@@ -37,22 +37,27 @@ class Band(NamedTuple):
     words: str
 
 
-# From 3 on a parameter set is excluded.
+EXCLUDED_FROM = 3.0  # misfit from which a parameter set is excluded
 BANDS = (
     Band(1.0, "#1B7A5A", "under 1"),
     Band(2.0, "#74BE9E", "1 to 2"),
-    Band(3.0, "#DCEFE4", "2 to 3"),
+    Band(EXCLUDED_FROM, "#DCEFE4", "2 to 3"),
     Band(HIGHEST_MISFIT, style.RED, "over 3: excluded"),
 )
 MISFIT_TITLE = (
     "below the diagonal: misfit (standard deviations) at the best values of the other "
     "parameters"
 )
-SHARE_TITLE = "above the diagonal: share of a cell's parameter sets still possible"
+SHARE_TITLE = "share of a cell's parameter sets still possible"
+# Left, lower edge, width and height of the colour bar below the diagonal, as shares of
+# the figure
+BAR_PLACE = (0.05, 0.18, 0.4, 0.018)
 
 
 def not_excluded(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the least misfit below the diagonal, the share of possible sets above it.
+
+    The panels below the diagonal are left out if no cell is excluded.
 
     Parameters
     ----------
@@ -68,13 +73,19 @@ def not_excluded(inputs: Inputs, study: StudyView) -> Figure:
     n_cells = table["x_quantile"].nunique()  # along each parameter
     edges = _compute_cell_edges(study.parameters, n_cells)
     largest_share = table["share"].max() or 1.0
+    # Without an excluded cell, a map of the least misfit would tell nothing.
+    has_excluded_cells = bool((table["least_implausibility"] >= EXCLUDED_FROM).any())
 
-    figure = style.new_figure(style.PAGE, 1.08 * style.PAGE)
+    height = 1.08 * style.PAGE if has_excluded_cells else 0.95 * style.PAGE
+    figure = style.new_figure(style.PAGE, height)
     axes = figure.subplots(len(names), len(names), squeeze=False)
     share_mesh = None  # for the colour bar; a single parameter has none
     for (row, column), panel in np.ndenumerate(axes):
         if row == column:
             _name_parameter(panel, names[row], edges[row])
+            continue
+        if row > column and not has_excluded_cells:
+            panel.set_axis_off()
             continue
         cells = _select_cells(table, names, row=row, column=column)
         x_edges = edges[column]
@@ -90,30 +101,36 @@ def not_excluded(inputs: Inputs, study: StudyView) -> Figure:
         panels.set_scale(panel.set_yscale, study.parameters, names[row])
         _place_ticks(panel, row, column, last=len(names) - 1)
 
-    patches = [
-        Patch(facecolor=band.colour, edgecolor=style.GREY, label=band.words)
-        for band in BANDS
-    ]
-    figure.legend(
-        handles=patches,
-        title=MISFIT_TITLE,
-        loc="outside lower center",
-        ncols=len(BANDS),
-    )
-    if share_mesh is not None:
+    if has_excluded_cells:
+        patches = [
+            Patch(facecolor=band.colour, edgecolor=style.GREY, label=band.words)
+            for band in BANDS
+        ]
+        figure.legend(
+            handles=patches,
+            title=MISFIT_TITLE,
+            loc="outside lower center",
+            ncols=len(BANDS),
+        )
+    if share_mesh is not None and has_excluded_cells:
         figure.colorbar(
             share_mesh,
             ax=axes,
             location="bottom",
-            label=SHARE_TITLE,
+            label=f"above the diagonal: {SHARE_TITLE}",
             aspect=50,
             pad=0.02,
         )
+    elif share_mesh is not None:
+        # The empty half below the diagonal has room for the colour bar.
+        bar_axes = figure.add_axes(BAR_PLACE)
+        figure.colorbar(
+            share_mesh, cax=bar_axes, orientation="horizontal", label=SHARE_TITLE
+        )
     percent = 100 * summary["not_implausible_share"]
-    title = (
-        f"The measurements leave {rounded(percent, 3)} % of the searched space open, "
-        "and exclude the rest"
-    )
+    title = f"The measurements leave {rounded(percent, 3)} % of the searched space open"
+    if not has_excluded_cells:
+        title += "; no pair of values is excluded by itself"
     figure.suptitle(title, fontsize=9)
     return figure
 

@@ -48,7 +48,8 @@ INFLUENCE_WITH_CONSTRAINTS = (
 ACCURACY_WORDS = (
     "bars: ± 1 standard error of the simulated mean over its pours. A perfect model "
     "predicts the true means. Its R² and RMSE are what the scatter of the simulated means "
-    "leaves; by chance a model can seem better."
+    "leaves, for the test samples the mean scatter of the whole design; by chance a model "
+    "can seem better."
 )
 
 
@@ -353,7 +354,7 @@ def predicted_against_simulated(inputs: Inputs, study: StudyView) -> Figure:
         table = pd.concat([table, _predict_new_points(inputs, targets)])
 
     width = 0.5 * style.PAGE * min(len(targets), 2)
-    figure, axes = panels.grid(len(targets), 3.9, width=width)
+    figure, axes = panels.grid(len(targets), 3.9, width=width, extra_height=0.4)
     draw_accuracy(axes, table, targets.responses)
     style.write_below(figure, ACCURACY_WORDS)
     return figure
@@ -455,7 +456,8 @@ def _draw_splits(panel: Axes, table: pd.DataFrame, shown: Response) -> None:
     panel.set(xlim=ends, ylim=ends, aspect="equal")
     for axis in (panel.xaxis, panel.yaxis):
         axis.set_major_locator(MaxNLocator(6))
-    style.write_note(panel, "\n".join(lines))
+    # Above the panel, where no point lies; the letter of the panel is at its left.
+    panel.set_title("\n".join(lines), loc="right", fontsize=style.SMALL_TEXT_PT)
 
 
 def _describe_accuracy(table: pd.DataFrame, split: str, shown: Response) -> list[str]:
@@ -483,16 +485,16 @@ def _describe_accuracy(table: pd.DataFrame, split: str, shown: Response) -> list
     predicted = rows[shown.predicted].to_numpy(float)
     of_model = _format_accuracy(simulated, predicted - simulated, shown.unit)
 
-    # The test samples are too few to estimate the noise, so use the whole design.
+    # The test samples are too few to estimate the noise, so take that of the whole design.
     noisy_rows = rows
     if split == "test":
         noisy_rows = table[table["split"] != "new points"]
-    means = noisy_rows[shown.name].to_numpy(float)
-    noise = noisy_rows[shown.standard_error].to_numpy(float)
-    of_perfect_model = _format_accuracy(means, noise, shown.unit)
+    errors = noisy_rows[shown.standard_error].to_numpy(float)
+    noise = np.full(len(rows), np.sqrt(np.mean(errors**2)))
+    of_perfect_model = _format_accuracy(simulated, noise, shown.unit)
     return [
-        f"{split}: {of_model}",
-        f"perfect model, {len(means)} sets: {of_perfect_model}",
+        f"{split}, {len(rows)} sets: {of_model}",
+        f"a perfect model on them: {of_perfect_model}",
     ]
 
 
