@@ -424,7 +424,7 @@ def test_the_pile_shows_the_definitions_of_its_angle(drawn):
     assert "fit_" not in text
     (legend,) = figure.legends
     assert legend.get_window_extent().y1 < figure.axes[1].get_window_extent().y0
-    labels = [text.get_text().split("°  ")[1] for text in legend.get_texts()]
+    labels = [text.get_text().split(")  ")[1] for text in legend.get_texts()]
     assert labels[0] == f"flank: {LINE}, used"
     expected = [
         f"{name}: {style.describe_line(settings, name)}" for name in DEFINITIONS[1:]
