@@ -62,7 +62,7 @@ def outline_and_measurement(inputs: Inputs, study: StudyView) -> Figure:
         *mean, color=style.BLUE, lw=1.6, label="simulated pile, mean of the views"
     )
     highest_mm = [float(outline.height_mm.max()) for outline in outlines]
-    _draw_simulated_height(panel, np.mean(highest_mm), mean)
+    _draw_simulated_height(panel, float(np.mean(highest_mm)), mean)
     _draw_measured_height(panel, study.targets, mean)
     _draw_measured_slope(panel, study.targets, mean=mean, settings=settings)
     panel.set(
