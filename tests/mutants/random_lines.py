@@ -2,8 +2,9 @@
 
 Every room of src/repose gives as many mutants. A place in it is drawn and made wrong in one of the ways of `kinds.py`.
 In a clone of the last commit the quick tests that name the module run up to the first that fails; those of the engine
-without the compiler. Outside the engine, what survives meets all quick tests of its room. The table goes to
-tests/mutants/random_lines.md. An interrupted run goes on where it stopped, as long as the last commit is the same.
+without the compiler. Outside the engine, what survives meets the rules for every module and all quick tests of its
+room. The table goes to tests/mutants/random_lines.md. An interrupted run goes on where it stopped, as long as the last
+commit is the same.
 
 The next draw is of 60 lines with the seed 6418390. Write the seed after it here before that one is drawn.
 """
@@ -42,6 +43,8 @@ LOADED = (
 )
 PYTEST = ("-p", "no:cacheprovider", "-o", "addopts=", "-m", "not slow", "-x", "-q")
 NO_TEST = 5  # status of pytest
+# Rules for every module, whatever its room.
+OF_ALL_MODULES = ("tests/common/test_arguments.py", "tests/config/test_settings.py")
 
 
 def drawn(number, seed):
@@ -154,7 +157,8 @@ def found(folder, path, wrong):
     caught = fails(tests, LONGEST_S)
     if caught is None:  # they take too long without a mutant, too
         caught = fails(tests[: max(own, 1)], MOST_S)
-    return bool(caught) or (compiled and bool(fails([f"tests/{room}"], MOST_S)))
+    rest = [*OF_ALL_MODULES, f"tests/{room}"]
+    return bool(caught) or (compiled and bool(fails(rest, MOST_S)))
 
 
 def commit():
