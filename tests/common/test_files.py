@@ -383,6 +383,13 @@ def test_somebodys_file_of_the_ledgers_name_is_left_alone(tmp_path, content):
     assert (tmp_path / ledger.LEDGER).read_text() == content
 
 
+def test_a_ledger_with_a_strange_line_is_still_one(folder):
+    with (folder / ledger.LEDGER).open("a") as file:
+        file.write("mine\n")
+    assert ledger.names(folder) == {"a.json", "b.json"}
+    assert ledger.changed(folder) == []
+
+
 # Calls that write, rename or remove; what stands in these files is tested in tests/common and tests/faults.
 WRITERS = {
     "common/ledger.py",

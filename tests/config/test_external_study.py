@@ -11,6 +11,7 @@ from repose.common.errors import InputError
 from repose.config import dependencies, loader, results_folder
 from repose.config.external import ExternalConfig
 from repose.config.external_check import (
+    describe_program,
     describe_strategy,
     list_runs,
     make_trial_run,
@@ -139,6 +140,16 @@ def test_the_runs_of_a_study_are_counted():
         ("answer", 1, 5),
         ("other solutions", 2, 4),
     )
+
+
+def test_the_program_its_deck_and_its_runs_are_described(monkeypatch):
+    monkeypatch.setattr(simulate, "program_of", lambda command: "/bin/python")
+    study = loaded()
+    program, deck, *_, responses, run = describe_program(study, study.simulator)
+    assert program == "toy 1.0: python toy.py; the program is /bin/python"
+    assert deck == "deck: deck.in, from deck.in.j2"
+    assert responses == "responses: angle, from out.json"
+    assert run == "a run: cores 1, memory 1000 MB, at most 3600 s"
 
 
 PROGRAM_OF_SEEDS = """

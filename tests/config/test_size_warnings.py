@@ -1,5 +1,7 @@
 """Sizes that one grain cannot stand for: its mass, and what `repose check` says of them."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from refusals import input_error
@@ -169,3 +171,71 @@ def test_the_articles_grain_keeps_the_mean_axes_of_table_1():
     volume = np.pi / 6 * sizes.prod(axis=1).mean()
     assert 1e9 * scaled.particle.volume_m3 == pytest.approx(volume, rel=1e-6)
     assert volume / (1e9 * paper.particle.volume_m3) == pytest.approx(1.0259, abs=1e-4)
+
+
+def grain_warnings(section, **particle):
+    """Warnings of a section `berry` whose particle has these numbers."""
+    study = SimpleNamespace(
+        settings=SimpleNamespace(berry=section),
+        particle=SimpleNamespace(
+            **{"mass_kg": 1e-3, "volume_m3": 1.0, "mesh_volume_m3": 1.0} | particle
+        ),
+    )
+    return list(check._describe_grain(study))
+
+
+def test_what_has_no_effect_on_the_grain_is_named(study):
+    plain = study(spheres(0.01)).settings.berry
+    assert grain_warnings(plain) == []
+    # Each alone has an effect.
+    for alone in ({"stl": "a.stl"}, {"mass_g": 2.0}):
+        assert grain_warnings(plain.model_copy(update=alone)) == []
+    scan = plain.model_copy(update={"stl": "a.stl", "mass_g": 2.0})
+    assert grain_warnings(scan) == [
+        "mass: WARNING: the mass of berry.stl is used, 1 g; berry.mass_g is not used"
+    ]
+    tested = plain.model_copy(update={"compression": "tests.csv"})
+    assert grain_warnings(tested) == [
+        "moduli: WARNING: berry.shear_modulus_pa and berry.poisson_ratio are used; "
+        "berry.compression is not used"
+    ]
+    for missing in ("shear_modulus_pa", "poisson_ratio"):
+        assert grain_warnings(tested.model_copy(update={missing: None})) == []
+
+
+def test_a_wide_spread_names_what_is_poured_and_the_volume_that_is_lost(study):
+    plain = study(spheres(0.01)).settings.berry
+    spread = "sizes: WARNING: the equivalent diameter scatters by 30 %"
+    alike = "; all grains are poured alike; berry.size_distribution: measured pours different ones"
+    loss = "12 % less volume than the measured grains have on average"
+    fuller = f"; the mean axes hold {loss}, and berry.mass_g makes the body fuller by as much"
+    cases = [
+        ({}, alike),
+        (
+            {"size_distribution": "measured"},
+            ", and is drawn from a normal distribution",
+        ),
+        ({"mass_g": 2.0}, alike + fuller),
+        ({"mass_g": 2.0, "stl": "a.stl"}, alike),
+        (
+            {"mean_size": "axes"},
+            f"{alike}; with berry.mean_size: axes the grain has {loss}",
+        ),
+    ]
+    for update, expected in cases:
+        section = plain.model_copy(update=update)
+        said = check._describe_spread(section, spread=0.3, lost_share=0.12)
+        assert said == spread + expected
+
+
+def test_two_groups_of_sizes_are_described_with_what_is_poured():
+    groups = SimpleNamespace(counts=(30, 10), diameters_mm=(1.2, 3.0))
+    for distribution, poured in (
+        ("mean", "equal grains of the mean volume are poured"),
+        ("measured", "sizes of one normal distribution are poured"),
+    ):
+        assert check._describe_groups(groups, distribution) == (
+            "sizes: WARNING: the grains form two groups: 75 % of the grains have about "
+            f"1.2 mm, 25 % of the grains have about 3 mm; {poured}; calibrate each group "
+            "by itself"
+        )

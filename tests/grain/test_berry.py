@@ -304,6 +304,10 @@ def test_the_largest_taper_is_allowed(taper):
         ({"mass_g": 2.0}, "to 1.56 for these axes"),
         ({"mass_g": 0.5}, "0.42 to 0.78 of the box"),
         ({"axes_mm": (9.0, 12.0, 20.0)}, "longest first"),
+        ({"axes_mm": (20.0, 9.0, 12.0)}, "longest first"),
+        ({"axes_mm": (20.0, 12.0, 0.0)}, "longest first"),
+        ({"axes_mm": (20.0, 12.0)}, "longest first"),
+        ({"axes_mm": (np.inf, 12.0, 9.0)}, "longest first"),
         ({"taper": 2.0}, "-0.5 to 0.5"),
         ({"wrinkles": 5}, "wrinkle_depth_mm"),
         ({"wrinkle_depth_mm": 0.2}, "together with wrinkle_depth_mm"),
@@ -316,6 +320,14 @@ def test_the_largest_taper_is_allowed(taper):
 def test_impossible_berries_are_refused_with_what_is_allowed(keys, message):
     arguments = {"axes_mm": GOJI_MM, "mass_g": GOJI_G, "density_kg_m3": DENSITY} | keys
     input_error(message, mesh_from_axes.grain_mesh, **arguments)
+
+
+def test_poissons_ratio_of_the_tests_is_from_0_to_a_half():
+    for possible in (0.0, 0.5):
+        berry._check_poisson_ratio("tests.csv", possible)
+    for impossible in (-0.01, 0.51, np.nan):
+        message = f"^tests.csv: poisson_ratio is {impossible}; expected from 0 to 0.5$"
+        input_error(message, berry._check_poisson_ratio, "tests.csv", impossible)
 
 
 def test_the_goji_berry_is_two_ellipsoids():

@@ -15,6 +15,7 @@ from repose.common import files
 from repose.common.errors import InputError
 from repose.config.pipeline import PipelineConfig
 from repose.measure import pile
+from repose.measure.photographs import finding
 from repose.measure.photographs import photograph as photographs
 
 PILE = [(60, 299), (300, 140), (540, 299)]
@@ -401,3 +402,16 @@ def test_a_doubtful_picture_counts_only_if_it_is_asked_for(tmp_path, measure, co
     ).out
     assert "doubtful photographs: 1, not in the mean; --doubtful counts them" in printed
     assert not (tmp_path / "out/targets.yaml").exists()
+
+
+def test_hidden_pixels_get_the_colour_of_the_nearest_and_of_two_the_left_one():
+    nothing = -1.0
+    rows = [
+        ([1.0, 2.0, nothing, 4.0, 5.0], [1.0, 2.0, 2.0, 4.0, 5.0]),
+        ([nothing, nothing, 3.0, nothing, nothing], [3.0] * 5),
+        ([1.0, nothing, nothing, 4.0, 5.0], [1.0, 1.0, 4.0, 4.0, 5.0]),
+        ([nothing] * 5, [nothing] * 5),
+    ]
+    colours, expected = np.array(rows).transpose(1, 0, 2)[..., None]
+    filled = finding._fill_hidden(colours, hidden=colours[..., 0] == nothing)
+    np.testing.assert_array_equal(filled, expected)

@@ -6,7 +6,7 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
-from refusals import input_error
+from refusals import input_error, value_error
 from shared import ROOT, TARGETS, targets_of
 
 from repose.bench.parameters import PARAMETERS
@@ -463,3 +463,17 @@ def test_plausible_sets_are_draws_of_the_posterior(tmp_path):
     input_error(
         "rows is 3; expected 16 or more", next_measurement.plausible_sets, *files
     )
+
+
+@pytest.mark.parametrize(
+    ("values", "groups", "message"),
+    [
+        ([[1.0, 2.0]], [[1, 1]], r"values has shape \(1, 2\), groups \(1, 2\)"),
+        ([1.0, 2.0], [1], r"values has shape \(2,\), groups \(1,\)"),
+        ([1.0, np.inf], [1, 1], "values must be finite"),
+    ],
+)
+def test_components_of_variance_need_a_group_for_each_finite_value(
+    values, groups, message
+):
+    value_error(message, variance_components, values, groups)
