@@ -241,3 +241,9 @@ def test_values_of_snakemake_are_read_as_the_file_of_each_key_has_them(tmp_path)
     assert origin.of("miga.rounds") == str(path)
     assert origin.of("simulation.gravity_m_s2") == loader.COMMAND_LINE
     assert origin.of("miga.seed") == loader.COMMAND_LINE
+
+
+def test_texts_of_the_command_line_are_read_wherever_they_stand():
+    texts = {"seed": "7", "ranges": ["0.2", ("1e-3", "true")], "empty": " ", "two": 2}
+    values = {"seed": 7, "ranges": [0.2, [1e-3, True]], "empty": " ", "two": 2}
+    assert loader._parse_texts(texts) == values
