@@ -98,6 +98,13 @@ def test_heights_and_errors_may_stand_in_other_columns(quick, entry):
     assert last.sd == pytest.approx(1 / np.sqrt(3))
 
 
+def test_different_errors_of_heights_are_averaged_as_squares(quick, entry, table):
+    table.write_text(TABLE.replace("24.5,1", "24.5,3").replace("16,1", "16,2"))
+    last = study_of(quick, entry | {"sd": "sd_mm"}).targets[-1]
+    # Of errors of 3, 2, 1, 1 and 1 mm, the mean square is 16 / 5, which three scores share.
+    assert last.sd == pytest.approx(np.sqrt(16 / 5 / 3))
+
+
 def test_a_profile_has_more_heights_than_scores(quick, entry):
     del entry["functions"]
     input_error("rows is 5; expected more than functions, 5", study_of, quick, entry)

@@ -364,3 +364,42 @@ def test_what_is_no_mesh_of_a_smooth_particle_is_refused(tmp_path):
     input_error(
         r"nowhere\.json", build.run, tmp_path / "nowhere.json", out_dir=tmp_path
     )
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            {"kind": "cube"},
+            "kind is 'cube'; expected ellipsoid or smooth or multisphere",
+        ),
+        (
+            {"semi_axes_mm": [], "spheres_mm": []},
+            r"spheres_mm is \[\]; expected spheres, or semi-axes beside it",
+        ),
+        (
+            {"density_kg_m3": "1000"},
+            "density_kg_m3 is '1000'; expected finite numbers in ",
+        ),
+        ({"density_kg_m3": True}, "density_kg_m3 is True; expected finite numbers in "),
+        ({"density_kg_m3": [1000.0]}, r"density_kg_m3 is \[1000.0\]; expected finite "),
+        (
+            {"inertia_g_mm2": [1.0, 2.0]},
+            r"inertia_g_mm2 is \[1.0, 2.0\]; expected finite ",
+        ),
+        (
+            {"inertia_g_mm2": [1.0, 2.0, math.inf]},
+            "inertia_g_mm2 is .*; expected finite ",
+        ),
+    ],
+)
+def test_a_wrong_file_of_a_particle_is_refused_with_file_key_and_value(
+    change, message, tmp_path
+):
+    ones = np.ones(3)
+    particle = build.Particle(
+        "ellipsoid", ones[None], 1e3, 1.0, 1e3, ones, 1.0, 0.0, 0.0
+    )
+    path = tmp_path / "particle.json"
+    path.write_text(json.dumps(particle.record() | change))
+    input_error(f"^{path}: {message}", build.Particle.load, path)

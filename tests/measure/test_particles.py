@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pandas as pd
 import pytest
+from refusals import input_error
 from scipy.spatial.transform import Rotation
 
 from repose.common.errors import InputError
@@ -198,6 +199,18 @@ def test_files_that_are_no_pile_of_particles_are_refused(tmp_path):
     refused("row 2 is 'far'", "word.csv", "x,y,z,r\n0,0,0,1\nfar,0,0,1\n")
     refused("row 1 is 0.0; .* above 0", "point.csv", "x,y,z,r\n0,0,0,0\n")
     refused("without a particle", "empty.csv", "x,y,z,r\n")
+    refused(
+        "row 2 is '3 values'; expected 4: ",
+        "row.txt",
+        "#format x_y_z_r\n0 0 0 1\n0 0 1\n",
+    )
+    axes = "x,y,z,a,b,c,qw,qx,qy,qz\n0,0,0,1,2,3,1,0,0,0\n0,0,0,1,2,3,0,0,0,0\n"
+    refused("orientation, row 2 is 0; expected a quaternion$", "turned.csv", axes)
+    refused("file is '.*'; expected a table with a header$", "nothing.csv", "")
+    no_text = tmp_path / "no_text.csv"
+    no_text.write_bytes(b"x,y,z,r\n\xff")
+    message = f"^{no_text}: file is 'no text'; expected text in UTF-8$"
+    input_error(message, particle_files.read, no_text)
     in_mm = pd.DataFrame(1e3 * centres, columns=["x", "y", "z"]).assign(r=5.0)
     refused("is the unit of lengths another", "mm.csv", in_mm.to_csv(index=False))
     cloud = np.random.default_rng(1).uniform(0, 1, (200, 3))
