@@ -44,7 +44,10 @@ LOADED = (
 PYTEST = ("-p", "no:cacheprovider", "-o", "addopts=", "-m", "not slow", "-x", "-q")
 NO_TEST = 5  # status of pytest
 # Rules for every module, whatever its room.
-OF_ALL_MODULES = ("tests/common/test_arguments.py", "tests/config/test_settings.py")
+OF_ALL_MODULES = (
+    "tests/common/test_exchanged_arguments.py",
+    "tests/config/test_settings.py",
+)
 
 
 def drawn(number, seed):
