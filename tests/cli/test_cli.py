@@ -153,11 +153,11 @@ def test_check_prints_the_number_of_pours(command, tmp_path):
     out = command("check", "--config", tmp_path / "steep.yaml").out
     assert "funnel.berries would" not in out
     lines = (
-        f"{'design':>14} {150:>15} {6:>6} {900:>6}",
+        f"{'design':>15} {150:>15} {6:>10} {900:>6}",
         "min on 2 cores",
         "time step: ok, ",
         "stiffness: ok, the pile sinks by",
-        "volume: 500 grains hold",
+        "volume: WARNING: 500 grains hold",
         "reach: ",
         "funnel: centre of the ranges: angle of repose ",
         "aor_deg: WARNING: the target 60 is far outside the single runs, ",
