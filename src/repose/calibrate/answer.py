@@ -316,7 +316,7 @@ class Check:
         # Adding 0.0 turns -0.0, a possible result of rounding, into 0.0.
         percent = 100 * (value - self.measured) / self._whole_of_measured
         percent = round(percent, 1) + 0.0
-        number = f"{kind}{self._format_mean(value)} {self.unit}".rstrip()
+        number = f"{kind}{with_error(value, self.standard_error)} {self.unit}".rstrip()
         measured = f"measured {rounded(self.measured)}, {percent:+.1f} %"
         return f"{label} {number} ({measured}{line})"
 
@@ -330,9 +330,10 @@ class Check:
         if self.simulated is None:
             return f"{self.response}: no number{self._cause}; {target}: NOT met"
         side = "inside" if self.margin >= 0 else "outside"
+        mean = with_error(self.simulated, self.standard_error)
         return (
-            f"{self.response}: simulated {self._format_mean(self.simulated)} "
-            f"{self.unit} (runs: {self.runs}), measured {rounded(self.measured)}; {target}: "
+            f"{self.response}: simulated {mean} {self.unit} (runs: {self.runs}), "
+            f"measured {rounded(self.measured)}; {target}: "
             f"{self.verdict}, {rounded(abs(self.margin), 2)} {self.unit} {side}"
         )
 
@@ -342,12 +343,6 @@ class Check:
         if self.status in ("ok", NOT_AGAIN):
             return ""
         return f", because {in_words(self.status)}"
-
-    def _format_mean(self, mean: float) -> str:
-        """Write a mean with the standard error of the simulations, if it is known."""
-        if self.standard_error is None:
-            return rounded(mean)
-        return with_error(mean, self.standard_error)
 
 
 @dataclass(frozen=True)

@@ -47,11 +47,17 @@ def near_bounds(
         the parameter. On a logarithmic scale this is the error of the logarithm times
         the value, and ``factor`` is the factor that one standard error stands for.
     """
+    point = np.array([[float(answer[name]) for name in space.names]])
+    response_errors = np.sqrt(np.diagonal(surrogate.covariance(point)[0]))
     near = []
     for k, name in enumerate(space.free):
-        standard_error = _estimate_standard_error(surrogate, answer, space, name)
-        if standard_error is None:
+        # The error of a response, divided by its slope, is an error of the parameter.
+        # The smallest counts. Skip responses that do not depend on the parameter.
+        slopes = _compute_slopes(surrogate, point, space, name)
+        has_slope = slopes > 0
+        if not has_slope.any():
             continue
+        standard_error = float(np.min(response_errors[has_slope] / slopes[has_slope]))
 
         # Compare it with the distance from the nearer bound, along the scale.
         low = space.coordinate_ends[0][k]
@@ -71,36 +77,6 @@ def near_bounds(
                 )
             )
     return near
-
-
-def _estimate_standard_error(
-    surrogate: Predictor, answer: Mapping[str, Any], space: ParameterSpace, name: str
-) -> float | None:
-    """Estimate the standard error of a parameter of the answer, the others fixed.
-
-    The error of a response, divided by its slope, is an error of the parameter. The
-    smallest of these counts.
-
-    Parameters
-    ----------
-    surrogate, answer, space
-        As in `near_bounds`.
-    name : str
-        The free parameter.
-
-    Returns
-    -------
-    float or None
-        In the coordinate of the parameter's scale. None if no response depends on the
-        parameter.
-    """
-    point = np.array([[float(answer[other]) for other in space.names]])
-    response_errors = np.sqrt(np.diagonal(surrogate.covariance(point)[0]))
-    slopes = _compute_slopes(surrogate, point, space, name)
-    has_slope = slopes > 0
-    if not has_slope.any():
-        return None
-    return float(np.min(response_errors[has_slope] / slopes[has_slope]))
 
 
 def _compute_slopes(

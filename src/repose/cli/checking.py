@@ -136,7 +136,7 @@ def _describe_external_study(
     simulator : SimulatorSettings
         Its section `simulator`.
     """
-    from repose.config import check, external_check
+    from repose.config import check, cost, external_check
 
     _print_lines(external_check.describe_program(study, simulator))
     _print_lines(external_check.describe_strategy(study, args.config))
@@ -145,7 +145,7 @@ def _describe_external_study(
     _print_pours(runs)
 
     # The time of a run is unknown, but it has a limit.
-    n_runs = sum(n_sets * n_seeds for _, n_sets, n_seeds in runs)
+    n_runs = cost.count_runs(runs)
     hours = n_runs * simulator.time_limit_s * simulator.cores / args.cores / 3600
     print(
         f"{n_runs} runs, at most {rounded(hours, 3)} h on {args.cores} cores by their "

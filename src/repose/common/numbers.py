@@ -27,8 +27,8 @@ def rounded(value: float, digits: int = 4, sign: str = "") -> str:
     return text
 
 
-def with_error(mean: float, error: float) -> str:
-    """Write a mean with its standard error, as in ``65.98 +- 0.30``.
+def with_error(mean: float, error: float | None) -> str:
+    """Write a mean with its standard error, if it is known, as in ``65.98 +- 0.30``.
 
     The error has two significant digits. The mean has as many decimals as the error,
     but at most four significant digits.
@@ -36,9 +36,11 @@ def with_error(mean: float, error: float) -> str:
     Parameters
     ----------
     mean : float
-    error : float
+    error : float or None
         The standard error, in the unit of the mean.
     """
+    if error is None:
+        return rounded(mean)
     has_decimals = SMALLEST_PLAIN <= error < math.inf and math.isfinite(mean)
     if not has_decimals:
         return f"{rounded(mean)} +- {rounded(error, 2)}"

@@ -12,6 +12,7 @@ from repose.bench import BenchTest, bench, reach, scene_size
 from repose.calibrate.parameter_types import wide_ranges
 from repose.calibrate.runs import describe
 from repose.calibrate.strategies import cost as strategies
+from repose.calibrate.strategies.base import CheckRuns
 from repose.common.errors import InputError
 from repose.common.numbers import rounded
 from repose.common.section import MOST_BERRIES
@@ -491,7 +492,7 @@ def tabulate_costs(
             n_batches = math.ceil(budget / section.seeds)
             pours = (
                 ("batches", n_batches, section.seeds),
-                ("check", 1, section.checks),
+                CheckRuns("check", 1, section.checks),
             )
             yield _format_cost_row(
                 study, "sequential", pours=pours, grain_step_s=grain_step_s
@@ -534,20 +535,16 @@ def _format_cost_row(
         The row. A star marks the strategy that the study uses.
     """
     work = cost.estimate_work(study.config, grain_step_s, pours)
-    n_learned = 0
-    n_checked = 0
-    for purpose, n_sets, n_seeds in work["pours"]:
-        if purpose in cost.CHECKS:
-            n_checked += n_sets * n_seeds
-        else:
-            n_learned += n_sets * n_seeds
+    n_runs = cost.count_runs(work["pours"])
+    checks = [entry for entry in work["pours"] if isinstance(entry, CheckRuns)]
+    n_checks = cost.count_runs(checks)
     minutes = work["total_s"] / 60
-    disk_mb = cost.disk_mb(study.settings, n_learned + n_checked)
+    disk_mb = cost.disk_mb(study.settings, n_runs)
     return _align_costs(
         {
             "strategy": f"*{name}" if name == study.settings.strategy else name,
-            "pours to learn": str(n_learned),
-            "to check": str(n_checked),
+            "pours to learn": str(n_runs - n_checks),
+            "to check": str(n_checks),
             "core-minutes": rounded(minutes, 3),
             "disk": f"{rounded(disk_mb, 3)} MB",
         }
@@ -619,5 +616,5 @@ def _describe_strategy_cost(study: PipelineConfig, strategy: str) -> str:
         return misfit
     pours = cost.strategy_pours(study.settings, strategy)
     minutes = cost.estimate_work(study.config, pours=pours)["total_s"] / 60
-    n_pours = sum(sets * seeds for _, sets, seeds in pours or ())
+    n_pours = cost.count_runs(pours or ())
     return f"at most {n_pours} pours, about {rounded(minutes, 2)} min on one core, by itself"

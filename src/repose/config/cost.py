@@ -11,6 +11,7 @@ from repose.bench.settings import SceneSettings
 from repose.bench.space import contact_space
 from repose.calibrate.responses import response
 from repose.calibrate.strategies import cost as strategies
+from repose.calibrate.strategies.base import CheckRuns
 from repose.common.keys import Config
 from repose.config.contradictions import find_tests_in_use
 from repose.config.models import StudySettings, select_valid_sections
@@ -35,9 +36,8 @@ REPEATS = 3
 BYTES_A_GRAIN = 62  # of a saved run, measured
 # Keys with the number of runs of a parameter set end with one of these.
 SEEDS = ("seeds", "checks")
-# Purposes of the runs that check an answer; all other runs look for it.
-CHECKS = ("answer", "other solutions", "check")
 # The runs of a study: purpose, number of parameter sets, seeds of each parameter set.
+# Those that check an answer are `CheckRuns`.
 Pours = Sequence[tuple[str, int, int]]
 
 
@@ -242,7 +242,7 @@ def estimate_work(
 
     # Add up the runs. The article's method has further work besides the runs.
     if pours is None:
-        pours = _list_article_pours(settings)
+        pours = list_article_pours(settings)
         total_s = _compute_article_time_s(settings, pours, times_s)
     else:
         total_s = _compute_strategy_time_s(
@@ -269,14 +269,22 @@ def _compute_strategy_time_s(pours: Pours, times_s: Iterable[float]) -> float:
     return total_s
 
 
-def _list_article_pours(settings: StudySettings) -> Pours:
-    """List the runs of the article's method in the funnel."""
+def list_article_pours(settings: StudySettings, test: str = "funnel") -> Pours:
+    """List the runs of the article's method in a bench test.
+
+    The runs of another program belong to no bench test, whose name is then empty.
+    """
     validation = settings.validation
     return (
-        ("design", settings.design.samples, settings.design_seeds("funnel")),
-        ("answer", 1, validation.representative_seeds),
-        ("other solutions", validation.solutions, validation.seeds),
+        ("design", settings.design.samples, settings.design_seeds(test)),
+        CheckRuns("answer", 1, validation.representative_seeds),
+        CheckRuns("other solutions", validation.solutions, validation.seeds),
     )
+
+
+def count_runs(pours: Pours) -> int:
+    """Count the runs of all purposes."""
+    return sum(n_sets * n_seeds for _, n_sets, n_seeds in pours)
 
 
 def _compute_article_time_s(
@@ -350,7 +358,7 @@ def describe_costs(config: Config) -> dict[str, str]:
     descriptions = dict.fromkeys(SENTENCES, "no pours besides the calibration")
 
     # The calibration itself.
-    n_calibration = sum(n_sets * n_seeds for _, n_sets, n_seeds in calibration["pours"])
+    n_calibration = count_runs(calibration["pours"])
     minutes = calibration["total_s"] / 60
     test_names = {test.name for test in find_tests_in_use(config)}
     other_tests = "" if test_names == {"funnel"} else " and the other bench tests"

@@ -4,7 +4,7 @@ Its file has the short form of docs/own_simulator.md, with a section `simulator`
 resolved to the form that the stages read, which RESULTS/config.json holds.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cache, cached_property
 from typing import TYPE_CHECKING, Any, Self
 
@@ -322,19 +322,9 @@ def convert_to_short_form(layered: loader.Layered) -> loader.Layered:
     short = {name: value for name, value in content.items() if name not in dropped}
     origin = dict(layered.origin.origin)
 
-    # Put the targets by name. A response of our bench tests has a unit, which the user
-    # need not give. A faulty entry is refused later.
-    import repose.bench  # noqa: F401  registers the responses of piles
-
-    short["targets"] = {}
-    for entry in targets:
-        if not isinstance(entry, Mapping):
-            continue
-        name = entry.get("response")
-        response = named(str(name))
-        keys = {key: entry[key] for key in OwnTarget.model_fields if key in entry}
-        unit = {} if response is None or not response.unit else {"unit": response.unit}
-        short["targets"][name] = unit | keys
+    # Put the targets by name. All of them are from the file that has the list.
+    short["targets"] = _name_targets(targets)
+    for name, keys in short["targets"].items():
         for key in keys:
             origin[f"targets.{name}.{key}"] = layered.origin.of("targets")
 
@@ -357,6 +347,27 @@ def convert_to_short_form(layered: loader.Layered) -> loader.Layered:
         design.pop("seed", None)
         short["design"] = design
     return loader.Layered(short, Origin(origin, layered.origin.default))
+
+
+def _name_targets(entries: Iterable[Any]) -> dict[Any, dict[str, Any]]:
+    """Turn a list of targets into a mapping by the names of their responses.
+
+    A response of our bench tests has a unit, which the user need not give. A faulty entry
+    is refused later.
+    """
+    import repose.bench  # noqa: F401  registers the responses of piles
+
+    targets = {}
+    for entry in entries:
+        if not isinstance(entry, Mapping):
+            continue
+        name = entry.get("response")
+        response = named(str(name))
+        keys = {key: entry[key] for key in OwnTarget.model_fields if key in entry}
+        if response is not None and response.unit:
+            keys = {"unit": response.unit} | keys
+        targets[name] = keys
+    return targets
 
 
 def _has_bench_test_seeds(name: object) -> bool:

@@ -15,7 +15,7 @@ from repose.common.files import Path_
 from repose.common.numbers import rounded
 from repose.common.statuses import describe_failure
 from repose.config import loader
-from repose.config.cost import Pours, strategy_pours
+from repose.config.cost import Pours, count_runs, list_article_pours, strategy_pours
 from repose.config.external import convert_to_short_form, list_unread_sections
 from repose.config.models import StudySettings
 from repose.config.pipeline import PipelineConfig
@@ -117,14 +117,7 @@ def list_runs(settings: StudySettings) -> Pours:
         return strategy_runs
 
     # A program has no bench tests, so the number of runs has no name of one.
-    section = settings.validation
-    seeds = settings.design_seeds("")
-    return (
-        ("design", settings.design.samples, seeds),
-        ("answer", 1, section.representative_seeds),
-        ("other solutions", section.solutions, section.seeds),
-        *strategy_runs,
-    )
+    return (*list_article_pours(settings, test=""), *strategy_runs)
 
 
 def make_trial_run(
@@ -195,7 +188,7 @@ def make_trial_run(
     yield f"its files: {folder / '1'}"
 
     # Estimate the time of the study from that of this run.
-    n_runs = sum(n_sets * n_seeds for _, n_sets, n_seeds in list_runs(study.settings))
+    n_runs = count_runs(list_runs(study.settings))
     hours = n_runs * elapsed_s * simulator.cores / cores / 3600
     yield (
         f"{n_runs} runs as long as this one: about {rounded(hours, 2)} h on {cores} cores"

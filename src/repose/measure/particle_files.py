@@ -225,9 +225,10 @@ def _refuse_sizes(path: Path_, table: pd.DataFrame) -> None:
     """Raise InputError for a table that has sizes, beside a given radius."""
     sizes = {"radius", "diameter", *SEMI_AXES, *FULL_AXES}
     columns = _find_columns(table)
-    for quantity in sizes & set(columns):
-        allowed = "no column of sizes where a radius is given"
-        raise InputError(path, f"column {columns[quantity]}", "found", allowed)
+    for quantity, column in columns.items():
+        if quantity in sizes:
+            allowed = "no column of sizes where a radius is given"
+            raise InputError(path, f"column {column}", "found", allowed)
 
 
 def _read_dump(path: Path, text: str) -> pd.DataFrame:

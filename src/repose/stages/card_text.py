@@ -416,7 +416,7 @@ def _format_mean(mean: float | None, error: float | None) -> str:
     """Write a mean with its standard error, if it is known."""
     if mean is None:
         return "no number"
-    return rounded(mean) if error is None else with_error(mean, error)
+    return with_error(mean, error)
 
 
 def _format_moduli(material: Card) -> str:

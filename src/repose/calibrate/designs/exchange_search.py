@@ -172,7 +172,8 @@ class _Exchange(NamedTuple):
 
     column: int
     rows: tuple[int, int]
-    gain: float  # change of the sum of repulsions
+    total: float  # sum of repulsions after it
+    phi: float  # phi_p after it
 
 
 class _Walk:
@@ -214,17 +215,15 @@ class _Walk:
         j = (i + 1 + offset) % len(self.pairs.points)
         gains = self.pairs.gains(column, i, j)
         best = int(gains.argmin())
-        return _Exchange(column, (i[best], j[best]), gains[best])
-
-    def phi_after(self, exchange: _Exchange) -> float:
-        """Compute phi_p of the design after an exchange."""
-        return max(self._total + exchange.gain, 0.0) ** self._exponent
+        total = self._total + gains[best]
+        phi = max(total, 0.0) ** self._exponent
+        return _Exchange(column, rows=(i[best], j[best]), total=total, phi=phi)
 
     def accept(self, exchange: _Exchange) -> None:
         """Make an exchange."""
-        self.phi = self.phi_after(exchange)
         self.pairs.exchange(exchange.column, *exchange.rows)
-        self._total = self._total + exchange.gain
+        self._total = exchange.total
+        self.phi = exchange.phi
 
 
 class Evolved(NamedTuple):
@@ -271,8 +270,7 @@ def evolve(
         improved = 0
         for trial in range(trials):
             exchange = walk.choose_exchange(trial % n_columns, rng)
-            rise = walk.phi_after(exchange) - walk.phi
-            if rise > threshold.value * rng.random():
+            if exchange.phi - walk.phi > threshold.value * rng.random():
                 continue
             walk.accept(exchange)
             accepted += 1

@@ -9,7 +9,7 @@ and the workflow follow it.
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, TypeVar
 
 import numpy as np
 
@@ -25,10 +25,18 @@ if TYPE_CHECKING:
 
 # The type of the section of a strategy; None for one without a section.
 SectionType = TypeVar("SectionType", bound=Section | None)
-# Purpose, number of samples, and runs of each.
+# Purpose, number of samples, and runs of each. Those that check an answer are `CheckRuns`.
 Pours = tuple[tuple[str, int, int], ...]
 # Why an answer is given before the strategy ends.
 SO_FAR = "more runs may give a better answer"
+
+
+class CheckRuns(NamedTuple):
+    """Runs that check an answer; all other runs of a strategy look for it."""
+
+    purpose: str
+    n_sets: int
+    n_seeds: int
 
 
 @dataclass(frozen=True)
@@ -222,8 +230,8 @@ class Strategy(ABC, Generic[SectionType]):
         Returns
         -------
         tuple of (str, int, int) or None
-            Purpose, number of samples, seeds of each. None for the article's method, which
-            `repose.config.cost` counts.
+            Purpose, number of samples, seeds of each; `CheckRuns` for a check of the
+            answer. None for the article's method, which `repose.config.cost` counts.
         """
         return None
 

@@ -561,8 +561,8 @@ def _format_mean_with_error(
     if mean is None or pd.isna(mean):
         return missing
     is_rounding_error = error is not None and error < 1e-9 * abs(mean)
-    if error is None or pd.isna(error) or is_rounding_error:
-        return f"{rounded(mean)}{unit}"
+    if pd.isna(error) or is_rounding_error:
+        error = None
     return f"{with_error(mean, error).replace('+-', '±')}{unit}"
 
 

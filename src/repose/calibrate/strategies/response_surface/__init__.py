@@ -11,6 +11,7 @@ from pydantic import Field
 from repose.calibrate.strategies.base import (
     Answer,
     Batch,
+    CheckRuns,
     Pours,
     Strategy,
     register,
@@ -157,5 +158,5 @@ class ResponseSurface(Strategy[ResponseSurfaceSettings]):
             ("screening", section.screening_runs + section.centres, section.seeds),
             ("ascent", section.steps + 1, section.seeds),
             ("surface", len(surface), section.seeds),
-            ("check", section.checks, section.seeds),
+            CheckRuns("check", section.checks, section.seeds),
         )
