@@ -12,7 +12,7 @@ rule shape:
         f"{RESULTS}/benchmarks/shape.tsv"
     priority: 1
     resources:
-        **needs(550),
+        **needs(700),
     params:
         config=CONFIG,
         folder=folder,
