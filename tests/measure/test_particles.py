@@ -278,6 +278,12 @@ def test_the_command_puts_piles_beside_the_runs_of_a_design(tmp_path, command):
     assert results["aor_deg"].isna().tolist() == [True, False]
     for response in ("aor_deg", "height_mm"):
         assert results[response][1] == piles[response][0]
+    command("measure", pile, *given, "--bench", "lifted_cylinder")
+    lifted = pd.read_csv(tmp_path / "results.csv")
+    assert lifted["lifted_aor_deg"][1] == results["aor_deg"][1]
+    assert lifted["lifted_height_mm"][1] == results["height_mm"][1]
+    error = command("measure", pile, *given, "--bench", "drum", status=2).err
+    assert "--bench is 'drum'; expected one of funnel, lifted_cylinder, which" in error
     other = pile.rename(tmp_path / "9_1.csv")
     error = command("measure", other, *given, status=2).err
     assert (

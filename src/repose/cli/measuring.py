@@ -31,7 +31,6 @@ POINTS = "three points of the drum's inner rim, or of the box's two lower inner 
 SIZES = "sizes.csv"  # in the folder of a crop
 PARTICLE_TABLE = "piles.csv"  # of files of particles
 RESULTS_TABLE = "results.csv"  # of runs with the responses of their piles
-RUN_RESPONSES = ("aor_deg", "height_mm")  # of this table
 TWO_FLANKS = "a pile with two flanks, seen from the side"
 
 
@@ -214,6 +213,13 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
     require_option(
         args.radius is None or args.radius > 0, "--radius", args.radius, "above 0"
     )
+    benches = _find_photographed_piles()
+    require_option(
+        args.bench in benches,
+        "--bench",
+        args.bench,
+        f"one of {', '.join(benches)}, which leave a pile",
+    )
     runs = None if args.runs is None else _read_runs(args.runs, args.pictures)
     settings = _make_measure_settings(args)
     if args.config is None:
@@ -251,8 +257,8 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
     write_table(path, table)
     if runs is not None:
         piles = table.set_index(table["file"].map(_name_run))
-        for response in RUN_RESPONSES:
-            runs[response] = runs.index.map(piles[response])
+        for column, response in benches[args.bench].items():
+            runs[response] = runs.index.map(piles[column])
         write_table(Path(args.out) / RESULTS_TABLE, runs)
 
     # Print the table, or a line for each pile.
