@@ -236,7 +236,7 @@ def inputs_of(name, inputs):
         "noise": {"runs": "noise_runs"},
         "plane": {"pool": "dataset", "fresh": "dataset"},
         "figure13": {"fresh": "dataset"},
-        "corner": {"summary": "posterior_summary", "stored": "published"},
+        "corner": {"summary": "posterior_summary"},
         "region": {"summary": "posterior_summary"},
     }
     files = {"stl": "berry", "berry": "axes"} | further.get(name, {})

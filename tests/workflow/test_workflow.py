@@ -279,11 +279,10 @@ def test_an_engine_compiled_again_is_no_reason_to_pour_again_and_uncertainty_is_
     drawn = (
         "draw_noise",
         "draw_corner",
-        "draw_intervals",
         "draw_discrepancy",
         "draw_sobol",
     )
-    drawn = (*drawn, "draw_main_effects", "draw_region")
+    drawn = (*drawn, "draw_main_effects", "draw_region")  # intervals: the report's
     # of the finished study only empty files are there, so nothing before the tables has to run
     expected = {
         *results,
@@ -342,3 +341,16 @@ def test_every_job_declares_memory_and_time_and_more_of_both_when_it_is_tried_ag
     for rule in rules:
         for first, second in (rule.memory_mb, rule.minutes):
             assert second == 2 * first > 0, rule.rule
+
+
+def test_a_figure_is_drawn_again_where_a_file_changed_that_no_rule_of_it_makes(
+    finished,
+):
+    project, arguments = finished
+    plane = "results/quick/figures/plane.png"
+    assert planned(project, *arguments, "--", plane) == {}
+    pool = project / "results/quick/pool/dataset.csv"
+    pool.parent.mkdir(exist_ok=True)
+    pool.write_text("sample\n1\n")
+    assert planned(project, *arguments, "--", plane) == {"draw_plane": 1, "total": 1}
+    pool.unlink()

@@ -6,6 +6,7 @@ import math
 import os
 import shlex
 import sys
+from pathlib import Path
 
 # Before numpy is loaded, as in a verb: the matrices are small.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -22,7 +23,7 @@ from repose.config.workflow_run import (
 )
 from repose.common import places
 from repose.common.errors import BAD_INPUT, InputError, one_message
-from repose.common.provenance import engine_hash
+from repose.common.provenance import engine_hash, hash_of
 from repose.common.source_code import code_hash
 from repose.stages.published import (
     FIRST_PUBLISHED,

@@ -7,6 +7,7 @@ PLACES = {
     "answer": answer(),
     "config": config,
     "published": config["validation"]["published"] if PUBLISHED_SOLUTIONS else "",
+    "simulated": STORED if PUBLISHED_IS_STORED else "",
     "stored": "" if IS_EXTERNAL else rules.validate.output.published,
     "table3": published("table3.csv") or "",
     "trajectory": "" if IS_EXTERNAL else rules.trajectory.output.trajectory,
@@ -14,7 +15,11 @@ PLACES = {
 
 for name, shown in FIGURES.items():
     path, inputs = drawn(name)[name], placed({**shown.inputs, **shown.optional}, PLACES)
-    there = placed(shown.if_there, PLACES)
+    there = {
+        name: path
+        for name, path in placed(shown.if_there, PLACES).items()
+        if os.path.isfile(path)
+    }
 
     rule:
         name:
@@ -39,12 +44,11 @@ for name, shown in FIGURES.items():
             config=CONFIG,
             code=code_hash("report.figures"),
             figure=name,
-            inputs=[f"--input={key}={path}" for key, path in inputs.items()]
-            + [
-                f"--input={key}={path}"
-                for key, path in there.items()
-                if os.path.isfile(path)
+            inputs=[
+                f"--input={key}={path}" for key, path in {**inputs, **there}.items()
             ],
+            # No rule is asked for these files, so the figure is drawn anew when they change.
+            there=[hash_of(Path(path).read_text()) for path in there.values()],
             settings=sections("small_run", *shown.reads) | RESOLUTION,
             caption=shown.caption_of(config),
         message:

@@ -12,6 +12,7 @@ from repose.report.figures.registry import (
     PUBLISHED_HERE,
     PUBLISHED_INTERVALS,
     PUBLISHED_SOLUTIONS,
+    SIMULATED_SETS,
     SIZES,
     Drawn,
     has_drum,
@@ -186,7 +187,7 @@ FIGURES: dict[str, Drawn] = {
             "summary": "posterior/posterior.json",
             "feasible": "miga/feasible.csv",
         },
-        if_there={"stored": PUBLISHED_HERE},
+        optional={"published": SIMULATED_SETS},
         caption=(
             "What do the measurements say about the parameters, alone and in pairs? "
             "Draws of the posterior over the prior, with the feasible solutions of "

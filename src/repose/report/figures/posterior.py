@@ -86,7 +86,7 @@ def corner(inputs: Inputs, study: StudyView) -> Figure:
     ----------
     inputs : mapping
         Paths: `draws` has a parameter set in each row, `posterior` a parameter,
-        `feasible` a solution, `stored` a published set; `summary` has the predictions.
+        `feasible` a solution, `published` a published set; `summary` has the predictions.
     study : StudyView
         The study.
     """
@@ -99,8 +99,8 @@ def corner(inputs: Inputs, study: StudyView) -> Figure:
         summary=read_json(inputs["summary"], ("predicted",)),
     )
     published_sets: list[PublishedSets] = []
-    if "stored" in inputs:
-        published_sets = _split_published_sets(read_table(inputs["stored"]), names)
+    if "published" in inputs:
+        published_sets = _split_published_sets(read_table(inputs["published"]), names)
     data = CornerData(
         posterior=posterior,
         sets=read_table(inputs["feasible"], names),

@@ -23,6 +23,7 @@ ANSWER_SAMPLES = "{answer.dataset}"  # samples from which the answer was compute
 ANSWER_SOLUTIONS = "{answer.feasible}"  # parameter sets that the search found
 ANSWER_CHECK = "{answer.table4}"  # sets that were simulated again, with the answer
 PUBLISHED_SOLUTIONS = "{published}"  # published sets, with what was published of them
+SIMULATED_SETS = "{simulated}"  # the table validation.published_simulated
 PUBLISHED_HERE = "{stored}"  # published sets, as simulated here
 PUBLISHED_INTERVALS = "{table3}"  # published intervals of the parameters
 POUR_TRAJECTORY = "{trajectory}"  # places of the grains over a pour of the answer
