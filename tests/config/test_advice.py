@@ -153,7 +153,7 @@ def test_each_strategy_has_its_own_pours(config):
     assert work["total_s"] == pytest.approx(expected)
     config["strategy"] = "sequential"
     config["sequential"] |= {"most_pours": 120, "seeds": 3}
-    assert pours_of(config) == (("at most", 40, 3),)
+    assert pours_of(config) == (("at most", 40, 3), ("check", 1, 16))
     del config["drum"]
     config["design"]["samples"] = 30
     config["funnel"]["seeds"] = 4

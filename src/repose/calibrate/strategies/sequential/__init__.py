@@ -10,6 +10,7 @@ from pydantic import Field
 from repose.calibrate.strategies.base import (
     Answer,
     Batch,
+    CheckRuns,
     Pours,
     Strategy,
     register,
@@ -96,4 +97,7 @@ class Sequential(Strategy[SequentialSettings]):
             yield "most_pours", allowed
 
     def pours(self, section: SequentialSettings, free: int) -> Pours:
-        return (("at most", section.most_pours // section.seeds, section.seeds),)
+        return (
+            ("at most", section.most_pours // section.seeds, section.seeds),
+            CheckRuns("check", 1, section.checks),
+        )
