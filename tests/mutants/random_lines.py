@@ -6,7 +6,7 @@ without the compiler. Outside the engine, what survives meets the rules for ever
 room. The table goes to tests/mutants/random_lines.md. An interrupted run goes on where it stopped, as long as the last
 commit is the same.
 
-The next draw is of 60 lines with the seed 6418390. Write the seed after it here before that one is drawn.
+The next draw is of 60 lines with the seed 6418390, the one after it with 5127733. Write the seed of each here before it is drawn.
 """
 
 import os
