@@ -283,15 +283,17 @@ def five_runs():
     others = [run for run in RUNS if run != PAPER]
     least = min(probability_inside(run) for run in others)
     return (
-        "In the check of each answer, the mean angle lies within 31 to 34°, and the mean Height within 64 to 69 mm. "
-        f"The true means lie inside both ranges with a probability of at least {least:.2f}, for `paper` with {unsure:.2f} "
-        "only: its check has eight pours, so its verdict is [undecided](glossary.md).\n\n"
-        "The five answers are not five repetitions. "
-        f"`refined` continues `goji_berry`, and its parameters differ by {largest_difference(refined, DEFAULT)} of the ranges. "
-        "`paper` and `matched` have another particle and contact law. "
-        "Only `goji_berry` and `fast` search the same model independently; their answers differ by "
-        f"{largest_difference(fast, DEFAULT)} of the ranges, and both meet the targets. "
-        f"`wider`, with a wider range, is a third: it differs from `goji_berry` by {largest_difference(WIDER, DEFAULT)}.\n"
+        "Each of the five runs ends with a check, in which new piles are simulated with its answer. "
+        "In every check, the mean angle lies within 31 to 34°, and the mean Height within 64 to 69 mm.\n"
+        "As these are means of a limited number of piles, the true means may still lie outside. "
+        f"They lie inside both ranges with a probability of at least {least:.2f} in {len(others)} runs, but of only {unsure:.2f} in "
+        "`paper`, whose check has eight pours. So the verdict of `paper` is [undecided](glossary.md).\n\n"
+        "The five answers are not five independent repetitions. `refined` continues `goji_berry`, and their parameters differ by "
+        f"{largest_difference(refined, DEFAULT)} of the ranges. `paper` and `matched` have another particle and contact law.\n"
+        "Only `goji_berry` and `fast` search the same model independently. Their answers differ by "
+        f"{largest_difference(fast, DEFAULT)} of the ranges, although both meet the targets. A further run, `wider`, searches "
+        "this model with a wider range of `mus_gg`, and its answer differs from that of `goji_berry` by "
+        f"{largest_difference(WIDER, DEFAULT)}.\n"
     )
 
 
@@ -388,13 +390,14 @@ def open_intervals():
     """How wide the intervals stay, with the discrepancy of each number."""
     pooled, secant, exact = open_shares()
     return (
-        f"With a discrepancy of {pooled.size}, the default, each interval keeps {pooled.all} of its width. "
-        f"With {secant.size}, from the models of one line, `{NARROWEST}` keeps {secant.narrowest}; with a perfect simulator it would "
-        f"keep {exact.narrowest}.\n"
-        f"The other five parameters keep {exact.others} even with a perfect simulator. So the piles leave five parameters open "
-        "in any case. "
-        f"How far they determine `{NARROWEST}` depends on the [discrepancy](#the-discrepancy), the assumed error of the "
-        "simulator.\n"
+        "The measured piles hardly narrow the 95 % intervals of the parameters. How much they narrow them depends on the "
+        "[discrepancy](#the-discrepancy), the assumed error of the simulator. "
+        f"With the default discrepancy, {pooled.size}, each interval keeps {pooled.all} of its width without a measurement.\n\n"
+        f"With a smaller discrepancy, the piles determine `{NARROWEST}`, {KIND[NARROWEST]}, better. "
+        f"With {secant.size}, from models that were measured by one line, the interval of `{NARROWEST}` keeps "
+        f"{secant.narrowest} of its width, and with a perfect simulator it would keep {exact.narrowest}.\n"
+        f"The intervals of the other five parameters keep {exact.others} even with a perfect simulator. "
+        "So the piles leave these five open in any case.\n"
     )
 
 
@@ -410,23 +413,23 @@ def design():
     # Between the smallest and the largest of n points drawn evenly from a range.
     random_share = (len(meeting) - 1) / (len(meeting) + 1)
     return (
-        "Many different parameter sets give the measured pile, so the pile alone cannot tell them apart.\n"
-        f"In the run `goji_berry`, {len(meeting)} of the {len(samples)} simulated parameter sets, called samples, met both "
-        "targets "
-        "before the search had begun, as the last row of the table shows. "
-        f"They are spread over {100 * shares[least]:.0f} (`{least}`) to {100 * shares[most]:.0f} % (`{most}`) of the searched "
-        "ranges, "
-        "from the smallest to the largest value. "
-        f"As many points drawn at random would cover about {100 * random_share:.0f} %.\n"
-        f"Each sample is a mean of six pours, with errors of {noise[ANGLE]:.1f}° and {noise[HEIGHT]:.1f} mm, so some lie "
-        "inside by chance. "
-        f"The final network puts {len(predicted)} samples inside, {len(both)} of these {len(meeting)} among them; they span "
-        f"{100 * covered_share(DEFAULT, predicted, least):.0f} % of the range of `{least}`.\n"
-        "A statistical analysis gives the 95 % interval that ten measured piles leave each parameter. It depends on the error "
-        "of the simulator that is assumed, the discrepancy. "
-        f"With {pooled.size}, the default, the intervals keep {pooled.all} of their width. "
-        f"With {secant.size}, by one line, `{NARROWEST}` keeps {secant.narrowest}, and with a perfect simulator {exact.narrowest}; "
-        f"the other five keep at least {exact.others.split()[0]} %.\n"
+        "Many different parameter sets give the measured pile, so the pile alone cannot tell them apart. "
+        f"In the run `goji_berry`, {len(meeting)} of the {len(samples)} parameter sets that were simulated before the search, "
+        "called samples, met both targets.\n"
+        f"These {len(meeting)} samples are spread over {100 * shares[least]:.0f} (`{least}`) to "
+        f"{100 * shares[most]:.0f} % (`{most}`) of the searched ranges, from the smallest to the largest value. "
+        f"As many points drawn at random would cover about {100 * random_share:.0f} %.\n\n"
+        "Some of the samples meet the targets only by chance, because each sample is a mean of six pours, with errors of "
+        f"{noise[ANGLE]:.1f}° and {noise[HEIGHT]:.1f} mm. "
+        f"The final network of the run predicts that {len(predicted)} samples meet both targets, and {len(both)} of them are "
+        f"among the {len(meeting)} that did. By the network, the samples that meet the targets span "
+        f"{100 * covered_share(DEFAULT, predicted, least):.0f} % of the range of `{least}`.\n\n"
+        "A statistical analysis gives the 95 % interval that ten measured piles leave each parameter. The interval depends on "
+        "the discrepancy, the assumed error of the simulator. "
+        f"With the default discrepancy, {pooled.size}, the intervals keep {pooled.all} of their width without a measurement.\n"
+        f"With {secant.size}, from models that were measured by one line, the interval of `{NARROWEST}` keeps "
+        f"{secant.narrowest}, and with a perfect simulator {exact.narrowest}; "
+        f"those of the other five parameters keep at least {exact.others.split()[0]} %. "
         f"So the pile leaves five of the six parameters open. How far it determines `{NARROWEST}` depends on the discrepancy, "
         "which is not well known.\n"
     )
@@ -447,12 +450,13 @@ def bounds():
     low, high = bounds_of(DEFAULT, "mus_gg")
     distance = (answer["mus_gg"] - low) / (high - low)
     return (
-        "If many solutions lie at an end of a searched range, a bound, better ones may lie beyond it.\n"
+        "A search finds solutions only inside the searched ranges. If many of them lie at an end of a range, a bound, better "
+        "ones may lie beyond it.\n"
         f"In the run `goji_berry`, {'; '.join(listed_bounds)}, the static friction between two berries, "
         f"and the answer lies {100 * distance:.0f} % of that range above it.\n"
-        "Since we took this bound from the article (Table 2), it may have cut the search off. "
-        "In the run `wider`, samples below it meet both targets [about as often](results.md#five-runs-five-parameter-sets) as "
-        "samples above.\n"
+        "We took this bound from the article (Table 2), so it may have cut the search off. To find out, the run `wider` "
+        "simulated samples below it, too. They meet both targets "
+        "[about as often](results.md#five-runs-five-parameter-sets) as samples above.\n"
     )
 
 
@@ -477,8 +481,9 @@ def wider_run():
         f"Below {old_low:g}, {meeting_beyond.sum()} of {beyond.sum()} samples meet both targets; "
         f"above it, {(~meeting_beyond).sum()} of {(~beyond).sum()} do. "
         f"This does not show that solutions are rarer below it (Fisher's exact test, p {chance:.2f}). So nothing shows that "
-        "solutions end at the article's bound.\n"
-        f"The search of this run ended near it: the `mus_gg` of its {len(solutions)} solutions spans {span}.\n"
+        "solutions end at the article's bound.\n\n"
+        "The search of this run, which had the wider range of `mus_gg`, nevertheless ended near the article's bound of "
+        f"{old_low:g}: its {len(solutions)} solutions have a `mus_gg` of {span}.\n"
         f"New piles, poured with the answer of this run, have an angle of {check[ANGLE][0]} "
         f"and a Height of {check[HEIGHT][0]}, which meets both targets.\n"
     )
@@ -510,7 +515,7 @@ def overlaps():
     return (
         "The article's search ends with 90 solutions, parameter sets that are predicted to meet the targets. "
         "Its Table 3 gives their span in each parameter, from the smallest to the largest value. "
-        "Our searches keep 90 solutions, too.\n"
+        "Our searches keep 90 solutions, too, and we compared their spans with the article's.\n"
         f"In {listed(apart)} none of the six spans overlaps the article's; {listed(common)}. "
         f"The runs {listed(without)} are left out, because their strategy keeps no list of 90 solutions.\n"
     )
@@ -653,16 +658,18 @@ def published_verdict():
     # A pour of the article is taken to scatter as ours do.
     pour = (sets[f"{ANGLE}_se"] * np.sqrt(sets["pours"])).mean()
     return (
-        f"The verdict depends on the line. By `flank`, the calibrated line, {inside[ANGLE].sum()} of the article's {len(sets)} "
-        f"sets have a mean angle inside the target's range of {low:g} to {high:g}°; "
-        f"{clear.sum()} lie below it by more than two standard errors. "
-        f"By `straightest`, the line of the article's reference 19, {inside[STRAIGHTEST].sum()} lie inside, and the sixth at "
+        f"Whether the article's {len(sets)} sets meet its targets in our simulator depends on the line by which the angle is "
+        f"measured. By `flank`, the calibrated line, {inside[ANGLE].sum()} of them "
+        f"have a mean angle inside the target's range of {low:g} to {high:g}°, and "
+        f"{clear.sum()} lie below it by more than two standard errors.\n"
+        f"By `straightest`, the line of the article's reference 19, {inside[STRAIGHTEST].sum()} lie inside, and the sixth has "
         f"{sets[STRAIGHTEST].min():.2f} ± {sets.loc[sets[STRAIGHTEST].idxmin(), f'{STRAIGHTEST}_se']:.2f}°. "
-        f"{height_inside.sum()} have a mean Height inside {height_range[0]:g} to {height_range[1]:g} mm.\n"
-        f"The article gives a simulated angle for {count} of these sets, one pour each. Our piles are flatter in the mean, by "
-        f"{with_error(flatter, error)}° by `flank` and by {with_error(straight, straight_error)}° by `straightest`. "
-        f"These errors come from the scatter of the {count} differences. If the article's pours scatter by {pour:.1f}°, as "
-        f"ours do, the error is {pour / np.sqrt(count):.1f}°.\n"
+        f"The mean Height lies inside its range, {height_range[0]:g} to {height_range[1]:g} mm, for {height_inside.sum()} sets.\n\n"
+        f"Our piles are flatter than those that the article simulated. It gives an angle for {count} of its sets, from one "
+        f"pour each. In the mean over these sets, our angle is smaller by "
+        f"{with_error(flatter, error)}° by `flank` and by {with_error(straight, straight_error)}° by `straightest`.\n"
+        f"These errors come from the scatter of the {count} differences. If a pour of the article scatters by {pour:.1f}°, as "
+        f"ours do, the error is {pour / np.sqrt(count):.1f}°. "
         "A calibration by `flank` changes the parameters to remove this difference.\n"
     )
 
@@ -676,11 +683,12 @@ def first_draw():
     pours = int(first["n_seeds"])
     all_pours = poured_published_sets().loc["representative"]
     return (
-        "A few simulated piles can agree with a target by chance. "
-        f"Of the first twelve pours of the set `representative`, {pours} came to rest, and their means met both targets: "
+        "A few simulated piles can agree with a target by chance. An example is the article's representative parameter set. "
+        f"Of its first twelve pours in our simulator, {pours} came to rest, and their means met both targets: "
         f"{with_error(first['aor_flank_deg'], first['aor_flank_se_deg'])}° and "
         f"{with_error(first['height_mm'], first['height_se_mm'])} mm. "
-        f"All {all_pours['pours']} have {with_error(all_pours[ANGLE], all_pours[f'{ANGLE}_se'])}°.\n"
+        f"But the mean angle of all {all_pours['pours']} piles of this set that came to rest is "
+        f"{with_error(all_pours[ANGLE], all_pours[f'{ANGLE}_se'])}°.\n"
     )
 
 
@@ -902,14 +910,15 @@ def drum():
     ours = runs[runs["case"] == "our answer"]
     again = mean_with_error(ours["before_turned_deg"])
     return (
-        f"In our drum, the surface of the berries rises to {means['before_surface_deg']}° just before the bed slips, "
+        f"In our simulated drum, the surface of the berries rises to {means['before_surface_deg']}° just before the bed slips, "
         f"and lies at {means['after_surface_deg']}° afterwards.\n"
-        "These angles belong to the run `goji_berry`, whose bed slips when the drum has turned by "
-        f"{means['before_turned_deg']}°.\n"
-        f"Six other runs of the same answer slip at {again}°.\n"
+        "These angles belong to the answer of `goji_berry`, with which the bed slips when the drum has turned by "
+        f"{means['before_turned_deg']}°. "
+        f"In six other runs of the drum with this answer, it slips at {again}°.\n"
         f"With the answer of `paper` the bed slips after {drum_means(PAPER)['before_turned_deg']}° (a single run, with an "
         "ellipsoid), "
-        f"with that of `matched` after {drum_means(MATCHED)['before_turned_deg']}°. No answer brings the slip near 27°.\n"
+        f"with that of `matched` after {drum_means(MATCHED)['before_turned_deg']}°. So no answer brings the slip near the "
+        "article's 27°.\n"
     )
 
 
@@ -954,17 +963,17 @@ def optimism():
     typical_error = others["aor_se_deg"].mean()
     mean_found = with_error(found_others.mean(), typical_error / np.sqrt(len(others)))
     return (
-        f"In the run `goji_berry`, the program expects the true angle of the answer to be {expected_answer} smaller than "
-        "predicted. "
-        f"Its check found {found_answer}°.\n"
-        f"For the other {len(others)} solutions of Table 4 it expects {expected.min():.2f} to {expected.max():.2f}°. "
+        "For the answer of `goji_berry`, the program expected the true angle to be "
+        f"{expected_answer} smaller than predicted, and the check found {found_answer}°.\n"
+        f"For the other {len(others)} solutions of Table 4 the program expected {expected.min():.2f} to {expected.max():.2f}°. "
         f"Their checks found {found_others.min():.1f} to {found_others.max():.1f}°, each with an error of about "
-        f"{typical_error:.1f}°.\n"
-        f"Their mean shortfall is {mean_found}°, of which {expected.mean():.1f}° was expected.\n"
-        f"Of all {len(table4)} solutions, {sets_flatter_than_predicted()} gave flatter piles than predicted. One network "
-        "predicts them all, so this points to a bias of the network near the answers. "
-        f"Its stated error there, S_w, is {posterior_of(DEFAULT)['network_ensemble_se'][0]:.1f}°; the posterior has no term "
-        "for a bias.\n"
+        f"{typical_error:.1f}°. "
+        f"The mean angle of these {len(others)} solutions is {mean_found}° smaller than predicted, of which "
+        f"{expected.mean():.1f}° was expected.\n\n"
+        f"Of all {len(table4)} solutions of `goji_berry` that were simulated again, {sets_flatter_than_predicted()} gave flatter "
+        "piles than predicted. One network predicts them all, so this points to a bias of the network near the answers. "
+        f"The network's stated error there, S_w, is {posterior_of(DEFAULT)['network_ensemble_se'][0]:.1f}°. The posterior, which "
+        "gives the intervals of the parameters, has no term for a bias.\n"
     )
 
 
@@ -1037,8 +1046,9 @@ def pours_for_a_percent():
     noise = DEFAULT.table("noise/noise.csv").set_index("response")
     pours = noise["seeds_for_1_percent"].astype(int)
     return (
-        f"For a standard error of 1 % of the mean, for example, you need {pours[ANGLE]} piles for the angle "
-        f"but only {pours[HEIGHT]} for the height. To lie within 1 % with a probability of 90 %, you need 2.7 times as many.\n"
+        f"To know the mean of the simulated piles with a standard error of 1 %, for example, you need {pours[ANGLE]} piles for "
+        f"the angle but only {pours[HEIGHT]} for the height. To lie within 1 % with a probability of 90 %, you need 2.7 times "
+        "as many.\n"
     )
 
 
@@ -1081,11 +1091,14 @@ def information():
     secant = by_line.loc["secant"]
     size = size_of(by_line.loc["all six"])
     return (
-        f"In the run `goji_berry`, with a discrepancy of {size}, all six parameters together gain {total:.2f} bits. "
-        f"The largest share belongs to `{most}`, which gains {bits[most]:.2f} bits and probably lies in the {half} half of its "
+        "The ten measured piles of goji berries tell little about the parameters. "
+        f"With the default discrepancy (the assumed error of the simulator), {size}, they give {total:.2f} bits about all six "
+        "parameters together, where one bit halves the possible range. "
+        f"The largest share, {bits[most]:.2f} bits, belongs to `{most}`, which probably lies in the {half} half of its "
         "range. "
-        f"Each of the other five gains at most {bits.drop(most).max():.2f} bits. "
-        f"With {size_of(secant)}, from the secant alone, all together gain {secant['information_bits']:.1f} bits, and `{most}` "
+        f"Each of the other five gains at most {bits.drop(most).max():.2f} bits.\n"
+        f"With a smaller discrepancy the same piles tell more. With {size_of(secant)}, from models that were measured by the "
+        f"secant alone, all six parameters together gain {secant['information_bits']:.1f} bits, and `{most}` "
         f"{secant[f'{most}_bits']:.1f}.\n"
     )
 
@@ -1164,13 +1177,14 @@ def shape_study_discrepancy():
     secant = eligible[eligible["definition"] == "secant"]
     angle_sd, height_sd = secant[["aor_difference_deg", "height_difference_mm"]].std()
     return (
-        f"Its {models} models were each measured by six lines, and the line counts like any other difference of the models. "
-        "Each combination of model and line has the weight exp(-d²/2), with d the distance of its piles from the article's "
-        "simulated ones in standard deviations. "
-        f"The secant has {100 * shares['secant']:.0f} % of the weight and the steepest part {100 * shares['steepest']:.0f} %. "
-        f"All together scatter by {size_of(pooled)}, with a correlation of {pooled['discrepancy_correlation']:.2f} "
-        f"(effective number of models {posterior['discrepancy_models']:.1f}).\n\n"
-        "This estimate has four weaknesses:\n\n"
+        f"The shape study measured the piles of each of its {models} models by six lines, and the line counts like any other "
+        "difference of the models. A combination of model and line counts more if its piles are near those that the article "
+        "simulated: its weight is exp(-d²/2), with d the distance in standard deviations. "
+        f"The secant has {100 * shares['secant']:.0f} % of the weight and the steepest part {100 * shares['steepest']:.0f} %.\n"
+        f"With these weights, the piles of all combinations scatter by {size_of(pooled)}, with a correlation of "
+        f"{pooled['discrepancy_correlation']:.2f} "
+        f"(effective number of models {posterior['discrepancy_models']:.1f}). This scatter is the default discrepancy.\n\n"
+        "The estimate of the discrepancy from the shape study has four weaknesses:\n\n"
         "- It contains the scatter between lines, although a study compares piles by one line. The models of one line alone "
         f"scatter by {lines.min():.1f} to {lines.max():.1f}°, "
         f"by the steepest part by {by_line.loc['steepest', 'aor_sd_deg']:.1f}°. The calibrated line was not among the six.\n"
@@ -1191,7 +1205,7 @@ def open_region():
     excluded = int((region["share"] == 0).sum())
     cells = "none is" if excluded == 0 else f"{excluded} of {len(region)} are"
     return (
-        f"With the default discrepancy, the measurement leaves {100 * share:.0f} % of the searched space open. "
+        f"With the default discrepancy, history matching leaves {100 * share:.0f} % of the searched space open. "
         f"Of the cells in the figure {cells} excluded:\n"
     )
 
@@ -1263,9 +1277,9 @@ def most_sensitive():
     return (
         f"The pile responds most to {KIND[most]}, `{most}`: over the searched ranges, it alone explains "
         f"{with_interval(ANGLE)} of the variance of the angle and {with_interval(HEIGHT)} of that of the Height. "
-        f"`{next_angle}` follows for the angle ({share(ANGLE, next_angle)}) "
-        f"and `{next_height}` for the Height ({share(HEIGHT, next_height)}); "
-        f"`{least}` has the smallest sum of both shares ({share(ANGLE, least)} and {share(HEIGHT, least)}).\n"
+        f"Next are `{next_angle}` for the angle ({share(ANGLE, next_angle)}) "
+        f"and `{next_height}` for the Height ({share(HEIGHT, next_height)}). "
+        f"`{least}` explains least of both together ({share(ANGLE, least)} and {share(HEIGHT, least)}).\n"
         f"{direction(most)} {direction('mus_gg')}\n"
     )
 
@@ -1394,15 +1408,16 @@ def further_tests():
     ]
     return (
         f"{markdown(head, rows)}\n"
-        "For each hour of work, two kinds of measurement tell most. "
+        "For each hour of work, two kinds of measurement tell most about the parameters. "
         "[Further numbers of the same photographs](research/docs/second_responses.md) take "
         f"{photographs['minutes']:.0f} minutes and give {with_error(photographs['gain_bits'], photographs['gain_se_bits'])} bits "
         "(a bit halves what is possible), if the simulator errs by 2 %. "
         f"A direct test of the wall takes {by_set.loc['direct mus_gp', 'minutes']:.0f} minutes and gives "
         f"{by_set.loc['direct mus_gp', 'gain_bits']:.1f} bits, whatever the simulator's error.\n"
-        "The direct tests' assumed standard deviations are 0.03 for a restitution, 0.035 for a static "
-        "and 0.005 for a rolling friction; find yours. "
-        "All but the first two rows are [computed for made-up measurements](research/docs/joint_targets.md), with an earlier engine.\n"
+        "\nThe first two rows of the table belong to the measured piles. The others are "
+        "[computed for made-up measurements](research/docs/joint_targets.md), with an earlier engine. "
+        "For the direct tests they assume standard deviations of 0.03 for a restitution, 0.035 for a static "
+        "and 0.005 for a rolling friction, so find those of your own tests.\n"
     )
 
 
@@ -1456,7 +1471,10 @@ def effect_of_friction():
         cells.append(f"{slopes[place]:+.1f} ± {error:.1f}{unit}")
     names = ("Height", "angle", "`straightest`", "`whole`", "`secant`")
     changes = [f"{name} {cell}" for name, cell in zip(names, cells, strict=True)]
-    return f"All {len(samples)} samples of `goji_berry` give: {listed(changes)}.\n"
+    return (
+        f"The same fit to all {len(samples)} samples of `goji_berry` gives these changes from the lower to the upper end of the "
+        f"range of `mus_gg`: {listed(changes)}.\n"
+    )
 
 
 def carried_to(run, line, height_mm):
