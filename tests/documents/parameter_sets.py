@@ -283,7 +283,7 @@ def five_runs():
     others = [run for run in RUNS if run != PAPER]
     least = min(probability_inside(run) for run in others)
     return (
-        "Each of the five runs ends with a check, in which new piles are simulated with its answer. "
+        "Each of our five calibrations ends with a check, in which new piles are simulated with its answer. "
         "In every check, the mean angle lies within 31 to 34°, and the mean Height within 64 to 69 mm.\n"
         "As these are means of a limited number of piles, the true means may still lie outside. "
         f"They lie inside both ranges with a probability of at least {least:.2f} in {len(others)} runs, but of only {unsure:.2f} in "
@@ -419,7 +419,7 @@ def design():
         f"These {len(meeting)} samples are spread over {100 * shares[least]:.0f} (`{least}`) to "
         f"{100 * shares[most]:.0f} % (`{most}`) of the searched ranges, from the smallest to the largest value. "
         f"As many points drawn at random would cover about {100 * random_share:.0f} %.\n\n"
-        "Some of the samples meet the targets only by chance, because each sample is a mean of six pours, with errors of "
+        "Some samples of `goji_berry` meet the targets only by chance, because each is a mean of six pours, with errors of "
         f"{noise[ANGLE]:.1f}° and {noise[HEIGHT]:.1f} mm. "
         f"The final network of the run predicts that {len(predicted)} samples meet both targets, and {len(both)} of them are "
         f"among the {len(meeting)} that did. By the network, the samples that meet the targets span "
@@ -1414,7 +1414,7 @@ def further_tests():
         "(a bit halves what is possible), if the simulator errs by 2 %. "
         f"A direct test of the wall takes {by_set.loc['direct mus_gp', 'minutes']:.0f} minutes and gives "
         f"{by_set.loc['direct mus_gp', 'gain_bits']:.1f} bits, whatever the simulator's error.\n"
-        "\nThe first two rows of the table belong to the measured piles. The others are "
+        "\nOnly the first two rows of this table come from the measured piles. The others are "
         "[computed for made-up measurements](research/docs/joint_targets.md), with an earlier engine. "
         "For the direct tests they assume standard deviations of 0.03 for a restitution, 0.035 for a static "
         "and 0.005 for a rolling friction, so find those of your own tests.\n"
@@ -1426,7 +1426,7 @@ def left_open():
     samples, meeting = meeting_samples(DEFAULT)
     region = DEFAULT.table("posterior/region.csv")["share"].mean()
     return (
-        "**These piles determine none of the six parameters**, with the error that we allow the simulator. "
+        "**The measured piles determine none of the six parameters**, with the error that we allow the simulator. "
         f"Of the {len(samples)} parameter sets that the run simulated first, {len(meeting)} "
         f"({100 * len(meeting) / len(samples):.0f} %) gave piles inside both target ranges. "
         f"With the allowed error, {100 * region:.0f} % of all combinations remain possible. "
@@ -1447,7 +1447,8 @@ def equal_berries():
     changes = (unequal[columns] - equal[columns]).dropna()
     angle, height = (mean_with_error(changes[column]) for column in columns)
     return (
-        "**All 500 berries are equal**: smooth, 21.1 mm long, 11.4 mm wide and 9.9 mm thick, the mean of fifty berries of 15 to 25 mm. "
+        "**All 500 simulated berries are equal**: smooth, 21.1 mm long, 11.4 mm wide and 9.9 mm thick, the mean of fifty berries of "
+        "15 to 25 mm. "
         f"In {len(changes)} pairs of models, sizes that scatter as measured changed the angle by {angle}° and the Height by {height} mm.\n"
     )
 
@@ -1472,7 +1473,7 @@ def effect_of_friction():
     names = ("Height", "angle", "`straightest`", "`whole`", "`secant`")
     changes = [f"{name} {cell}" for name, cell in zip(names, cells, strict=True)]
     return (
-        f"The same fit to all {len(samples)} samples of `goji_berry` gives these changes from the lower to the upper end of the "
+        f"A linear fit to all {len(samples)} samples of `goji_berry` gives these changes from the lower to the upper end of the "
         f"range of `mus_gg`: {listed(changes)}.\n"
     )
 
