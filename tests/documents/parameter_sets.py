@@ -393,7 +393,7 @@ def open_intervals():
         "The measured piles hardly narrow the 95 % intervals of the parameters. How much they narrow them depends on the "
         "[discrepancy](#the-discrepancy), the assumed error of the simulator. "
         f"With the default discrepancy, {pooled.size}, each interval keeps {pooled.all} of its width without a measurement.\n\n"
-        f"With a smaller discrepancy, the piles determine `{NARROWEST}`, {KIND[NARROWEST]}, better. "
+        f"If the simulator's error, the discrepancy, is smaller, the piles determine `{NARROWEST}`, {KIND[NARROWEST]}, better. "
         f"With {secant.size}, from models that were measured by one line, the interval of `{NARROWEST}` keeps "
         f"{secant.narrowest} of its width, and with a perfect simulator it would keep {exact.narrowest}.\n"
         f"The intervals of the other five parameters keep {exact.others} even with a perfect simulator. "
@@ -453,7 +453,7 @@ def bounds():
         "A search finds solutions only inside the searched ranges. If many of them lie at an end of a range, a bound, better "
         "ones may lie beyond it.\n"
         f"In the run `goji_berry`, {'; '.join(listed_bounds)}, the static friction between two berries, "
-        f"and the answer lies {100 * distance:.0f} % of that range above it.\n"
+        f"and the answer lies {100 * distance:.0f} % of the range above this bound.\n"
         "We took this bound from the article (Table 2), so it may have cut the search off. To find out, the run `wider` "
         "simulated samples below it, too. They meet both targets "
         "[about as often](results.md#five-runs-five-parameter-sets) as samples above.\n"
@@ -477,12 +477,12 @@ def wider_run():
     chance = stats.fisher_exact(counts).pvalue
     return (
         f"To see what lies beyond the article's lower bound of `mus_gg`, {old_low:g}, "
-        f"we ran the study once more with the range {low:g} to {high:g} and two pours for each sample.\n"
+        f"we ran the study once more, as `wider`, with the range {low:g} to {high:g} and two pours for each sample.\n"
         f"Below {old_low:g}, {meeting_beyond.sum()} of {beyond.sum()} samples meet both targets; "
         f"above it, {(~meeting_beyond).sum()} of {(~beyond).sum()} do. "
         f"This does not show that solutions are rarer below it (Fisher's exact test, p {chance:.2f}). So nothing shows that "
         "solutions end at the article's bound.\n\n"
-        "The search of this run, which had the wider range of `mus_gg`, nevertheless ended near the article's bound of "
+        "The search of the run `wider`, which has the wider range of `mus_gg`, nevertheless ended near the article's bound of "
         f"{old_low:g}: its {len(solutions)} solutions have a `mus_gg` of {span}.\n"
         f"New piles, poured with the answer of this run, have an angle of {check[ANGLE][0]} "
         f"and a Height of {check[HEIGHT][0]}, which meets both targets.\n"
@@ -918,7 +918,7 @@ def drum():
         f"With the answer of `paper` the bed slips after {drum_means(PAPER)['before_turned_deg']}° (a single run, with an "
         "ellipsoid), "
         f"with that of `matched` after {drum_means(MATCHED)['before_turned_deg']}°. So no answer brings the slip near the "
-        "article's 27°.\n"
+        "27° that follow from the article's times.\n"
     )
 
 
