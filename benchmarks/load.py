@@ -39,7 +39,7 @@ def made_up(folder: Path) -> None:
     (folder / "heaps").mkdir()
     record = {
         name: 30.0
-        for name in dataset.recorded_columns(
+        for name in dataset.list_recorded_columns(
             "funnel", Targets.of(config["targets"])
         ).single
     }

@@ -44,7 +44,7 @@ def sets_of(study):
     space = contact_space(study.config["parameters"])
     return {
         "lowest": space.centre | dict(zip(space.free, space.low.tolist(), strict=True)),
-        "representative": published.representative(
+        "representative": published.read_representative(
             study.config["validation"]["published"]
         ),
         "highest": space.centre

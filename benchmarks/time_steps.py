@@ -110,7 +110,7 @@ def runs_of(step_s, study, seeds):
         **study.config,
         "simulation": {**study.config["simulation"], "time_step_s": step_s},
     }
-    parameters = published.representative(study.config["validation"]["published"])
+    parameters = published.read_representative(study.config["validation"]["published"])
     records = [
         run_once(
             bench(name),

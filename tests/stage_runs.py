@@ -62,7 +62,7 @@ def compared(solutions_csv, jobs, study, published, out, support=None):
 
 def answer_of(study, summary_json, check_csv, solutions_csv):
     settings = study.settings
-    return answer.read(
+    return answer.read_answer(
         summary_json,
         check_csv,
         solutions_csv,

@@ -316,7 +316,7 @@ def fitting(args, config, pours):
         miga = study.settings.miga
         section = network.model_copy(update={"seed": network.seed + number})
         search = miga.model_copy(update={"seed": miga.seed + number})
-        tables = dataset.assemble(samples, {BENCH: jobs}, targets)
+        tables = dataset.make_tables(samples, {BENCH: jobs}, targets)
         learned = train.train(
             *tables,
             targets,

@@ -16,7 +16,7 @@ from repose.common.errors import InputError
 from repose.common.files import read_table
 from repose.config.pipeline import PipelineConfig
 from repose.measure.further_responses import BENCH
-from repose.stages.published import published_responses
+from repose.stages.published import find_published_responses
 from research.settings import SECTIONS
 from research.shape.shape_rule import CELL
 
@@ -132,7 +132,7 @@ def compared_targets(config: Config) -> list[Target]:
         if target.response.apparatus == BENCH
     ]
     columns = read_table(path, ("solution", *PARAMETERS))
-    published = published_responses(columns, [target.response for target in pile])
+    published = find_published_responses(columns, [target.response for target in pile])
     if not published:
         raise InputError(
             path,

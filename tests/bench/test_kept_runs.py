@@ -63,7 +63,7 @@ def pours():
                 "001",
                 seeds,
                 folder,
-                keeps_runs=keeps_runs,
+                keep_runs=keeps_runs,
             )
         return ran
 
@@ -140,7 +140,7 @@ def test_a_run_that_somebody_changed_or_copied_is_made_again(pours, tmp_path):
     assert pours(tmp_path, [1, 2]) == [2]
     for name, other in (
         ("position", arrays["position"] + 1),
-        (kept_runs.ABOUT, np.array("{")),
+        (kept_runs.DESCRIPTION_ARRAY, np.array("{")),
     ):
         np.savez(second, **{**arrays, name: other})
         assert pours(tmp_path, [1, 2]) == [2], name

@@ -253,7 +253,7 @@ def test_a_hidden_surface_energy_is_found_again():
     test = bench("lifted_cylinder")
     whole = config(berries=300)
     whole["simulation"] |= {"contact_law": "jkr", "time_step_s": 2.7e-4}
-    known = published.representative(whole["validation"]["published"]) | {
+    known = published.read_representative(whole["validation"]["published"]) | {
         "gamma_gp": 0.0
     }
     seeds = itertools.count(1)

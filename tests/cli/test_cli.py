@@ -261,7 +261,7 @@ def test_a_pour_that_measures_leaves_its_measurement_to_measure_runs(
     kept = tmp_path / "heaps/runs/004.json"
     assert not result.exists()
     anew = []
-    measured = job.measured
+    measured = job.measure_runs
     monkeypatch.setattr(
         job, "measured", lambda *given: anew.append(given) or measured(*given)
     )

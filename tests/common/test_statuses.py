@@ -6,9 +6,9 @@ from shared import ROOT
 
 from repose.bench import bench, names
 from repose.common.statuses import ENDINGS, explain, in_words, reword
-from repose.stages.settings import STATUSES
+from repose.stages.settings import RUN_STATUSES
 
-OWN = set(STATUSES) - {"ok"}
+OWN = set(RUN_STATUSES) - {"ok"}
 
 
 def statuses_in_table(page):

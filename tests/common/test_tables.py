@@ -25,7 +25,7 @@ from repose.common.tables import Column
 from repose.grain.berry import compute_mean_grain
 from repose.grain.berry_files import read_compression, read_sizes
 from repose.stages.parameter_sets import read_sample, read_samples
-from repose.stages.published import check_published, published_sets
+from repose.stages.published import check_published_sets, read_parameter_sets
 
 OWN = {
     "simulator": "EDEM",
@@ -78,8 +78,8 @@ def shape(path):
 
 def sets(path):
     """The published sets, once the table is checked."""
-    check_published(path)
-    return [list(parameters.values()) for parameters in published_sets(path)]
+    check_published_sets(path)
+    return [list(parameters.values()) for parameters in read_parameter_sets(path)]
 
 
 def profile(path):

@@ -10,7 +10,7 @@ from repose.bench.space import contact_space
 from repose.calibrate.profiles import Profile
 from repose.calibrate.responses import response
 from repose.calibrate.targets import Targets
-from repose.stages.published import published_responses, to_simulate
+from repose.stages.published import find_published_responses, list_sets_to_simulate
 
 SLIP = shared.target("drum_slip_deg", 40.0, 1.0, 38, 42, 4)
 X = np.sort(np.random.default_rng(1).uniform(-24.0, 20.0, 23))  # at no regular distance
@@ -66,12 +66,19 @@ def test_published_solutions_are_simulated_where_their_responses_are_stored(tmp_
     path.write_text(",".join(columns) + "\n" + ",".join(["22"] + 9 * ["0.5"]) + "\n")
     height = response("height_mm")
     angle = response("aor_deg")
-    assert published_responses(columns, (angle, height)) == (height,)
-    assert to_simulate(path, (angle, height)) == ["22"]
-    assert to_simulate(path, (angle,)) == to_simulate(None, (height,)) == []
+    assert find_published_responses(columns, (angle, height)) == (height,)
+    assert list_sets_to_simulate(path, (angle, height)) == ["22"]
+    assert (
+        list_sets_to_simulate(path, (angle,))
+        == list_sets_to_simulate(None, (height,))
+        == []
+    )
     path.write_text("solution,e_gg\n")
     input_error(
-        r"table4\.csv: column mus_gg is 'missing'", to_simulate, path, (height,)
+        r"table4\.csv: column mus_gg is 'missing'",
+        list_sets_to_simulate,
+        path,
+        (height,),
     )
 
 

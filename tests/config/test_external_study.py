@@ -166,7 +166,7 @@ def test_a_trial_has_the_seed_of_the_first_run_of_the_design(tmp_path):
     command = [sys.executable, str(tmp_path / "toy.py")]
     study = loaded(inputs=True, **simulator(command=command))
     lines = list(make_trial_run(study, study.simulator, 2))
-    expected = simulate.seed_of(STUDY["seed"], "design", sample=1, run=1)
+    expected = simulate.draw_seed(STUDY["seed"], "design", sample=1, run=1)
     assert lines[0].startswith(f"trial run, seed {expected}, ")
     assert f"angle {expected:.4g} deg" in lines[1]
     elapsed_s = float(lines[0].split(", ")[2].removesuffix(" s"))

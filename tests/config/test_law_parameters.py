@@ -25,7 +25,7 @@ from repose.config import dependencies
 from repose.config.models import settings_type
 from repose.config.pipeline import PipelineConfig
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
-from repose.stages.card_study import laws as described_laws
+from repose.stages.card_study import describe_laws as described_laws
 from repose.stages.parameter_sets import read_sample
 
 GRAINS = {"gamma_gg": [0.0, 0.1]}
@@ -84,7 +84,7 @@ def test_twisting_belongs_to_its_laws():
 
 
 def test_a_card_tells_all_laws_apart_by_their_sentences():
-    """`configuration_of_card` finds the laws of a card by its sentences alone."""
+    """`rebuild_configuration` finds the laws of a card by its sentences alone."""
     tensions = ("keep", "release")
     combinations = list(product(CONTACT_LAWS, ROLLING_LAWS, tensions))
     sentences = set()

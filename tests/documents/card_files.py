@@ -72,7 +72,7 @@ def section(name, schema):
 
 def texts():
     """The text of each file."""
-    schema = card.schema()
+    schema = card.make_schema()
     models = {
         name: model for name, model in schema["$defs"].items() if "properties" in model
     }

@@ -695,7 +695,7 @@ def first_draw():
 def verdict():
     """The verdict of `goji_berry` as the terminal prints it."""
     card = json.loads((KEPT / DEFAULT.folder / "card.json").read_text())
-    first_line, *_ = card_text.verdict(card).splitlines()
+    first_line, *_ = card_text.format_verdict(card).splitlines()
     return f"    {first_line}\n"
 
 

@@ -192,7 +192,7 @@ def test_a_card_of_an_earlier_version_has_the_inertia_of_a_sphere():
         "spheres_mm": [[0, 0, 0, 5]],
         "density_kg_m3": 1000.0,
     }
-    of_card = card_study.particle_of(
+    of_card = card_study.rebuild_particle(
         {"grain": grain | {"mass_g": 2.0, "volume_mm3": 2000.0}}, None, "old.json"
     )
     assert of_card.inertia_kg_m2 == pytest.approx(np.full(3, 0.4 * 2e-3 * 5e-3**2)), (
@@ -601,11 +601,13 @@ def test_a_card_brings_the_configuration_beside_it(monkeypatch, tmp_path, comman
     shown = json.loads((ROOT / "crops/cards/wheat.json").read_text())
     config = PipelineConfig.load(CONFIG).config
     (tmp_path / "config.json").write_text(json.dumps(config))
-    wall = {key: config["wall"][key] for key in card_study.WALL}
+    wall = {key: config["wall"][key] for key in card_study.WALL_KEYS}
     shown |= {
         "material": config["label"],
         "wall": wall,
-        "laws": card_study.laws(PipelineConfig.load(CONFIG).settings.simulation),
+        "laws": card_study.describe_laws(
+            PipelineConfig.load(CONFIG).settings.simulation
+        ),
     }
     shown["tests"][0]["bench"] = config["funnel"]
     (tmp_path / "card.json").write_text(json.dumps(shown))
@@ -616,7 +618,7 @@ def test_a_card_brings_the_configuration_beside_it(monkeypatch, tmp_path, comman
             strict=True,
         )
     )
-    berry = axes | {key: shown["grain"][key] for key in card_study.GRAIN}
+    berry = axes | {key: shown["grain"][key] for key in card_study.GRAIN_KEYS}
     monkeypatch.setattr(
         "repose.cli.berries.load_grain_and_particle", lambda *_: (berry, THREE)
     )

@@ -12,7 +12,7 @@ from repose.cli import main
 from repose.common.errors import InputError
 from repose.config.pipeline import PipelineConfig
 from repose.export.template import NUMBER, template_of, write_template
-from repose.stages.simulate import fill, seed_of
+from repose.stages.simulate import draw_seed, fill_template
 
 EXAMPLE = ROOT / "examples" / "lammps_pile"
 EXAMPLE_OF_LIGGGHTS = ROOT / "examples" / "liggghts_pile"
@@ -43,7 +43,7 @@ def test_a_filled_template_is_the_deck(config, program, particle, tmp_path):
     template, *_ = write_template(
         job_with, start, names=tuple(FRICTIONS), program=program, folder=tmp_path
     )
-    filled = fill(template.read_text(), start | FRICTIONS, template)
+    filled = fill_template(template.read_text(), start | FRICTIONS, template)
     (deck, expected), *others = export.PROGRAMS[program](job_with(FRICTIONS)).items()
     assert template.name == f"{deck}.j2"
     assert words_of(filled) == words_of(expected)
@@ -137,13 +137,15 @@ def test_each_run_of_liggghts_has_a_prime_as_its_seed():
     for purpose in ("design", "validation"):
         for sample in range(1, 31):
             for run in range(1, 9):
-                seed = seed_of(1, purpose, sample=sample, run=run)
-                prime = int(fill(seed_template, {"seed": seed}, "liggghts.yaml"))
+                seed = draw_seed(1, purpose, sample=sample, run=run)
+                prime = int(
+                    fill_template(seed_template, {"seed": seed}, "liggghts.yaml")
+                )
                 assert 0 <= prime - seed < 1000
                 primes.append(prime)
     # Neither the runs of a sample nor those of the check repeat a seed.
     assert len(set(primes)) == len(primes)
-    small = fill(seed_template, {"seed": 5}, "liggghts.yaml")
+    small = fill_template(seed_template, {"seed": 5}, "liggghts.yaml")
     assert int(small) == 10_007, "the first prime above 10,000"
     for prime in primes:
         assert prime > 10_000

@@ -22,7 +22,7 @@ from repose.calibrate.uncertainty import implausibility
 from repose.common.files import write_json
 from repose.report import figures
 from repose.report.figures import posterior, style
-from repose.stages.published import STALE
+from repose.stages.published import STALE_WARNING
 
 FURTHER = [
     target("base_radius_mm", 110.0, 6.0, 100.0, 120.0),
@@ -229,7 +229,7 @@ def test_stale_numbers_are_called_so(tmp_path):
         result = result_of(table.assign(stale=[*5 * [False], stale]))
         assert "published measurement" in result
         assert "not\npublished" not in result
-        assert (STALE in result) == stale
+        assert (STALE_WARNING in result) == stale
     # the stored table may lack a response
     result = result_of(table.drop(columns="height_simulated_mm"))
     assert any("AoR" in text for text in result)

@@ -25,7 +25,7 @@ from repose.measure.angles import MEAN_KEYS
 from repose.measure.settings import MeasureSettings, line_of
 from repose.report.page import page, prediction, scene, three
 from repose.report.page.templates import asset
-from repose.stages.published import STALE
+from repose.stages.published import STALE_WARNING
 
 BOTH = Targets.of(TARGETS)
 MORE = [*TARGETS, target("drum_slip_deg", 44, 2, 40, 48, 5)]
@@ -138,7 +138,7 @@ def test_the_page_has_the_same_piles_by_other_lines_and_calls_stale_sets_so(tmp_
     for k, name in enumerate(MEAN_KEYS):
         says(lines, f"{line_of(measure, name)}</td>", f"{30 + k}.00 ± 0.25 deg")
     assert lines.count("calibrated") == 1
-    assert f"Published, {escape(STALE)}" in text
+    assert f"Published, {escape(STALE_WARNING)}" in text
 
 
 def test_a_surrogate_that_is_no_network_is_shown_along_each_parameter(tmp_path):

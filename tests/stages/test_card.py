@@ -34,7 +34,7 @@ from repose.grain.berry_files import read_grain
 from repose.grain.particle import Particle
 from repose.measure.angles import MEAN_KEYS
 from repose.stages import card, card_study, card_text
-from repose.stages.card import schema
+from repose.stages.card import make_schema
 from repose.stages.card_study import describe_response
 
 STUDY = ROOT / "results/published/goji_berry"
@@ -117,7 +117,7 @@ def made(
     )
     berry = read_grain(STUDY / "berry/berry.json")
     particle = Particle.of_record(record_of_an_ellipsoid())
-    return card_study.make(
+    return card_study.make_card(
         studied(config), found, berry, particle, solutions, posterior
     )
 
@@ -134,7 +134,7 @@ def record_of_an_ellipsoid():
 
 def test_a_card_has_the_intervals_of_the_sets_or_of_the_posterior(config, solutions):
     made_card = made(config, solutions)
-    card.check(made_card, "card")
+    card.check_card(made_card, "card")
     parameters = made_card["parameters"]
     assert parameters["mus_gg"]["low"] == solutions["mus_gg"].min()
     assert parameters["mus_gg"]["high"] == solutions["mus_gg"].max()
@@ -238,7 +238,7 @@ def test_bounds_and_widened_intervals_are_on_the_card_and_in_its_text(
         (intervals, solutions),
         values={"e_gg": 0.1, "mus_gg": 0.47, "mus_gp": 0.44},
     )
-    card.check(found, "card")
+    card.check_card(found, "card")
     rows = {
         name: {key: row[key] for key in row if key in HELD}
         for name, row in found["parameters"].items()
@@ -248,7 +248,7 @@ def test_bounds_and_widened_intervals_are_on_the_card_and_in_its_text(
     assert rows["mus_gp"] == {"low": 0.44, "high": 0.5, "widened": True}
     line_of = {
         line.split()[0]: line
-        for line in card_text.describe(found).splitlines()
+        for line in card_text.describe_card(found).splitlines()
         if line.startswith("  m") or "e_gg" in line
     }
     assert line_of["e_gg"].endswith(
@@ -285,7 +285,7 @@ def test_a_script_asks_the_card_whether_the_targets_are_met(
 ):
     found = made(config, solutions, **changes)
     path = tmp_path / "card.json"
-    card.check(found, "card")
+    card.check_card(found, "card")
     assert {name: found[name] for name in fields} == fields
     assert ("small_run" in found) is ("small_run" in changes)
     path.write_text(json.dumps(found))
@@ -297,7 +297,7 @@ def test_a_script_asks_the_card_whether_the_targets_are_met(
 def test_a_card_of_before_the_reason_is_read_and_judged(tmp_path, command):
     status = {True: 0, False: 3, None: 4}
     lines = [
-        command("card", "check", path, status=status[card.read(path)["met"]]).out
+        command("card", "check", path, status=status[card.read_card(path)["met"]]).out
         for path in CARDS
     ]
     assert "which gave no reason" in "".join(lines)
@@ -317,16 +317,16 @@ def test_equal_rows_of_sizes_are_one_mean(config, solutions):
     made_card = made(config, solutions)
     made_card["grain"] = card_study._describe_grain(True, equal, particle)
     assert made_card["grain"]["measured"] == 1
-    card.check(made_card, "card")
-    assert "9.88 mm (mean axes only), ellipsoid" in card_text.describe(made_card)
+    card.check_card(made_card, "card")
+    assert "9.88 mm (mean axes only), ellipsoid" in card_text.describe_card(made_card)
 
 
 def test_a_card_describes_the_laws_of_the_study(config):
-    result = card_study.laws(settings_of(config).simulation)
+    result = card_study.describe_laws(settings_of(config).simulation)
     assert result["normal"].startswith("Hertz")
     assert "mu_s times the size of the damped normal force" in result["tangential"]
     config["simulation"] |= {"contact_law": "linear_spring", "tension": "keep"}
-    other = card_study.laws(settings_of(config).simulation)
+    other = card_study.describe_laws(settings_of(config).simulation)
     assert other["normal"].startswith("linear spring")
     assert "mu_r times the elastic part of the normal force" in other["rolling"]
     assert (
@@ -380,8 +380,8 @@ def test_a_card_says_whether_piles_can_have_its_angle_at_its_height(config, solu
     of_angle, of_height = found["tests"]
     assert "reach" not in of_height
     assert of_angle["reach"]["possible"] is False
-    assert of_angle["reach"]["sentence"] in card_text.describe(found)
-    card.check(found, "card")
+    assert of_angle["reach"]["sentence"] in card_text.describe_card(found)
+    card.check_card(found, "card")
 
 
 def test_an_angle_of_a_pile_has_its_line_and_the_same_piles_by_every_other(
@@ -416,10 +416,10 @@ def test_an_angle_of_a_pile_has_its_line_and_the_same_piles_by_every_other(
     berry = read_grain(STUDY / "berry/berry.json")
     particle = Particle.of_record(record_of_an_ellipsoid())
     for means in (None, row):
-        made_card = card_study.make(
-            studied(config), found, berry, particle, solutions, row=means
+        made_card = card_study.make_card(
+            studied(config), found, berry, particle, solutions, answer_row=means
         )
-        card.check(made_card, "card")
+        card.check_card(made_card, "card")
         assert made_card["tests"][0]["line"] == "secant, foot to crest"
         assert ("definitions" in made_card["tests"][0]) == (means is not None)
     (tmp_path / "card.json").write_text(json.dumps(made_card))
@@ -443,7 +443,7 @@ def test_an_invalid_card_is_refused_with_every_fault(config, solutions):
     bad["grain"]["density_kg_m3"] = -1
     del bad["laws"]
     message = "laws is None; expected a material card: the key is missing"
-    fault = input_error(message, card.check, bad, "mine.json")
+    fault = input_error(message, card.check_card, bad, "mine.json")
     assert "grain.density_kg_m3 is -1" in str(fault)
 
 
@@ -451,7 +451,7 @@ def test_each_wrong_value_of_a_card_is_refused(config, solutions):
     good = made(config, solutions)
 
     def check(change):
-        card.check(over(good, change), "mine.json")
+        card.check_card(over(good, change), "mine.json")
 
     def parameter(name, **keys):
         return {"parameters": {name: keys}}
@@ -489,7 +489,7 @@ def test_each_wrong_value_of_a_card_is_refused(config, solutions):
 def test_a_card_without_a_parameter_is_refused(config, solutions):
     bad = made(config, solutions)
     del bad["parameters"]["mur_gp"]
-    input_error(r"parameters\.mur_gp is None; .* missing", card.check, bad, "mine")
+    input_error(r"parameters\.mur_gp is None; .* missing", card.check_card, bad, "mine")
 
 
 @pytest.mark.parametrize(
@@ -497,8 +497,8 @@ def test_a_card_without_a_parameter_is_refused(config, solutions):
 )
 def test_a_published_card_is_whole(path):
     """Every published test of ours was run more than once, so each card tells how near its piles are to the targets."""
-    found = card.read(path)
-    jsonschema.validate(found, schema())
+    found = card.read_card(path)
+    jsonschema.validate(found, make_schema())
     if (
         "simulator" in found
     ):  # its drums were simulated again by an example, which the card does not know
@@ -542,14 +542,14 @@ def test_two_cards_side_by_side_tell_what_differs(config, solutions, tmp_path, c
         "card", "compare", tmp_path / "one.json", tmp_path / "other.json"
     ).out.splitlines()
     is_known("cards.txt", "\n".join(lines))
-    assert "Another simulator" not in card_text.compare(first, second)
-    assert "Another simulator: repose | theirs." in card_text.compare(
+    assert "Another simulator" not in card_text.compare_cards(first, second)
+    assert "Another simulator: repose | theirs." in card_text.compare_cards(
         first, second | {"simulator": "theirs"}
     )
     second["tests"][0]["definition"]["name"] = "angle, secant"
     assert any(
         "Another definition of height_mm" in line
-        for line in card_text.compare(first, second).splitlines()
+        for line in card_text.compare_cards(first, second).splitlines()
     )
 
 
@@ -587,7 +587,7 @@ def test_the_verb_writes_a_card_that_can_be_read(tmp_path, command):
     command(
         "stage", "material_card", *arguments, f"--particle={particle}", f"--out={out}"
     )
-    found = card.read(out)
+    found = card.read_card(out)
     summary = json.loads((STUDY / "miga/summary.json").read_text())
     assert all(
         found["parameters"][name]["value"] == summary["representative"][name]
@@ -613,8 +613,8 @@ def test_a_card_holds_the_parameters_of_every_contact_law(config, solutions):
         result = made(
             law_config, solutions.assign(**{name: solutions["e_gg"] for name in names})
         )
-        card.check(result, "card")
+        card.check_card(result, "card")
         assert tuple(result["parameters"]) == (*PARAMETERS, *names)
-        assert all(LABELS[name] in card_text.describe(result) for name in names)
+        assert all(LABELS[name] in card_text.describe_card(result) for name in names)
     result["parameters"]["surface_gg"] = result["parameters"]["e_gg"]
-    input_error("surface_gg", card.check, result, "card")
+    input_error("surface_gg", card.check_card, result, "card")

@@ -16,7 +16,7 @@ from repose.config import dependencies, loader
 from repose.config.pipeline import PipelineConfig
 from repose.stages import card
 from repose.stages.card_study import describe_response
-from repose.stages.published import published_sets
+from repose.stages.published import read_parameter_sets
 
 CROPS = places.root() / "crops"
 NAMES = sorted(path.parent.name for path in CROPS.glob("*/config.yaml"))
@@ -61,7 +61,7 @@ def test_a_crop_stands_on_its_own_numbers_and_so_does_its_card(name, monkeypatch
     assert not {"drum", "cylinder"} & set(config)
     assert config["berry"]["sizes"] == "sizes.csv"
     if config["validation"]["published"]:
-        assert len(published_sets(config["validation"]["published"])) == 1
+        assert len(read_parameter_sets(config["validation"]["published"])) == 1
     text = Path("README.md").read_text()
     target = config["targets"][0]
     for value in (
@@ -71,7 +71,7 @@ def test_a_crop_stands_on_its_own_numbers_and_so_does_its_card(name, monkeypatch
     ):
         assert f"{value:g}" in text or f"{value:.2f}" in text
     assert "assumed" in text
-    shown = card.read(CROPS / "cards" / f"{name}.json")
+    shown = card.read_card(CROPS / "cards" / f"{name}.json")
     assert shown["material"] == name
     expected = [target["value"] for target in config["targets"]]
     assert [test["measured"] for test in shown["tests"]] == expected

@@ -16,7 +16,7 @@ from repose.bench.parameters import PARAMETERS
 from repose.calibrate.dataset_files import read_definitions
 from repose.calibrate.targets import Targets
 from repose.stages import dataset
-from repose.stages.parameter_sets import job_files
+from repose.stages.parameter_sets import list_job_files
 from repose.stages.tables import read_dataset, read_runs
 
 TARGETS = Targets.of(shared.TARGETS)
@@ -89,7 +89,7 @@ def test_run_writes_tables_and_counts(study):
     assert pd.isna(table["aor_deg"][2])
     assert table["reason"][2] == "2 of 3 runs jammed (stuck)"
     runs = pd.read_csv(folder / "out/runs.csv")
-    assert list(runs.columns) == ["sample", *dataset.RUN, *RECORDED.single]
+    assert list(runs.columns) == ["sample", *dataset.RUN_COLUMNS, *RECORDED.single]
     assert len(runs) == 9
     assert json.loads((folder / "out/dataset_summary.json").read_text()) == summary
     assert summary["samples"] == 3
@@ -261,14 +261,16 @@ def test_a_folder_stands_for_the_file_of_every_sample_in_it(tmp_path):
     (tmp_path / "heaps").mkdir()
     (tmp_path / "samples.csv").write_text("sample,e_gg\n1,0.3\n10000,0.3\n")
     arguments = [str(tmp_path / "heaps"), "other/001.json"]
-    names = [str(path) for path in job_files(arguments, tmp_path / "samples.csv")]
+    names = [str(path) for path in list_job_files(arguments, tmp_path / "samples.csv")]
     expected = [
         f"{tmp_path}/heaps/001.json",
         f"{tmp_path}/heaps/10000.json",
         "other/001.json",
     ]
     assert names == expected
-    assert [str(path) for path in job_files(["a.json"], "no/table.csv")] == ["a.json"]
+    assert [str(path) for path in list_job_files(["a.json"], "no/table.csv")] == [
+        "a.json"
+    ]
 
 
 @pytest.fixture

@@ -302,7 +302,7 @@ def test_all_faults_are_found_before_any_run(tmp_path):
         particles={"file": "pile.dump"},
     )
     with pytest.raises(InputError) as caught:
-        simulate.check(section, PARAMETERS, ("angle", "aor_deg"), "own.yaml")
+        simulate.check_simulator(section, PARAMETERS, ("angle", "aor_deg"), "own.yaml")
     faults = str(caught.value)
     for fault in ("no_such_program", "fricton", "name is 'x'", "none.stl", "rolling"):
         assert fault in faults, fault
@@ -314,7 +314,7 @@ def test_two_files_of_a_run_must_not_have_one_name(tmp_path):
     (tmp_path / "parameters.json").write_text("{}")
     section = settings(tmp_path, GOOD, files=[str(tmp_path / "parameters.json")])
     with pytest.raises(InputError, match=r"simulator\.files"):
-        simulate.check(section, {}, ("angle",), "own.yaml")
+        simulate.check_simulator(section, {}, ("angle",), "own.yaml")
 
 
 @pytest.mark.parametrize(
@@ -332,13 +332,15 @@ def test_a_run_is_not_read_from_a_file_that_it_was_given(tmp_path, output, templ
         keys["template"] = str(tmp_path / template)
     section = settings(tmp_path, GOOD, **keys)
     with pytest.raises(InputError, match=r"simulator\.output is .*the run writes"):
-        simulate.check(section, PARAMETERS, ("angle",), "own.yaml")
+        simulate.check_simulator(section, PARAMETERS, ("angle",), "own.yaml")
 
 
-@pytest.mark.parametrize("name", simulate.NAMES)
+@pytest.mark.parametrize("name", simulate.RUN_VARIABLES)
 def test_a_parameter_has_no_name_of_the_run(tmp_path, name):
     with pytest.raises(InputError, match=rf"parameters\.{name} is"):
-        simulate.check(settings(tmp_path, GOOD), {name: 0.5}, ("angle",), "own.yaml")
+        simulate.check_simulator(
+            settings(tmp_path, GOOD), {name: 0.5}, ("angle",), "own.yaml"
+        )
 
 
 @pytest.mark.parametrize(
@@ -362,14 +364,14 @@ def test_a_template_that_cannot_be_filled_is_found_before_any_run(
     template.write_bytes(text)
     section = settings(tmp_path, GOOD, template=str(template))
     with pytest.raises(InputError, match=f"(?s)deck.in.j2.*{fault}"):
-        simulate.check(section, PARAMETERS, ("angle",), "own.yaml")
+        simulate.check_simulator(section, PARAMETERS, ("angle",), "own.yaml")
 
 
 def test_a_command_that_cannot_be_filled_is_found_before_any_run(tmp_path):
     command = ["python", "{{ [1, 2][run] // 0 }}"]
     section = settings(tmp_path, GOOD, command=command)
     with pytest.raises(InputError, match=r"simulator\.command.*ZeroDivisionError"):
-        simulate.check(section, PARAMETERS, ("angle",), "own.yaml")
+        simulate.check_simulator(section, PARAMETERS, ("angle",), "own.yaml")
 
 
 def test_a_program_may_remove_its_folder(tmp_path):
@@ -387,7 +389,7 @@ def test_a_folder_in_place_of_the_output_is_named(tmp_path):
 
 def test_seeds_differ_and_are_small_enough_for_lammps():
     seeds = {
-        simulate.seed_of(1, purpose, sample, run)
+        simulate.draw_seed(1, purpose, sample, run)
         for purpose in ("design", "validation")
         for sample in (1, 2)
         for run in (1, 2, 3)
@@ -395,7 +397,7 @@ def test_seeds_differ_and_are_small_enough_for_lammps():
     assert len(seeds) == 12
     assert all(1 <= seed <= 899_999_999 for seed in seeds)
     first = pour_seeds(1, "design", 2, 3, apparatus="own")[2]
-    assert simulate.seed_of(1, "design", 2, 3) == 1 + first % 899_999_999
+    assert simulate.draw_seed(1, "design", 2, 3) == 1 + first % 899_999_999
 
 
 def test_a_killed_job_ends_its_program_and_leaves_no_run(tmp_path):
@@ -472,7 +474,7 @@ def test_the_pile_of_particles_is_measured_as_by_repose_measure(tmp_path):
     # An automatic scale has 32 pixels across a grain.
     automatic = SETTINGS.model_copy(update={"mm_per_pixel": "auto"})
     folder = tmp_path / "001" / "1"
-    fine = simulated.measured_pile(folder, section, automatic)
+    fine = simulated.measure_pile(folder, section, automatic)
     scale_mm = 2e3 * RADIUS / 32
     expected = measure_particles(
         particle_files.read(tmp_path / "pile.dump"),

@@ -20,7 +20,7 @@ from repose.measure.angles import MEAN_KEYS
 from repose.measure.settings import MeasureSettings
 from repose.stages import validate
 from repose.stages.parameter_sets import read_sample
-from repose.stages.published import read_sets, read_stored, to_simulate
+from repose.stages.published import list_sets_to_simulate, read_sets, read_stored
 
 SPACE = ParameterSpace(PARAMETERS, np.zeros(6), np.ones(6))
 TARGETS = Targets.of(shared.TARGETS)
@@ -94,7 +94,7 @@ def stored(folder, failed=()):
         folder / "published4.csv",
         paths,
         made,
-        names=PARAMETERS,
+        parameter_names=PARAMETERS,
         targets=TARGETS,
         simulated_by=NOW,
     )
@@ -102,9 +102,9 @@ def stored(folder, failed=()):
 
 
 def published(path, targets=TARGETS, names=PARAMETERS, measure=MEASURE, now=NOW):
-    return validate.compared_with_published(
+    return validate.compare_with_published(
         path,
-        names=names,
+        parameter_names=names,
         targets=targets,
         measure=measure,
         simulated_by=now,
@@ -141,7 +141,7 @@ def test_sets_of_other_works_follow_by_number(study):
     (study / "others.csv").write_text(
         f"solution,source,wall,{','.join(PARAMETERS)},aor_measured_deg\n{row}"
     )
-    assert to_simulate(study / "published4.csv", TARGETS.responses) == [
+    assert list_sets_to_simulate(study / "published4.csv", TARGETS.responses) == [
         "22",
         "representative",
         "yu",
@@ -204,7 +204,9 @@ def test_the_answer_is_compared_with_the_measured_piles(study):
         for b in ("predicted", "simulated", "se")
     )
     distant = dict.fromkeys(columns, 40.0) | {"n_seeds": 3, "status": "ok"}
-    assert not validate.against_physical(distant, TARGETS)["within_one_sd"].any()
+    assert not validate.compare_with_measurement(distant, TARGETS)[
+        "within_one_sd"
+    ].any()
 
 
 def test_definitions_that_are_targets_keep_their_column_and_stored_sets_may_be_stale(
@@ -213,7 +215,7 @@ def test_definitions_that_are_targets_keep_their_column_and_stored_sets_may_be_s
     flank = Targets.of([shared.TARGETS[0] | {"response": "aor_flank_deg"}])
     sets = select(study).assign(aor_flank_predicted_deg=32.0)
     jobs = validate.read_jobs(write_heaps(study, sets), sets, flank)
-    table = validate.validate(sets, jobs, flank, MEASURE)["table4"]
+    table = validate.compare_solutions(sets, jobs, flank, MEASURE)["table4"]
     assert (
         table["aor_flank_simulated_deg"].tolist()
         == table["aor_flank_deg"].tolist()
@@ -366,8 +368,10 @@ def test_a_law_of_further_parameters_keeps_them_and_leaves_the_published_sets_ou
     )
     assert read_sample(study / "v/solutions.csv", 1)["gamma_gg"] == 0.05
     responses = TARGETS.responses
-    assert len(to_simulate(study / "published4.csv", responses, PARAMETERS)) == 2
-    assert to_simulate(study / "published4.csv", responses, names) == []
+    assert (
+        len(list_sets_to_simulate(study / "published4.csv", responses, PARAMETERS)) == 2
+    )
+    assert list_sets_to_simulate(study / "published4.csv", responses, names) == []
     with pytest.raises(InputError, match="column gamma_gg"):
         validate.write_published_solutions(
             study / "published4.csv", names, study / "v/published.csv"

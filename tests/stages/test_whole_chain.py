@@ -116,9 +116,9 @@ def whole_chain(out: Path, targets, space, surrogate="network", replicates=False
         out / "miga/feasible.csv", space, targets, 3, out / "validation/solutions.csv"
     )
     jobs = pour(again, targets, out / "validation/jobs")
-    theirs = validate.compared_with_published(
+    theirs = validate.compare_with_published(
         None,
-        names=space.names,
+        parameter_names=space.names,
         targets=targets,
         measure=study.settings.measure,
         simulated_by={},

@@ -24,7 +24,7 @@ def time_steps(monkeypatch):
 
 def test_the_representative_solution_is_the_published_one():
     path = "resources/published/table4.csv"
-    representative = published.representative(path)
+    representative = published.read_representative(path)
     assert representative == {
         "e_gg": 0.203,
         "mus_gg": 0.642,
@@ -35,7 +35,7 @@ def test_the_representative_solution_is_the_published_one():
     }
     input_error(
         "column gamma_gg is 'missing'",
-        published.representative,
+        published.read_representative,
         path,
         (*representative, "gamma_gg"),
     )

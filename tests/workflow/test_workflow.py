@@ -7,7 +7,7 @@ import pytest
 from plans import MIXED, declared, planned, snakemake
 from shared import target
 
-from repose.stages.published import STORED
+from repose.stages.published import STORED_COLUMNS
 
 pytestmark = pytest.mark.slow
 
@@ -318,7 +318,7 @@ def test_the_published_sets_are_poured_on_request_and_shown_from_a_stored_table(
     assert jobs["validation_pour"] == 3
     assert not {"published_solutions", "published_sets", "draw_published"} & set(jobs)
     columns = [
-        *(getattr(entry, "name", entry) for entry in STORED),
+        *(getattr(entry, "name", entry) for entry in STORED_COLUMNS),
         "aor_flank_deg",
         "height_mm",
     ]

@@ -27,13 +27,13 @@ from repose.common.provenance import engine_hash, hash_of
 from repose.common.source_code import code_hash
 from repose.stages.published import (
     FIRST_PUBLISHED,
-    columns_of_stored,
+    find_response_columns,
     find_sibling_table,
-    stored_columns,
-    tables,
-    to_simulate,
+    list_sets_to_simulate,
+    list_tables,
+    read_column_names,
 )
-from repose.stages.settings import SEEDS_OF_NEXT, SETS_OF_NEXT
+from repose.stages.settings import N_PLAUSIBLE_SETS, N_SEEDS_OF_PLAUSIBLE_SET
 from repose.calibrate.seeds import PURPOSES, pour_seeds
 from repose.calibrate.targets import OWN
 from repose.dem.sources import source_hash

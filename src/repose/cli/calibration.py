@@ -8,7 +8,7 @@ from repose.cli.options import DATASET, FEASIBLE, NETWORK, OPTIMISM, RUNS, SAMPL
 from repose.cli.registry import Option, verb
 from repose.common.errors import InputError
 from repose.config.pipeline import PipelineConfig
-from repose.stages.parameter_sets import job_files
+from repose.stages.parameter_sets import list_job_files
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -38,7 +38,7 @@ def dataset(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.stages import dataset
 
-    jobs = job_files(args.jobs, args.samples)
+    jobs = list_job_files(args.jobs, args.samples)
     dataset.run(
         args.samples,
         jobs,
@@ -46,7 +46,7 @@ def dataset(args: argparse.Namespace, study: PipelineConfig) -> None:
         study.definitions,
         args.out,
         args.prefix,
-        names=study.parameter_names,
+        parameter_names=study.parameter_names,
     )
 
 
@@ -67,7 +67,7 @@ def network(args: argparse.Namespace, study: PipelineConfig) -> None:
         definitions=study.definitions,
         surrogate=study.settings.surrogate,
         settings=study.settings.network,
-        names=study.parameter_names,
+        parameter_names=study.parameter_names,
         scale=study.parameters.scale,
         source=args.config,
     )
@@ -113,7 +113,7 @@ def optimism(args: argparse.Namespace, study: PipelineConfig) -> None:
         targets=study.targets,
         settings=study.settings.miga,
         solutions=study.settings.validation.solutions,
-        names=study.parameter_names,
+        parameter_names=study.parameter_names,
     )
     print(table.to_string(index=False))
 
@@ -187,7 +187,7 @@ def published_sets(args: argparse.Namespace, study: PipelineConfig) -> None:
         _require_published_table(args, study),
         args.jobs,
         out,
-        names=study.parameters.names,
+        parameter_names=study.parameters.names,
         targets=study.targets,
         simulated_by=simulator,
     )
@@ -256,7 +256,7 @@ def validate(args: argparse.Namespace, study: PipelineConfig) -> None:
         published=published,
         support=_find_support(args, study),
         optimism=optimism,
-        names=study.parameter_names,
+        parameter_names=study.parameter_names,
     )
 
 
@@ -270,9 +270,9 @@ def _read_published_comparison(study: PipelineConfig) -> "pd.DataFrame":
         "engine": engine_hash(),
         "scene": dependencies.hash_scene(study.config),
     }
-    return validate.compared_with_published(
+    return validate.compare_with_published(
         study.settings.validation.published_simulated,
-        names=study.parameters.names,
+        parameter_names=study.parameters.names,
         targets=study.targets,
         measure=study.settings.measure,
         simulated_by=simulator,

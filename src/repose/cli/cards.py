@@ -43,17 +43,17 @@ def card(args: argparse.Namespace) -> int:
     if len(args.cards) != n_cards:
         key = f"card {args.action}"
         raise InputError("command line", key, args.cards, f"files: {n_cards}")
-    cards = [card_file.read(path) for path in args.cards]
+    cards = [card_file.read_card(path) for path in args.cards]
     if args.action == "compare":
-        print(card_text.compare(*cards))
+        print(card_text.compare_cards(*cards))
         return 0
     if args.action == "show":
-        print(card_text.describe(cards[0]))
+        print(card_text.describe_card(cards[0]))
         return 0
 
     # Check the card. The exit status says what the check finds.
-    print(card_text.verdict(cards[0]))
-    are_met = card_text.state_of(cards[0]).met
+    print(card_text.format_verdict(cards[0]))
+    are_met = card_text.get_verdict(cards[0]).met
     if are_met is None:
         return UNDECIDED
     return 0 if are_met else NOT_MET
@@ -101,7 +101,7 @@ def material_card(args: argparse.Namespace, study: PipelineConfig) -> None:
             "command line", "--posterior", args.posterior, "together with --draws"
         )
     settings = study.settings
-    result = answer.read(
+    result = answer.read_answer(
         args.summary,
         args.representative,
         args.feasible,
@@ -111,7 +111,7 @@ def material_card(args: argparse.Namespace, study: PipelineConfig) -> None:
         strategy=settings.strategy,
         results_dir=settings.results_dir,
         small_run=settings.small_run,
-        names=study.parameter_names,
+        parameter_names=study.parameter_names,
     )
     files = {name: getattr(args, name) for name in FILES}
     card_study.run(study, result, files=files, out=args.out)

@@ -66,12 +66,12 @@ def export(args: argparse.Namespace) -> None:
     """
     from repose.export.job import Job, make
     from repose.export.template import write_template
-    from repose.stages.card_study import read_own
+    from repose.stages.card_study import read_repose_card
 
     # Read what is to be exported: the study, the card, or both.
     study = None if args.config is None else load(args)
     _require_one_parameter_option(args)
-    card = None if args.card is None else read_own(args.card)
+    card = None if args.card is None else read_repose_card(args.card)
     _check_numbers(args)
     if study is None:
         study = _find_study(args, card)
@@ -153,7 +153,7 @@ def _find_study(args: argparse.Namespace, card: Card | None) -> PipelineConfig |
         None if the folder of the card has no study, or its files cannot be read. The
         card alone then makes the deck.
     """
-    from repose.stages.card_study import configuration_of_card
+    from repose.stages.card_study import find_configuration
 
     if card is None:
         args.config = str(CONFIG.keywords["default"])
@@ -162,7 +162,7 @@ def _find_study(args: argparse.Namespace, card: Card | None) -> PipelineConfig |
         _ = study.grain
         return study
 
-    path = configuration_of_card(args.card)
+    path = find_configuration(args.card)
     if path is None:
         return None
     args.config = str(path)
@@ -276,14 +276,14 @@ def _choose_source(
     InputError
         If the card and the configuration belong to different studies.
     """
-    from repose.stages.card_study import require_one_study
+    from repose.stages.card_study import require_same_study
 
     if study is None:
         assert card is not None
         return _make_source_of_card(args, card)
     source = _make_source_of_study(args, study)
     if card is not None:
-        require_one_study(
+        require_same_study(
             card, args.card, study=study, source=args.config, grain=source.grain
         )
     return source
@@ -318,12 +318,12 @@ def _make_source_of_card(args: argparse.Namespace, card: Card) -> _Source:
     """Make the grain of a card ready for programs that know only spheres."""
     from repose.stages import card_study
 
-    card_particle = card_study.particle_of(card, None, args.card)
+    card_particle = card_study.rebuild_particle(card, None, args.card)
     n_spheres = _choose_number_of_spheres(args, card_particle)
     return _Source(
-        config=card_study.configuration_of(card, args.card),
+        config=card_study.rebuild_configuration(card, args.card),
         grain=card["grain"],
-        particle=card_study.particle_of(card, n_spheres, args.card),
+        particle=card_study.rebuild_particle(card, n_spheres, args.card),
         one_sphere=n_spheres == 1,
     )
 

@@ -23,7 +23,7 @@ from repose.common.errors import InputError
 from repose.common.files import json_text
 from repose.common.keys import section
 from repose.config.pipeline import PipelineConfig
-from repose.stages.parameter_sets import job_files
+from repose.stages.parameter_sets import list_job_files
 
 if TYPE_CHECKING:
     from repose.bench import Scene
@@ -78,7 +78,7 @@ def pour(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.stages.job import run_job
 
     job = _make_job(args, study, args.apparatus)
-    pours = run_job(**job, keeps_runs=args.keep_runs)
+    pours = run_job(**job, keep_runs=args.keep_runs)
     print(pours)
     if args.measure:
         _keep_measurement(args, study, scene=job["scene"], pours=pours)
@@ -103,14 +103,14 @@ def _keep_measurement(
         The file NAME.pours.json that describes the saved runs.
     """
     from repose.stages import kept_runs
-    from repose.stages.job import measured
+    from repose.stages.job import measure_runs
 
     # Act as the verb measure_runs with this file.
     options = vars(args) | {"verb": "measure_runs", "pours": [str(pours)]}
     with record_verb(argparse.Namespace(**options), "measured"):
         provenance.note_config(study.config)
         if kept_runs.read_measurement(pours) is None:
-            kept_runs.write_measurement(pours, measured(scene, pours))
+            kept_runs.write_measurement(pours, measure_runs(scene, pours))
 
 
 @verb(
@@ -275,8 +275,8 @@ def measure_runs(args: argparse.Namespace, study: PipelineConfig) -> None:
 
     # Measuring needs the grain and the walls, but no contact parameters.
     scene = _make_scene(args, study, {})
-    for path in job_files(args.pours, args.samples, POURS):
-        result = measure_job(scene, path, out_dir=args.out, keeps_runs=args.keep_runs)
+    for path in list_job_files(args.pours, args.samples, POURS):
+        result = measure_job(scene, path, out_dir=args.out, keep_runs=args.keep_runs)
         template = bench_of(result).summary
         for run in result["runs"]:
             print(f"{path}: {describe(run, template)}")

@@ -22,7 +22,7 @@ def bench(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.bench import speed
 
     settings = study.settings
-    parameters = published.representative(
+    parameters = published.read_representative(
         settings.validation.published, study.parameters.names
     )
     particles = {settings.berry.particle: study.particle}

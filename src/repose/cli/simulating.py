@@ -66,7 +66,7 @@ def simulate(args: argparse.Namespace, study: PipelineConfig) -> None:
         parameters,
         sample=args.sample,
         run=args.run,
-        seed=simulate.seed_of(study_seed, args.purpose, args.sample, args.run),
+        seed=simulate.draw_seed(study_seed, args.purpose, args.sample, args.run),
         out_dir=args.out,
     )
     print(_ending(record))
@@ -90,7 +90,7 @@ def measure_simulated(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.stages import simulated
 
-    for folder, records in simulated.record_files(args.runs).items():
+    for folder, records in simulated.list_record_files(args.runs).items():
         job = simulated.measure_sample(
             records,
             Path(args.out) / f"{folder.name}.json",

@@ -10,7 +10,7 @@ from typing import Any, Literal
 from repose.cli.registry import VERBS, configs_of
 from repose.common import places, provenance
 from repose.common.lock import join_folder
-from repose.stages.parameter_sets import job_files
+from repose.stages.parameter_sets import list_job_files
 
 # Options whose values may be folders: such a folder stands for the files with this ending
 # of all samples. The keys are verb and option.
@@ -143,11 +143,11 @@ def _list_paths(args: argparse.Namespace, option: str) -> list[str]:
     # Options whose value may be a folder, which stands for the files in it.
     if (args.verb, option) in FOLDERS:
         ending = FOLDERS[args.verb, option]
-        return [str(path) for path in job_files(value, args.samples, ending)]
+        return [str(path) for path in list_job_files(value, args.samples, ending)]
     if (args.verb, option) == ("measure_simulated", "runs"):
         from repose.stages import simulated
 
-        records = simulated.record_files(value)
+        records = simulated.list_record_files(value)
         return [str(path) for paths in records.values() for path in paths]
 
     # Any other option has one value or several.

@@ -31,7 +31,7 @@ def propose(args: argparse.Namespace, study: PipelineConfig) -> None:
         folders=args.batches,
         out_dir=args.out,
         definitions=study.definitions,
-        names=study.parameter_names,
+        parameter_names=study.parameter_names,
         source=args.config,
     )
     print(proposal["why"])
@@ -60,7 +60,7 @@ def conclude(args: argparse.Namespace, study: PipelineConfig) -> None:
         parameters=study.parameters,
         targets=study.targets,
         measure=study.settings.measure,
-        names=study.parameter_names,
+        parameter_names=study.parameter_names,
     )
     for row in check.to_dict("records"):
         print(

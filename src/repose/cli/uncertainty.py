@@ -89,7 +89,9 @@ def plausible(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.stages import next_measurement
 
-    next_measurement.plausible_sets(args.draws, study.settings.posterior.seed, args.out)
+    next_measurement.draw_plausible_sets(
+        args.draws, study.settings.posterior.seed, args.out
+    )
 
 
 @verb(
@@ -111,7 +113,7 @@ def next(args: argparse.Namespace, study: PipelineConfig) -> None:
 
     # Measure every response of the runs, not only those of the targets.
     grain, particle = load_grain_and_particle(study, args.berry, args.particle)
-    every_response = {"targets": next_measurement.every_response()}
+    every_response = {"targets": next_measurement.list_all_responses()}
     scene = Scene.of(study.config | every_response, {}, grain=grain, particle=particle)
     table = next_measurement.run(
         args.pours,

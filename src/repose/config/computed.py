@@ -16,7 +16,7 @@ from repose.common.keys import Config
 from repose.common.section import AUTO
 from repose.config.models import select_valid_sections
 from repose.measure.settings import COARSEST_MM_PER_PIXEL, FINEST_MM_PER_PIXEL
-from repose.stages.published import published_sets
+from repose.stages.published import read_parameter_sets
 
 if TYPE_CHECKING:
     from repose.dem.time_steps import Limit
@@ -129,7 +129,7 @@ def find_longest_step(config: Config, particle: "Particle", mean: Grain) -> "Lim
     # damping, which requires a short step. Take the lowest value of each parameter among
     # all sets that are simulated.
     simulated_sets = [{name: ranges[name][0] for name in PARAMETERS}]
-    simulated_sets += published_sets(settings.validation.published)
+    simulated_sets += read_parameter_sets(settings.validation.published)
     critical_set = {}
     for name in PARAMETERS:
         critical_set[name] = min(values[name] for values in simulated_sets)

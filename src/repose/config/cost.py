@@ -16,7 +16,7 @@ from repose.common.keys import Config
 from repose.config.contradictions import find_tests_in_use
 from repose.config.models import StudySettings, select_valid_sections
 from repose.grain.particle import Particle
-from repose.stages.published import to_simulate
+from repose.stages.published import list_sets_to_simulate
 
 # Measured on one core of a common server.
 SECONDS_A_GRAIN_STEP = 8e-8
@@ -387,4 +387,4 @@ def _count_published_sets(settings: StudySettings) -> int:
     """Count the published parameter sets that this study can simulate."""
     targets = [response(target.response) for target in settings.targets]
     names = parameters_among(settings.parameters.given)
-    return len(to_simulate(settings.validation.published, targets, names))
+    return len(list_sets_to_simulate(settings.validation.published, targets, names))

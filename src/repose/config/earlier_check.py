@@ -17,7 +17,7 @@ from repose.common.keys import Config, get
 from repose.common.provenance import hash_of, hash_of_file
 from repose.common.source_code import code_hash
 from repose.config.models import named_files
-from repose.stages.published import find_sibling_table, tables
+from repose.stages.published import find_sibling_table, list_tables
 
 FILE = "checked.json"
 # Rooms whose code checks a configuration or computes a number of it.
@@ -52,7 +52,7 @@ def _list_named_paths(config: Config) -> list[Any]:
     paths = [get(config, key) for key in named_files()]
     published = get(config, "validation.published")
     if isinstance(published, str):
-        paths += [*tables(published), find_sibling_table(published, "table1.csv")]
+        paths += [*list_tables(published), find_sibling_table(published, "table1.csv")]
 
     # A target may name a file with a measured profile.
     targets = config.get("targets")

@@ -258,12 +258,12 @@ class ExternalConfig(PipelineConfig):
             YamlError(file, key, folder, words)
             for key, words in results_folder.find_folder_faults(folder)
         )
-        simulate.check(
+        simulate.check_simulator(
             self.simulator,
             parameters=self.parameters.centre,
             targets=self.targets.names,
             source=file,
-            fixed=self.parameters.fixed,
+            fixed_names=self.parameters.fixed,
         )
 
 

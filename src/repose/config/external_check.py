@@ -40,16 +40,16 @@ def describe_program(
     str
         A line of text.
     """
-    program = simulate.program_of(simulator.command)
+    program = simulate.find_program(simulator.command)
     yield f"{simulator.name}: {shlex.join(simulator.command)}; the program is {program}"
 
     # The deck is the input file, in which the parameters are filled in.
-    deck = f"no deck; the program reads {simulate.PARAMETERS}"
+    deck = f"no deck; the program reads {simulate.PARAMETERS_FILE}"
     if simulator.template is not None:
         deck = f"{simulate.deck_name(simulator.template)}, from {simulator.template}"
     yield f"deck: {deck}"
     if simulator.template is not None:
-        used_names = simulate.names_in_deck(simulator)
+        used_names = simulate.find_used_names(simulator)
         for name, value in study.parameters.fixed.items():
             if name not in used_names:
                 yield (
@@ -153,7 +153,7 @@ def make_trial_run(
         parameters,
         sample=1,
         run=1,
-        seed=simulate.seed_of(study.settings.design.seed, "design", 1, 1),
+        seed=simulate.draw_seed(study.settings.design.seed, "design", 1, 1),
         out_dir=folder,
     )
     elapsed_s = time.perf_counter() - start_s
@@ -172,7 +172,7 @@ def make_trial_run(
             folder / "1",
             "trial run",
             describe_failure(run["status"], run["reason"]),
-            f"a run that ends well; {simulate.PRINTED} there has what the program "
+            f"a run that ends well; {simulate.PRINTED_FILE} there has what the program "
             "printed",
         )
 

@@ -22,7 +22,11 @@ from repose.config.contradictions import (
 )
 from repose.config.models import StudySettings, select_valid_sections, settings_type
 from repose.grain.particle import Particle
-from repose.stages.published import check_published, find_sibling_table, read_stored
+from repose.stages.published import (
+    check_published_sets,
+    find_sibling_table,
+    read_stored,
+)
 
 # Sections that the mean grain follows from, and those that limit the time step.
 GRAIN = ("berry", "validation")
@@ -299,7 +303,7 @@ class ConfigChecks:
         readers: dict[str, Callable[[str], Any]] = {
             "berry.sizes": read_sizes,
             "photograph": read_image,
-            "validation.published": check_published,
+            "validation.published": check_published_sets,
             "validation.published_simulated": read_stored,
         }
         if self._may_read("targets"):

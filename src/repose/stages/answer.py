@@ -21,17 +21,18 @@ from repose.common.files import Path_, read_json
 from repose.common.tables import Column
 from repose.common.tables import read as read_cells
 from repose.measure.settings import MeasureSettings, describe_line_of_response
-from repose.stages.parameter_sets import parameter_columns
+from repose.stages.parameter_sets import list_parameters
 
-# Remedy by strategy, if only the prediction meets the targets.
-ADVICE = {
+# What to change in the configuration, by strategy, if the prediction meets the targets
+# and the simulation does not.
+REMEDY_OF_STRATEGY = {
     "refined": "a larger refine.pours",
     "response_surface": "another response_surface.reach or .most_factors",
     "sequential": "a larger sequential.most_pours",
 }
-# Columns of the table of the check. A table of an older version may lack those that
-# are not needed.
-COLUMNS = (
+# Columns of the table of the check. Tables of older versions lack some of the columns
+# with `needed=False`.
+CHECK_COLUMNS = (
     Column("response", str),
     Column("status", str),
     Column("simulated", empty=True),
@@ -45,7 +46,7 @@ COLUMNS = (
 )
 
 
-def read(  # noqa: PLR0913  (each describes the study of the answer)
+def read_answer(  # noqa: PLR0913  (each describes the study of the answer)
     summary_json: Path_,
     check_csv: Path_,
     solutions_csv: Path_,
@@ -56,7 +57,7 @@ def read(  # noqa: PLR0913  (each describes the study of the answer)
     strategy: str,
     results_dir: Path_,
     small_run: bool = False,
-    names: Sequence[str] | None = None,
+    parameter_names: Sequence[str] | None = None,
 ) -> Result:
     """Read the answer of a finished calibration from the files of its stages.
 
@@ -82,7 +83,7 @@ def read(  # noqa: PLR0913  (each describes the study of the answer)
         Folder of the results.
     small_run : bool, optional
         Whether the study is too small for a calibration.
-    names : sequence of str, optional
+    parameter_names : sequence of str, optional
         Parameters of a study that another program simulates. None stands for a study
         of repose, whose parameters are the contact parameters in the table.
 
@@ -102,7 +103,7 @@ def read(  # noqa: PLR0913  (each describes the study of the answer)
     rows = _read_checks(check_csv, targets)
 
     values = summary["representative"]
-    parameters = _read_parameters(values, summary_json, names)
+    parameters = _read_parameters(values, summary_json, parameter_names)
 
     checks = []
     for target in targets:
@@ -124,7 +125,7 @@ def read(  # noqa: PLR0913  (each describes the study of the answer)
         folder=Path(results_dir),
         tables=Path(check_csv).parent,
         solutions=Path(solutions_csv),
-        advice=ADVICE.get(strategy, MORE_POURS),
+        advice=REMEDY_OF_STRATEGY.get(strategy, MORE_POURS),
         why=summary.get("why", ""),
         out_of_reach=out_of_reach(summary),
         small_run=small_run,
@@ -155,7 +156,7 @@ def _read_checks(check_csv: Path_, targets: Targets) -> dict[str, dict[str, Any]
     InputError
         If a target has no row.
     """
-    table = read_cells(check_csv, COLUMNS, "a table of the verb validate")
+    table = read_cells(check_csv, CHECK_COLUMNS, "a table of the verb validate")
     rows = {row["response"]: row for row in table.rows()}
     for name in targets.names:
         if name not in rows:
@@ -165,7 +166,9 @@ def _read_checks(check_csv: Path_, targets: Targets) -> dict[str, dict[str, Any]
 
 
 def _read_parameters(
-    values: Mapping[str, Any], summary_json: Path_, names: Sequence[str] | None
+    values: Mapping[str, Any],
+    summary_json: Path_,
+    parameter_names: Sequence[str] | None,
 ) -> dict[str, float]:
     """Read and check the parameters of the answer.
 
@@ -175,7 +178,7 @@ def _read_parameters(
         The parameters and predicted responses of the answer, by name.
     summary_json : path
         The file that they are from, for messages.
-    names : sequence of str or None
+    parameter_names : sequence of str or None
         Parameters of a study that another program simulates. None stands for a study of
         repose. Its contact parameters must lie within their physical limits.
 
@@ -185,9 +188,9 @@ def _read_parameters(
         If a parameter is no number, or lies outside its limits.
     """
     parameters = {}
-    for name in parameter_columns(values, names):
+    for name in list_parameters(values, parameter_names):
         value: Any = values.get(name)
-        if names is None:
+        if parameter_names is None:
             value = check_value(name, value, summary_json)
         is_number = isinstance(value, int | float)
         require(is_number, summary_json, name, value, "a number")

@@ -24,18 +24,18 @@ from repose.measure.settings import MeasureSettings
 from repose.stages import validate
 from repose.stages.tables import read_dataset, read_runs
 
-PROPOSAL = "proposal.json"
-KEYS = {"answer": bool, "why": str, "pours": int, "notes": dict}
+PROPOSAL_FILE = "proposal.json"
+PROPOSAL_KEYS = {"answer": bool, "why": str, "pours": int, "notes": dict}
 
 
 def run_propose(
-    name: str,
+    strategy_name: str,
     study: Study,
     folders: Sequence[Path_],
     out_dir: Path_,
     *,
     definitions: Definitions,
-    names: Sequence[str] | None = None,
+    parameter_names: Sequence[str] | None = None,
     source: object = "configuration",
 ) -> dict[str, Any]:
     """Let a strategy propose its next batch, and write it.
@@ -44,7 +44,7 @@ def run_propose(
 
     Parameters
     ----------
-    name : str
+    strategy_name : str
         Name of the strategy.
     study : Study
         Parameters, targets and settings of the study.
@@ -54,7 +54,7 @@ def run_propose(
         Folder to write.
     definitions : mapping
         How the configuration defines the responses.
-    names : sequence of str, optional
+    parameter_names : sequence of str, optional
         Parameters of a study that another program simulates. None stands for a study
         of repose, whose parameters are the contact parameters in the table.
     source : object, optional
@@ -75,12 +75,13 @@ def run_propose(
         require_same_definitions(
             batch_definitions, path, expected=definitions, source=source
         )
-    data = read(folders, study.targets, names)
+    data = read_runs_of_batches(folders, study.targets, parameter_names)
     try:
-        proposal = strategy(name).propose(study, data)
+        proposal = strategy(strategy_name).propose(study, data)
     except InputError as error:
-        # The strategy does not know the files. Name that of the last batch in its place.
-        last_folder = folders[-1] if folders else name
+        # The strategy knows no files. Raise its error again with the folder of the last
+        # batch as the source. Before the first batch, the strategy itself is the source.
+        last_folder = folders[-1] if folders else strategy_name
         raise InputError(last_folder, error.key, error.value, error.allowed) from None
 
     # Describe the proposal. If it is the answer, add the parameter sets found.
@@ -94,19 +95,19 @@ def run_propose(
         content |= {"answer": True, "why": proposal.why}
         content |= answers.describe_answer(proposal, study.parameters, study.targets)
     write_table(Path(out_dir) / "samples.csv", proposal.samples)
-    write_json(Path(out_dir) / PROPOSAL, _convert_to_json(content))
+    write_json(Path(out_dir) / PROPOSAL_FILE, _convert_to_json(content))
     return content
 
 
 def run_conclude(
-    name: str,
+    strategy_name: str,
     folders: Sequence[Path_],
     out_dir: Path_,
     *,
     parameters: ParameterSpace,
     targets: Targets,
     measure: MeasureSettings | None,
-    names: Sequence[str] | None = None,
+    parameter_names: Sequence[str] | None = None,
 ) -> pd.DataFrame:
     """Write the answer of a strategy, and the tables of all its batches.
 
@@ -115,7 +116,7 @@ def run_conclude(
 
     Parameters
     ----------
-    name : str
+    strategy_name : str
         Name of the strategy.
     folders : sequence of path
         The batches in order. The last one simulates the answer.
@@ -125,7 +126,7 @@ def run_conclude(
     targets : Targets
     measure : MeasureSettings or None
         The section `measure`, which defines the angles of piles.
-    names : sequence of str, optional
+    parameter_names : sequence of str, optional
         Parameters of a study that another program simulates. None stands for a study
         of repose, whose parameters are the contact parameters in the table.
 
@@ -135,25 +136,31 @@ def run_conclude(
         The content of check.csv.
     """
     if len(folders) < 2:
-        words = "the folders of all batches, that of the answer last"
-        raise InputError(folders[0], "batches", 1, words)
+        allowed = "the folders of all batches, that of the answer last"
+        raise InputError(folders[0], "batches", 1, allowed)
     proposals = _read_proposals(folders)
-    final = proposals[-1]
+    answer_proposal = proposals[-1]
 
-    # The last batch runs the answer. A strategy may have run it in a fit already.
-    dataset, runs = tables_of(folders[:-1], targets, names)
-    answer_runs = runs[runs["sample"].isin(final["simulated"])]
+    # An earlier batch may already have simulated the answer. Otherwise the last batch
+    # has done so.
+    dataset, runs = read_tables(folders[:-1], targets, parameter_names)
+    answer_runs = runs[runs["sample"].isin(answer_proposal["simulated"])]
     if answer_runs.empty:
-        _, answer_runs = tables_of(folders[-1:], targets, names)
+        _, answer_runs = read_tables(folders[-1:], targets, parameter_names)
 
     out = Path(out_dir)
     check = write_answer(
-        final, answer_runs, out, parameters=parameters, targets=targets, measure=measure
+        answer_proposal,
+        answer_runs,
+        out,
+        parameters=parameters,
+        targets=targets,
+        measure=measure,
     )
     write_table(out / "batches.csv", _tabulate_batches(proposals))
     write_table(out / "dataset.csv", dataset)
     write_table(out / "runs.csv", runs)
-    answers.write_notes(final["notes"], strategy(name).files, out)
+    answers.write_notes(answer_proposal["notes"], strategy(strategy_name).files, out)
     return check
 
 
@@ -165,9 +172,10 @@ def _read_proposals(folders: Sequence[Path_]) -> list[dict[str, Any]]:
     InputError
         If the last proposal is not the answer.
     """
-    paths = [Path(folder) / PROPOSAL for folder in folders[1:]]
+    paths = [Path(folder) / PROPOSAL_FILE for folder in folders[1:]]
     proposals = [
-        read_json(path, KEYS, "output of repose stage propose") for path in paths
+        read_json(path, PROPOSAL_KEYS, "output of repose stage propose")
+        for path in paths
     ]
     if not proposals[-1]["answer"]:
         raise InputError(paths[-1], "answer", False, "true in the last folder")
@@ -224,16 +232,17 @@ def write_answer(
         check = _compare_with_prediction(row, proposal["predicted_error"], targets)
 
     # Compare the runs with the measurement.
-    table4 = validate.table4(
+    table4 = validate.make_table4(
         pd.DataFrame([row]), targets.responses, measure, parameters.names
     )
-    physical = validate.against_physical(pd.Series(row), targets, measure)
+    physical = validate.compare_with_measurement(pd.Series(row), targets, measure)
     runs_by_bench = {
         bench: of_bench(answer_runs, bench).to_dict("records")
         for bench in targets.apparatus
     }
-    representative = validate.with_chances(physical, runs_by_bench, targets)
+    representative = validate.add_probabilities(physical, runs_by_bench, targets)
 
+    # Each bench test has simulated the answer equally often.
     n_pours = len(answer_runs) // len(targets.apparatus)
     out = Path(out_dir)
     write_table(out / "solutions.csv", solutions)
@@ -338,8 +347,9 @@ def _summarise_runs(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
     -------
     dict
         Mean and standard error of each target, and of every other angle of a pile; the
-        number of good runs; status and reason. A mean of no run, or an error of one
-        run, is NaN for a target and None for another angle.
+        number of good runs; status and reason. Without a good run there is no mean, and
+        with fewer than two there is no error. Such a value is NaN for a target and None
+        for another angle.
     """
     good = runs[runs["status"] == "ok"]
     row: dict[str, Any] = {}
@@ -347,6 +357,7 @@ def _summarise_runs(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
     for target in targets:
         response = target.response
         values = of_bench(good, response.apparatus)[target.name].to_numpy(float)
+        # The array turns None into NaN.
         mean, error = np.array(mean_and_error(values), dtype=float)
         row[response.simulated] = mean
         row[response.standard_error] = error
@@ -412,8 +423,10 @@ def _convert_to_json(value: Any) -> Any:
     return value
 
 
-def read(
-    folders: Sequence[Path_], targets: Targets, names: Sequence[str] | None = None
+def read_runs_of_batches(
+    folders: Sequence[Path_],
+    targets: Targets,
+    parameter_names: Sequence[str] | None = None,
 ) -> pd.DataFrame:
     """Read the runs of all batches, arranged as a strategy expects them.
 
@@ -422,7 +435,7 @@ def read(
     folders : sequence of path
         The batches in order, each with dataset.csv and runs.csv.
     targets : Targets
-    names : sequence of str, optional
+    parameter_names : sequence of str, optional
         Parameters of a study that another program simulates. None stands for a study of
         repose, whose parameters are the contact parameters in the table.
 
@@ -440,7 +453,7 @@ def read(
     batches: list[pd.DataFrame] = []
     earlier_samples: set[int] = set()
     for number, folder in enumerate(folders):
-        dataset, runs = tables_of([folder], targets, names)
+        dataset, runs = read_tables([folder], targets, parameter_names)
         repeated = earlier_samples.intersection(dataset["sample"])
         if repeated:
             path = Path(folder) / "dataset.csv"
@@ -454,8 +467,10 @@ def read(
     return pd.concat(batches, ignore_index=True)
 
 
-def tables_of(
-    folders: Sequence[Path_], targets: Targets, names: Sequence[str] | None = None
+def read_tables(
+    folders: Sequence[Path_],
+    targets: Targets,
+    parameter_names: Sequence[str] | None = None,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Read the samples and the single runs of batches, each as one table.
 
@@ -464,7 +479,7 @@ def tables_of(
     folders : sequence of path
         The batches, each with dataset.csv and runs.csv.
     targets : Targets
-    names : sequence of str, optional
+    parameter_names : sequence of str, optional
         Parameters of a study that another program simulates. None stands for a study of
         repose, whose parameters are the contact parameters in the table.
 
@@ -480,7 +495,7 @@ def tables_of(
     for folder in folders:
         dataset_csv = Path(folder) / "dataset.csv"
         runs_csv = Path(folder) / "runs.csv"
-        dataset = read_dataset(dataset_csv, targets, names)
+        dataset = read_dataset(dataset_csv, targets, parameter_names)
         runs = read_runs(runs_csv, targets, dataset=dataset, dataset_csv=dataset_csv)
         datasets.append(dataset)
         run_tables.append(runs)

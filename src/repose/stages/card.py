@@ -17,7 +17,7 @@ from repose.common.files import Path_, read_json
 from repose.common.section import ABSENT, OneOf, Section
 from repose.grain.settings import Density, ShearModulus
 
-WHAT = "a material card"
+EXPECTED_CONTENT = "a material card"
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -287,7 +287,7 @@ class OtherCard(AnyCard):
     )
 
 
-def schema() -> dict[str, Any]:
+def make_schema() -> dict[str, Any]:
     """Make the JSON schema of a card."""
     head = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
@@ -299,17 +299,17 @@ def schema() -> dict[str, Any]:
     return TypeAdapter(Card | OtherCard).json_schema() | head
 
 
-# --- read and checked -----------------------------------------------------------------
+# --- read and check -------------------------------------------------------------------
 
 
-def read(path: Path_) -> dict[str, Any]:
+def read_card(path: Path_) -> dict[str, Any]:
     """Read a card; raise InputError if the file cannot be read or is not a card."""
-    card = read_json(path, (), WHAT)
-    check(card, path)
+    card = read_json(path, (), EXPECTED_CONTENT)
+    check_card(card, path)
     return card
 
 
-def check(card: Mapping[str, Any], source: object) -> None:
+def check_card(card: Mapping[str, Any], source: object) -> None:
     """Raise InputError, with all faults at once, unless the content is a card."""
     model = OtherCard if "simulator" in card else Card
     try:
@@ -354,7 +354,7 @@ def translate_faults(
             allowed = "the key is missing"
         elif fault["type"] == "extra_forbidden":
             allowed = "a known key"
-        yield InputError(source, dotted_key, value, f"{WHAT}: {allowed}")
+        yield InputError(source, dotted_key, value, f"{EXPECTED_CONTENT}: {allowed}")
 
 
 def _find_parameter_faults(
@@ -372,11 +372,13 @@ def _find_parameter_faults(
     for name in PARAMETERS:
         if name not in parameters:
             key = f"parameters.{name}"
-            yield InputError(source, key, None, f"{WHAT}: the key is missing")
+            yield InputError(
+                source, key, None, f"{EXPECTED_CONTENT}: the key is missing"
+            )
     for name, parameter in parameters.items():
         lowest, highest = PHYSICAL_LIMITS[name]
         for key in ("value", "low", "high"):
             value = parameter[key]
             if value is not None and not lowest <= value <= highest:
-                allowed = f"{WHAT}: {lowest:g} to {highest:g}"
+                allowed = f"{EXPECTED_CONTENT}: {lowest:g} to {highest:g}"
                 yield InputError(source, f"parameters.{name}.{key}", value, allowed)

@@ -35,23 +35,30 @@ if TYPE_CHECKING:
     from repose.calibrate.card import Tables
     from repose.grain.particle import Particle
 
-GRAIN = ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa", "poisson_ratio")
-WALL = ("shear_modulus_pa", "poisson_ratio")
-SIMULATION = ("time_step_s", "gravity_m_s2")
-GRAVITY = "simulation.gravity_m_s2"
+GRAIN_KEYS = (
+    "density_kg_m3",
+    "elastic_modulus_pa",
+    "shear_modulus_pa",
+    "poisson_ratio",
+)
+WALL_KEYS = ("shear_modulus_pa", "poisson_ratio")
+SIMULATION_KEYS = ("time_step_s", "gravity_m_s2")
+GRAVITY_KEY = "simulation.gravity_m_s2"
 # This key names the definition of a response that has several.
-CHOSEN_DEFINITION = "measure.response"
-GRAIN_HEIGHT = "berry_height_mm"
+CHOSEN_DEFINITION_KEY = "measure.response"
+GRAIN_HEIGHT_KEY = "berry_height_mm"
 # The configuration of a study, beside its card.
-CONFIG = "config.json"
-# Relative difference below which a number of the card is that of the configuration.
-AGREEMENT = 1e-6
-# Of a deck: a card of an earlier version has no gravity, and a deck looks for no rest.
+CONFIG_FILE = "config.json"
+# Relative difference up to which a number of a card equals one of a configuration.
+RELATIVE_TOLERANCE = 1e-6
+# The gravity in a deck, if the card is of an earlier version that does not state it.
 DEFAULT_GRAVITY_M_S2 = 9.81
+# The configuration requires this key, but a deck does not detect rest.
 REST_ENERGY_J = 1.0e-9
-# The engine shortens the time step of a deck to the longest that is stable.
-ANY_TIME_STEP_S = 1.0e-2
-# Of the sizes, as a share of their mean; rounding errors are smaller.
+# Longer than any stable time step. The engine shortens it to the longest stable one.
+UPPER_TIME_STEP_S = 1.0e-2
+# A smaller standard deviation of the sizes, as a share of their mean, is a rounding
+# error.
 SMALLEST_SPREAD = 1e-9
 
 
@@ -106,7 +113,7 @@ class CardStudy(Protocol):
     def targets(self) -> Targets: ...
 
 
-# --- made -----------------------------------------------------------------------------
+# --- make a card ----------------------------------------------------------------------
 
 
 def run(
@@ -121,8 +128,9 @@ def run(
     answer : Result
         The answer of the study, simulated again.
     files : mapping of str to path
-        ``feasible``, and for our simulator ``berry`` and ``particle``; ``posterior``
-        with ``draws``, ``table4`` and ``dataset`` may be None.
+        The input files by name. ``feasible`` is always needed, ``berry`` and
+        ``particle`` only if repose simulated the study. ``posterior``, ``draws``,
+        ``table4`` and ``dataset`` may be None; ``draws`` belongs to ``posterior``.
     out : path
         The file to write.
 
@@ -148,17 +156,17 @@ def run(
         answer_row = rows[rows["role"] == "representative"].iloc[0].to_dict()
 
     if study.simulator is not None:
-        content = make_external(
+        content = make_external_card(
             study,
             answer,
             study.simulator.name,
             feasible,
             posterior=posterior,
-            row=answer_row,
+            answer_row=answer_row,
         )
     else:
         moduli = ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa")
-        content = make(
+        content = make_card(
             study,
             answer,
             grain=read_grain(files["berry"], (*SIZE_COLUMNS, *moduli, "n")),
@@ -166,14 +174,14 @@ def run(
             feasible=feasible,
             posterior=posterior,
             dataset_csv=files["dataset"],
-            row=answer_row,
+            answer_row=answer_row,
         )
-    card.check(content, out)
+    card.check_card(content, out)
     write_json(out, content, indent=1)
     return content
 
 
-def make(
+def make_card(
     study: CardStudy,
     answer: Result,
     grain: Mapping[str, Any],
@@ -181,7 +189,7 @@ def make(
     feasible: "pd.DataFrame",
     posterior: "Tables | None" = None,
     dataset_csv: Path_ | None = None,
-    row: Mapping[str, Any] | None = None,
+    answer_row: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Make the material card of a calibration.
 
@@ -199,7 +207,7 @@ def make(
         Intervals and draws of the posterior.
     dataset_csv : path, optional
         Samples of the design. Their piles show which angles are possible.
-    row : mapping, optional
+    answer_row : mapping, optional
         The row of the answer in `table4.csv`. It has the angle of its piles by every
         definition.
 
@@ -212,9 +220,11 @@ def make(
     has_equal_grains = settings.berry.size_distribution == "none"
     subject = {
         "grain": _describe_grain(has_equal_grains, grain, particle),
-        "wall": {key: getattr(settings.wall, key) for key in WALL},
-        "laws": laws(settings.simulation),
-        "simulation": {key: getattr(settings.simulation, key) for key in SIMULATION},
+        "wall": {key: getattr(settings.wall, key) for key in WALL_KEYS},
+        "laws": describe_laws(settings.simulation),
+        "simulation": {
+            key: getattr(settings.simulation, key) for key in SIMULATION_KEYS
+        },
     }
 
     # Describe for each target how it is measured and whether a pile can reach it.
@@ -222,7 +232,7 @@ def make(
     for target in study.targets:
         tests[target.name] = {
             **describe_response(study, target.response, grain),
-            **_describe_lines(settings.measure, target.name, row or {}),
+            **_describe_lines(settings.measure, target.name, answer_row or {}),
         }
     assessments = reach.assess_targets(study.config, particle, dataset_csv)
     for name, assessment in assessments.items():
@@ -239,13 +249,13 @@ def make(
     )
 
 
-def make_external(
+def make_external_card(
     study: CardStudy,
     answer: Result,
     simulator: str,
     feasible: "pd.DataFrame",
     posterior: "Tables | None" = None,
-    row: Mapping[str, Any] | None = None,
+    answer_row: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Make the card of a calibration whose runs another program made.
 
@@ -253,7 +263,7 @@ def make_external(
 
     Parameters
     ----------
-    study, answer, feasible, posterior, row
+    study, answer, feasible, posterior, answer_row
         As in `make`.
     simulator : str
         Name of the program.
@@ -275,7 +285,7 @@ def make_external(
         }
         tests[name] = {"definition": definition, "bench": None}
         if measure is not None:
-            tests[name] |= _describe_lines(measure, name, row or {})
+            tests[name] |= _describe_lines(measure, name, answer_row or {})
     return assemble(
         {"simulator": simulator},
         tests,
@@ -286,7 +296,7 @@ def make_external(
     )
 
 
-def laws(settings: SimulationSettings) -> dict[str, str]:
+def describe_laws(settings: SimulationSettings) -> dict[str, str]:
     """Describe the contact laws of a study, a sentence for each direction of motion.
 
     Parameters
@@ -318,7 +328,7 @@ def laws(settings: SimulationSettings) -> dict[str, str]:
 def describe_response(
     study: CardStudy, response: Response, grain: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Describe a response by its definition and its bench test's settings.
+    """Describe the definition of a response and the settings of its bench test.
 
     Parameters
     ----------
@@ -327,7 +337,7 @@ def describe_response(
     response : Response
         The response of a target.
     grain : mapping
-        The grain; with its axes `berry_height_mm` is known where it is `auto`.
+        The grain. If `berry_height_mm` is `auto`, it is computed from the grain's axes.
 
     Returns
     -------
@@ -355,7 +365,7 @@ def _find_chosen_response(study: CardStudy, response: Response) -> Response:
     The angle of repose has several definitions. Each is a response of its own, and the
     configuration chooses one of them.
     """
-    if CHOSEN_DEFINITION not in response.definition:
+    if CHOSEN_DEFINITION_KEY not in response.definition:
         return response
     name = derived(response.name, study.settings.measure.response)
     for other in bench(response.apparatus).responses:
@@ -371,9 +381,9 @@ def _collect_definition_settings(
     settings = {}
     for dotted_key, value in response.settings(study.config).items():
         settings[dotted_key.rpartition(".")[2]] = value
-    if GRAIN_HEIGHT in settings:
+    if GRAIN_HEIGHT_KEY in settings:
         height_mm = study.settings.measure.for_grain(grain).berry_height_mm
-        settings[GRAIN_HEIGHT] = (
+        settings[GRAIN_HEIGHT_KEY] = (
             None if height_mm is None else _round_to_six_digits(height_mm)
         )
     return settings
@@ -413,65 +423,75 @@ def _select_bench_settings(study: CardStudy, test_name: str) -> dict[str, Any]:
 
 
 def _describe_lines(
-    measure: MeasureSettings, name: str, row: Mapping[str, Any]
+    measure: MeasureSettings, response_name: str, answer_row: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Describe the line that defines an angle, and the piles by all other definitions.
+    """Describe the line that defines an angle, and the piles' angles by all definitions.
 
     Parameters
     ----------
     measure : MeasureSettings
-    name : str
+    response_name : str
         Name of a response.
-    row : mapping
+    answer_row : mapping
         The row of the answer in `table4.csv`. It may be empty.
 
     Returns
     -------
     dict
-        ``line``, and ``definitions`` if the row has all angles. It is empty unless the
-        response is the angle of a pile.
+        ``line``, and ``definitions`` if the row has all angles. The dict is empty if the
+        response is not the angle of a pile.
     """
     from repose.measure.angles import MEAN_KEYS
     from repose.measure.settings import describe_line_of_response, line_of
 
-    line = describe_line_of_response(measure, name)
+    line = describe_line_of_response(measure, response_name)
     if not line:
         return {}
-    has_all_angles = set(MEAN_KEYS.values()) <= set(row)
+    has_all_angles = set(MEAN_KEYS.values()) <= set(answer_row)
     if not has_all_angles:
         return {"line": line}
     definitions: dict[str, dict[str, Any]] = {}
     for definition, column in MEAN_KEYS.items():
         definitions[definition] = {
             "line": line_of(measure, definition),
-            "simulated": _number_or_none(row[column]),
-            "standard_error": _number_or_none(row[error_of(column)]),
+            "simulated": _number_or_none(answer_row[column]),
+            "standard_error": _number_or_none(answer_row[error_of(column)]),
         }
     return {"line": line, "definitions": definitions}
 
 
 def _number_or_none(value: float) -> float | None:
-    """Return None for NaN, which JSON has not."""
+    """Convert NaN, which JSON lacks, to None."""
     return None if math.isnan(value) else float(value)
 
 
 def _describe_grain(
-    is_alike: bool, grain: Mapping[str, Any], particle: "Particle"
+    has_equal_grains: bool, grain: Mapping[str, Any], particle: "Particle"
 ) -> dict[str, Any]:
-    """Describe the grain as simulated; `is_alike` where all have the mean size."""
+    """Describe the grain as it was simulated.
+
+    Parameters
+    ----------
+    has_equal_grains : bool
+        Whether all grains were simulated with the mean size.
+    grain : mapping
+        The content of `berry.json`.
+    particle : Particle
+        The simulated body.
+    """
     spheres_mm = [
         [_round_to_six_digits(1e3 * x) for x in row] for row in particle.spheres_m
     ]
     half_axes_mm = [
         [_round_to_six_digits(1e3 * x) for x in row] for row in particle.semi_axes_m
     ]
-    # Equal rows of sizes are one mean, written several times.
+    # A table of equal sizes repeats their mean, so it counts as one measurement.
     has_equal_sizes = grain["scale_sd"] < SMALLEST_SPREAD
     return {
         "mean_axes_mm": [grain[key] for key in SIZE_COLUMNS],
         "measured": 1 if has_equal_sizes else int(grain["n"]),
-        "relative_spread": 0.0 if is_alike else float(grain["scale_sd"]),
-        **{key: grain[key] for key in GRAIN},
+        "relative_spread": 0.0 if has_equal_grains else float(grain["scale_sd"]),
+        **{key: grain[key] for key in GRAIN_KEYS},
         "shape": particle.kind,
         "volume_mm3": _round_to_six_digits(1e9 * particle.volume_m3),
         "mass_g": _round_to_six_digits(1e3 * particle.mass_kg),
@@ -484,29 +504,29 @@ def _describe_grain(
 
 
 def _round_to_six_digits(value: float) -> float:
-    """Round to six digits; more are not measured."""
+    """Round to six significant digits. Measurements have no more."""
     return float(f"{value:.6g}")
 
 
-# --- compared with the configuration of its study -------------------------------------
+# --- compare a card with a configuration ----------------------------------------------
 
 
-def read_own(card_json: Path_) -> dict[str, Any]:
+def read_repose_card(card_json: Path_) -> dict[str, Any]:
     """Read the card of a study that repose simulated; InputError for another one."""
-    content = card.read(card_json)
+    content = card.read_card(card_json)
     if "simulator" in content:
         allowed = "the card of a study that repose simulated"
         raise InputError(card_json, "simulator", content["simulator"], allowed)
     return content
 
 
-def configuration_of_card(card_json: Path_) -> Path | None:
+def find_configuration(card_json: Path_) -> Path | None:
     """Find the configuration that a run wrote beside its card; None if there is none."""
-    path = Path(card_json).with_name(CONFIG)
+    path = Path(card_json).with_name(CONFIG_FILE)
     return path if path.is_file() else None
 
 
-def require_one_study(
+def require_same_study(
     content: Mapping[str, Any],
     card_json: Path_,
     study: CardStudy,
@@ -541,7 +561,7 @@ def require_one_study(
     different_keys = []
     for key, value in study_values.items():
         # Cards of earlier versions lack the gravity.
-        if key == GRAVITY and GRAVITY not in card_values:
+        if key == GRAVITY_KEY and GRAVITY_KEY not in card_values:
             continue
         if not _is_same(card_values.get(key), value):
             different_keys.append(key)
@@ -576,7 +596,7 @@ def _collect_card_values(content: Mapping[str, Any]) -> dict[str, Any]:
         for key, value in content[part].items():
             values[f"{part}.{key}"] = value
     if "simulation" in content:  # cards of earlier versions lack it
-        values[GRAVITY] = content["simulation"]["gravity_m_s2"]
+        values[GRAVITY_KEY] = content["simulation"]["gravity_m_s2"]
     for test in content["tests"]:
         for key, value in test["bench"].items():
             values[f"{test['apparatus']}.{key}"] = value
@@ -604,13 +624,13 @@ def _collect_study_values(
         "material": settings.label,
         "grain.mean_axes_mm": [grain[key] for key in SIZE_COLUMNS],
     }
-    for key in GRAIN:
+    for key in GRAIN_KEYS:
         values[f"grain.{key}"] = grain[key]
-    for key in WALL:
+    for key in WALL_KEYS:
         values[f"wall.{key}"] = getattr(settings.wall, key)
-    for direction, sentence in laws(settings.simulation).items():
+    for direction, sentence in describe_laws(settings.simulation).items():
         values[f"laws.{direction}"] = sentence
-    values[GRAVITY] = settings.simulation.gravity_m_s2
+    values[GRAVITY_KEY] = settings.simulation.gravity_m_s2
 
     for test in card_tests:
         name = test["apparatus"]
@@ -621,19 +641,19 @@ def _collect_study_values(
 
 
 def _is_same(first: object, second: object) -> bool:
-    """Tell whether two values are the same; numbers to the precision of a file."""
+    """Tell whether two values are equal, numbers within `RELATIVE_TOLERANCE`."""
     if isinstance(first, list) and isinstance(second, list):
         return len(first) == len(second) and all(map(_is_same, first, second))
     if isinstance(first, int | float) and isinstance(second, int | float):
-        return math.isclose(first, second, rel_tol=AGREEMENT)
+        return math.isclose(first, second, rel_tol=RELATIVE_TOLERANCE)
     return first == second
 
 
-# --- turned into a deck ---------------------------------------------------------------
+# --- rebuild the configuration and the particle of a deck -----------------------------
 
 
-def configuration_of(content: Mapping[str, Any], source: object) -> dict[str, Any]:
-    """Return the sections of a configuration that a deck needs, from a card alone.
+def rebuild_configuration(content: Mapping[str, Any], source: object) -> dict[str, Any]:
+    """Rebuild from a card the sections of a configuration that a deck needs.
 
     Parameters
     ----------
@@ -645,7 +665,8 @@ def configuration_of(content: Mapping[str, Any], source: object) -> dict[str, An
     Returns
     -------
     dict
-        Where the card has no time step, it is the longest of the engine.
+        The sections `berry`, `wall`, `simulation` and `funnel`, and the `label`. If the
+        card states no time step, it is `UPPER_TIME_STEP_S`.
 
     Raises
     ------
@@ -653,10 +674,10 @@ def configuration_of(content: Mapping[str, Any], source: object) -> dict[str, An
         If the card has no pile of the funnel, or laws of another version.
     """
     funnel = _rebuild_funnel(content, source)
-    # What the card says of the simulation replaces the defaults.
+    # The values of the card replace the defaults above them.
     simulation = {
         "gravity_m_s2": DEFAULT_GRAVITY_M_S2,
-        "time_step_s": ANY_TIME_STEP_S,
+        "time_step_s": UPPER_TIME_STEP_S,
         **content.get("simulation", {}),
         "rest_energy_j": REST_ENERGY_J,
         **_find_laws(content, source),
@@ -707,8 +728,8 @@ def _rebuild_funnel(content: Mapping[str, Any], source: object) -> dict[str, Any
 def _find_laws(content: Mapping[str, Any], source: object) -> dict[str, str]:
     """Find the names of the contact laws that a card describes in sentences.
 
-    The laws of this version are described in all combinations, until the sentences are
-    those of the card.
+    The function describes every combination of the laws of this version, until the
+    sentences equal those of the card.
 
     Parameters
     ----------
@@ -733,14 +754,14 @@ def _find_laws(content: Mapping[str, Any], source: object) -> dict[str, str]:
     for contact, tension, rolling in product(CONTACT_LAWS, tensions, ROLLING_LAWS):
         law_names = {"contact_law": contact, "tension": tension, "rolling_law": rolling}
         settings = SimulationSettings.model_construct(None, **law_names)
-        if laws(settings) == content["laws"]:
+        if describe_laws(settings) == content["laws"]:
             return law_names
     allowed = "laws of this version; give --config, the study's own"
     raise InputError(source, "laws", content["laws"].get("normal"), allowed)
 
 
-def particle_of(
-    content: Mapping[str, Any], spheres: int | None, source: object
+def rebuild_particle(
+    content: Mapping[str, Any], n_spheres: int | None, source: object
 ) -> "Particle":
     """Rebuild the simulated particle from a card.
 
@@ -748,9 +769,9 @@ def particle_of(
     ----------
     content : mapping
         The card.
-    spheres : int or None
-        Fill a smooth body with this number of spheres. With None or 1 the particle stays
-        as the card has it.
+    n_spheres : int or None
+        Number of spheres with which a smooth body is filled. With None or 1 the particle
+        stays as it is on the card.
     source : object
         The card's file, for messages.
 
@@ -786,6 +807,8 @@ def particle_of(
         extents_m = semi_axes_m.sum(axis=0)
     radius_m = extents_m.max()
 
+    # An older card lacks the moments of inertia. A solid sphere of this radius gives
+    # them: 0.4 m r^2.
     mass_kg = 1e-3 * grain["mass_g"]
     sphere_inertia_kg_m2 = np.full(3, 0.4 * mass_kg * radius_m**2)
     particle = Particle(
@@ -801,9 +824,9 @@ def particle_of(
         spheres_m=spheres_m,
     )
     # A clump keeps the spheres that were simulated.
-    if spheres is None or spheres == 1 or particle.is_clump:
+    if n_spheres is None or n_spheres == 1 or particle.is_clump:
         return particle
-    return _fill_with_spheres(particle, spheres)
+    return _fill_with_spheres(particle, n_spheres)
 
 
 def _fill_with_spheres(particle: "Particle", n_spheres: int) -> "Particle":
@@ -822,7 +845,8 @@ def _fill_with_spheres(particle: "Particle", n_spheres: int) -> "Particle":
     from repose.grain import build
     from repose.grain.mesh import principal_pose
 
-    # The builder of clumps needs a mesh with lengths in mm.
+    # The builder of clumps needs a mesh with lengths in mm. This one has 48 rings of 96
+    # points.
     points_m, _, triangles = tessellate(particle, 48, 96)
     mesh = trimesh.Trimesh(1e3 * points_m, triangles)
     clump = build.make_particle(

@@ -16,49 +16,53 @@ from repose.calibrate.answer import (
 from repose.calibrate.card import RANGE, with_remark
 from repose.common.numbers import rounded, with_error
 
-# A correlation of this size and more is named.
-STRONG = 0.5
-# The grain's values that stand in a comparison.
-COMPARED = ("mean_axes_mm", "density_kg_m3", "shear_modulus_pa", "shape")
+# Absolute correlation from which a pair of parameters is listed.
+STRONG_CORRELATION = 0.5
+# Keys of the grain that a comparison shows.
+COMPARED_GRAIN_KEYS = ("mean_axes_mm", "density_kg_m3", "shear_modulus_pa", "shape")
 Card = Mapping[str, Any]
 
 
-def verdict(card: Card) -> str:
-    """Tell whether the targets are met, in one line with numbers, and why."""
+def format_verdict(card: Card) -> str:
+    """Write whether the targets are met, with the numbers, and the reason."""
     reason = card.get(
         "reason", "The card is of an older version, which gave no reason."
     )
     checks = map(_read_check, card["tests"])
-    state = state_of(card)
+    state = get_verdict(card)
     line = format_verdict_line(
         state, checks, reason=reason, small_run=card.get("small_run", False)
     )
     text = f"{card['material']}: {line}"
-    # Where the targets are not met, the line has the reason.
+    # If the targets are not met, the line already has the reason.
     return f"{text}\n{reason}" if state is Verdict.MET else text
 
 
-def state_of(entry: Card) -> Verdict:
-    """Return the verdict of a card, or of one of its tests.
+def get_verdict(entry: Card) -> Verdict:
+    """Get the verdict of a card, or of one of its tests.
 
-    A card of an older version tells only whether the means lay inside the ranges.
+    A card of an older version states only whether the means lay inside the ranges.
     """
     if "verdict" in entry:
         return Verdict(entry["verdict"])
-    older = {True: Verdict.MET, False: Verdict.NOT_MET, None: Verdict.UNCHECKED}
-    return older[entry["met"]]
+    verdict_of_met = {
+        True: Verdict.MET,
+        False: Verdict.NOT_MET,
+        None: Verdict.UNCHECKED,
+    }
+    return verdict_of_met[entry["met"]]
 
 
 # --- one card -------------------------------------------------------------------------
 
 
-def describe(card: Card) -> str:
+def describe_card(card: Card) -> str:
     """Describe a material card in text for people.
 
     Parameters
     ----------
     card : mapping
-        The content of a card that passed `repose.stages.card.check`.
+        The content of a card that passed `repose.stages.card.check_card`.
 
     Returns
     -------
@@ -66,13 +70,13 @@ def describe(card: Card) -> str:
         Several lines: verdict, grain and laws, parameters, tests, and what made the
         card.
     """
-    lines = [f"Material card: {card['material']}; targets {state_of(card)}"]
+    lines = [f"Material card: {card['material']}; targets {get_verdict(card)}"]
     if "reason" in card:
         lines.append(card["reason"])
     lines += _describe_subject(card)
 
     # List each parameter with its interval and its meaning.
-    lines.append(f"parameters [{_kind_of_interval(card)}]:")
+    lines.append(f"parameters [{_describe_interval_kind(card)}]:")
     for name, parameter in card["parameters"].items():
         meaning = with_remark(parameter["meaning"], parameter)
         lines.append(f"  {name:7} {_format_interval(parameter):32} {meaning}")
@@ -96,8 +100,8 @@ def describe(card: Card) -> str:
     return "\n".join(lines)
 
 
-def _kind_of_interval(card: Card) -> str:
-    """Name what stands in brackets behind each parameter."""
+def _describe_interval_kind(card: Card) -> str:
+    """Describe the interval that follows each parameter in brackets."""
     if card["interval"] == RANGE:
         return f"{RANGE}, which is no uncertainty"
     return str(card["interval"])
@@ -106,8 +110,8 @@ def _kind_of_interval(card: Card) -> str:
 def _describe_subject(card: Card) -> Iterator[str]:
     """Describe what was simulated, line by line.
 
-    For a study of repose this is grain, wall and contact laws. Of another simulator it
-    is the name, and how probably its means meet the targets.
+    For a study of repose these lines are about grain, wall and contact laws. For another
+    simulator they are its name, and the probability that its means meet the targets.
     """
     if "simulator" in card:
         yield f"simulator: {card['simulator']}"
@@ -140,14 +144,13 @@ def _list_strong_correlations(card: Card) -> str:
     Returns
     -------
     str
-        Each pair with its correlation, or "none". `STRONG` is the least correlation
-        listed.
+        Each pair whose absolute correlation is at least `STRONG_CORRELATION`, or "none".
     """
     correlations = card["correlations"]
     correlated_pairs = []
     for first, second in combinations(correlations, 2):
         value = correlations[first].get(second, 0.0)
-        if abs(value) >= STRONG:
+        if abs(value) >= STRONG_CORRELATION:
             correlated_pairs.append((value, f"{first}, {second} {value:+.2f}"))
     correlated_pairs.sort(key=lambda pair: -abs(pair[0]))
     return "; ".join(text for _, text in correlated_pairs) or "none"
@@ -168,7 +171,7 @@ def _describe_test(test: Card) -> Iterator[str]:
         f"{test['response']} ({test['apparatus']}): measured {rounded(test['measured'])} "
         f"(sd {rounded(test['sd'], 2)}, {test['repetitions']} repetitions), "
         f"target {test['low']:g} to {test['high']:g}, "
-        f"simulated {simulated} (runs: {test['runs']}): {state_of(test)}"
+        f"simulated {simulated} (runs: {test['runs']}): {get_verdict(test)}"
     )
 
     # Compare the surrogate's prediction with the simulation, if there is one.
@@ -198,7 +201,7 @@ def _describe_test(test: Card) -> Iterator[str]:
 
 
 def _describe_maker(made_by: Card) -> str:
-    """Say what made a card."""
+    """Describe the version, the settings and the seed that made a card."""
     parts = [f"made by repose {made_by['version']}"]
     for key in ("commit", "configuration", "engine", "seed"):
         if made_by[key] is not None:
@@ -209,8 +212,8 @@ def _describe_maker(made_by: Card) -> str:
 # --- two cards ------------------------------------------------------------------------
 
 
-def compare(first: Card, second: Card) -> str:
-    """Show two cards side by side, with all that hinders comparing their parameters.
+def compare_cards(first: Card, second: Card) -> str:
+    """Write two cards side by side, and below them how their studies differ.
 
     Parameters
     ----------
@@ -220,8 +223,9 @@ def compare(first: Card, second: Card) -> str:
     Returns
     -------
     str
-        A table of the parameters, the means and the grain. Below it, each difference of
-        the studies is a sentence.
+        A table of the parameters, the means and the grain. Below it is a sentence for
+        each difference of the studies, since such a difference can forbid to compare the
+        parameters.
     """
     # A row has a name, and then the texts of the first and the second card.
     rows = [["", first["material"], second["material"]]]
@@ -240,14 +244,14 @@ def compare(first: Card, second: Card) -> str:
 
     # Cards of other simulators have no grain.
     if "simulator" not in first and "simulator" not in second:
-        for key in COMPARED:
+        for key in COMPARED_GRAIN_KEYS:
             values = (first["grain"][key], second["grain"][key])
             rows.append([key, *map(_format_value, values)])
     return "\n".join([*_align_columns(rows), *_describe_differences(first, second)])
 
 
 def _format_parameter_row(name: str, first: Card, second: Card) -> list[str]:
-    """Write the values of a parameter in two cards; `-` where a card lacks it."""
+    """Write the values of a parameter in two cards; `-` if a card lacks it."""
     parameter = first["parameters"].get(name)
     other_parameter = second["parameters"].get(name)
     row = [
@@ -337,21 +341,21 @@ def _describe_different_definitions(first: Card, second: Card) -> Iterator[str]:
             )
         # The same definition, with other numbers in its settings.
         elif definition != other_definition:
-            unlike = _list_unlike_keys(
+            differences = _format_different_values(
                 definition["settings"], other_definition["settings"]
             )
-            yield f"{response} is measured with other settings: {unlike}."
+            yield f"{response} is measured with other settings: {differences}."
 
 
 def _describe_different_bench_tests(first: Card, second: Card) -> Iterator[str]:
-    """Describe in sentences the bench tests that two cards did with other settings."""
+    """Describe the bench tests whose settings differ between two cards, line by line."""
     others = _collect_bench_settings(second)
     for name, settings in _collect_bench_settings(first).items():
         if name in others and settings != others[name]:
-            yield f"Another {name}: {_list_unlike_keys(settings, others[name])}."
+            yield f"Another {name}: {_format_different_values(settings, others[name])}."
 
 
-def _list_unlike_keys(first: Card, second: Card) -> str:
+def _format_different_values(first: Card, second: Card) -> str:
     """List the keys whose values differ, with both values."""
     texts = []
     for key in {**first, **second}:
@@ -363,7 +367,7 @@ def _list_unlike_keys(first: Card, second: Card) -> str:
 
 
 def _note_overlap(first: Card, second: Card) -> str:
-    """Note that the intervals of two parameters do not overlap; empty if they do."""
+    """Write a note if the intervals of two parameters do not overlap; else nothing."""
     if _is_fixed(first) or _is_fixed(second):
         return ""
     if first["low"] <= second["high"] and second["low"] <= first["high"]:

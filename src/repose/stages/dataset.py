@@ -25,25 +25,25 @@ from repose.common.files import Path_, read_json, write_json, write_table
 from repose.common.statuses import explain
 from repose.measure.angles import CALIBRATED_ANGLE
 from repose.measure.settings import MeasureSettings, line_of
-from repose.stages.parameter_sets import parameter_columns, read_samples
-from repose.stages.settings import STATUSES
+from repose.stages.parameter_sets import list_parameters, read_samples
+from repose.stages.settings import RUN_STATUSES
 
-RUN = ("seed", "status", "reason")
-ENDED_STATUSES = ("status", "reason", "n_seeds")
+RUN_COLUMNS = ("seed", "status", "reason")
+STATUS_COLUMNS = ("status", "reason", "n_seeds")
 # A measured restitution may lie a little above its limit of 1.
-ROUNDING = 1.01
+ROUNDING_FACTOR = 1.01
 Job = Mapping[str, Any]
 # Jobs by bench test, then by sample.
 Jobs = Mapping[str, Mapping[int, Job]]
 
 
-def assemble(
+def make_tables(
     samples: pd.DataFrame,
     jobs: Jobs,
     targets: Targets,
-    names: Sequence[str] | None = None,
+    parameter_names: Sequence[str] | None = None,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Assemble the table of samples and the table of single runs.
+    """Make the table of samples and the table of single runs.
 
     Parameters
     ----------
@@ -52,7 +52,7 @@ def assemble(
     jobs : mapping
         The measured jobs by bench test, and then by number of the sample.
     targets : Targets
-    names : sequence of str, optional
+    parameter_names : sequence of str, optional
         Parameters of a study that another program simulates. None stands for a study
         of repose, whose parameters are the contact parameters in the table.
 
@@ -64,7 +64,7 @@ def assemble(
         A row for each run.
     """
     columns_of_bench = {
-        name: recorded_columns(name, targets) for name in targets.apparatus
+        name: list_recorded_columns(name, targets) for name in targets.apparatus
     }
 
     # Summarise the runs of each sample.
@@ -78,7 +78,7 @@ def assemble(
 
     # Begin with each target and its standard error. Append the other columns of the
     # bench tests.
-    columns = list(ENDED_STATUSES)
+    columns = list(STATUS_COLUMNS)
     for name, error in zip(targets.names, targets.errors, strict=True):
         columns += [name, error]
     for bench_columns in columns_of_bench.values():
@@ -87,24 +87,24 @@ def assemble(
     unique_columns = list(dict.fromkeys(columns))
 
     means = pd.DataFrame(summaries, columns=unique_columns)
-    parameters = parameter_columns(samples, names)
+    parameters = list_parameters(samples, parameter_names)
     sets = samples[["sample", *parameters]].reset_index(drop=True)
     dataset = pd.concat([sets, means], axis=1)
     return dataset, _tabulate_runs(samples["sample"], jobs, targets)
 
 
-def recorded_columns(apparatus: str, targets: Targets) -> Recorded:
+def list_recorded_columns(apparatus: str, targets: Targets) -> Recorded:
     """List the columns of a bench test in the tables.
 
     Its targets come first, then the responses that it always records.
     """
-    names = tuple(target.name for target in _targets_of(targets, apparatus))
+    names = tuple(target.name for target in _select_targets(targets, apparatus))
     if apparatus == OWN:
         return Recorded(means=names, single=names)
     return bench(apparatus).recorded.beginning_with(names)
 
 
-def counts(dataset: pd.DataFrame, runs: pd.DataFrame) -> dict[str, Any]:
+def count_by_status(dataset: pd.DataFrame, runs: pd.DataFrame) -> dict[str, Any]:
     """Count samples and runs by their status, and describe the counts in a sentence.
 
     Parameters
@@ -163,7 +163,7 @@ def run(
     definitions: Definitions,
     out: Path_,
     prefix: str = "",
-    names: Sequence[str] | None = None,
+    parameter_names: Sequence[str] | None = None,
 ) -> dict[str, Any]:
     """Write dataset.csv, runs.csv and dataset_summary.json.
 
@@ -180,20 +180,20 @@ def run(
         Folder to write.
     prefix : str, optional
         Before the names of the files.
-    names : sequence of str, optional
+    parameter_names : sequence of str, optional
         Parameters of a study that another program simulates. None stands for a study
         of repose, whose parameters are the contact parameters in the table.
 
     Returns
     -------
     dict
-        The summary: the entries of `counts`, ``definitions``, and, if the angle of repose
-        is calibrated, ``line``, a description of the line whose slope is this angle.
+        The summary. It has the entries of `count_by_status` and ``definitions``. If the
+        angle of repose is calibrated, ``line`` describes the line whose slope it is.
     """
-    samples = read_samples(samples_csv, names=names)
-    jobs = read_jobs(paths, samples, targets, names)
-    dataset, runs = assemble(samples, jobs, targets, names)
-    summary = counts(dataset, runs) | {"definitions": definitions}
+    samples = read_samples(samples_csv, parameter_names=parameter_names)
+    jobs = read_jobs(paths, samples, targets, parameter_names)
+    dataset, runs = make_tables(samples, jobs, targets, parameter_names)
+    summary = count_by_status(dataset, runs) | {"definitions": definitions}
 
     angle = definitions.get(CALIBRATED_ANGLE, {})
     if "measure.response" in angle:
@@ -212,7 +212,7 @@ def read_jobs(
     paths: Iterable[Path_],
     samples: pd.DataFrame,
     targets: Targets,
-    names: Sequence[str] | None = None,
+    parameter_names: Sequence[str] | None = None,
 ) -> dict[str, dict[int, Job]]:
     """Read all jobs, and check them against the table of samples.
 
@@ -222,7 +222,7 @@ def read_jobs(
         The files of the jobs.
     samples : pandas.DataFrame
     targets : Targets
-    names : sequence of str, optional
+    parameter_names : sequence of str, optional
         Parameters of a study that another program simulates. None stands for a study
         of repose, whose parameters are the contact parameters in the table.
 
@@ -236,7 +236,7 @@ def read_jobs(
     InputError
         If a job is damaged or belongs to no sample, or if a sample has no job or several.
     """
-    columns = list(parameter_columns(samples, names))
+    columns = list(list_parameters(samples, parameter_names))
     parameters = samples.set_index("sample")[columns]
     jobs: dict[str, dict[int, Job]] = {name: {} for name in targets.apparatus}
     path_of_job: dict[tuple[str, int], object] = {}
@@ -311,10 +311,10 @@ def read_job(path: Path_, targets: Targets) -> tuple[Job, str]:
         raise InputError(path, "runs", [], "at least one run")
 
     # How a run may end depends on its bench test.
-    statuses: tuple[str, ...] = STATUSES
+    statuses: tuple[str, ...] = RUN_STATUSES
     if apparatus != OWN:
         statuses = bench(apparatus, path).statuses
-    bench_targets = _targets_of(targets, apparatus)
+    bench_targets = _select_targets(targets, apparatus)
     # Check how each run ended, and the responses of the good ones.
     for position, run in enumerate(job["runs"]):
         key = f"runs[{position}]"
@@ -355,11 +355,11 @@ def _check_response(
     key = f"{run_key}.{target.name}"
     if not math.isfinite(number):
         raise InputError(path, key, value, "a finite number, as the run is ok")
-    if abs(number) > ROUNDING * highest:
+    if abs(number) > ROUNDING_FACTOR * highest:
         raise InputError(path, key, value, f"a finite number, up to {highest:g}")
 
 
-def _targets_of(targets: Targets, apparatus: str) -> tuple[Target, ...]:
+def _select_targets(targets: Targets, apparatus: str) -> tuple[Target, ...]:
     """Select the targets of a bench test."""
     return tuple(target for target in targets if target.response.apparatus == apparatus)
 
@@ -422,9 +422,9 @@ def _tabulate_runs(
     columns = ["sample"]
     if len(targets.apparatus) > 1:
         columns.append("apparatus")
-    columns += [*RUN, *targets.names]
+    columns += [*RUN_COLUMNS, *targets.names]
     for name in targets.apparatus:
-        columns += recorded_columns(name, targets).single
+        columns += list_recorded_columns(name, targets).single
     unique_columns = list(dict.fromkeys(columns))
 
     rows = []

@@ -23,9 +23,9 @@ if TYPE_CHECKING:
     from repose.grain.particle import Particle
 
 # Quantities that are averaged over the runs, with their keys in a run.
-SUMMARY = Path(__file__).with_name("drum_quantities.csv")
-RECORD = ["time_s", "turned_deg", "surface_deg", "bed_deg", "energy_j"]
-PROFILE = ["depth_mm", "moved_mm", "moved_sd_mm", "berries"]
+QUANTITIES_FILE = Path(__file__).with_name("drum_quantities.csv")
+RECORD_COLUMNS = ["time_s", "turned_deg", "surface_deg", "bed_deg", "energy_j"]
+PROFILE_COLUMNS = ["depth_mm", "moved_mm", "moved_sd_mm", "berries"]
 SUMMARY_COLUMNS = [
     "quantity",
     "key",
@@ -35,14 +35,15 @@ SUMMARY_COLUMNS = [
     "highest",
     "runs",
 ]
-WHAT = "a JSON file of `repose stage drum`, its .npz beside it"
+EXPECTED_FILES = "a JSON file of `repose stage drum`, its .npz beside it"
 
 
 class MeasuredRun(NamedTuple):
     """A measured run of the drum."""
 
     record: Mapping[str, Any]
-    # The columns of `RECORD` over time, and `profile`, the motion by depth (bins, 4).
+    # The columns of `RECORD_COLUMNS` over time, and `profile`, the motion by depth
+    # (bins, 4).
     arrays: Mapping[str, np.ndarray]
 
 
@@ -95,7 +96,7 @@ def run(
     particle: "Particle",
     out_dir: str | PathLike,
 ) -> "dict[str, pd.DataFrame]":
-    """Measure saved runs of the drum, and write the tables of `tables`.
+    """Measure saved runs of the drum, and write the tables of `make_tables`.
 
     The files are runs.csv, summary.csv, record.csv and profile.csv, and median.npz, a
     copy of the frames of the run that `choose_median_run` names.
@@ -113,7 +114,7 @@ def run(
     Returns
     -------
     dict of pandas.DataFrame
-        The tables, see `tables`.
+        The tables, see `make_tables`.
 
     Raises
     ------
@@ -125,18 +126,18 @@ def run(
     runs: list[MeasuredRun] = []
     path_of_seed: dict[int, Path] = {}
     for path in map(Path, json_paths):
-        record = read_json(path, {"run": dict}, WHAT)["run"]
+        record = read_json(path, {"run": dict}, EXPECTED_FILES)["run"]
         seed = record.get("seed")
         if seed in path_of_seed:
             raise InputError(path, "run.seed", seed, "each seed once")
-        runs.append(_measure(record, path, scene))
+        runs.append(_measure_run(record, path, scene))
         path_of_seed[record["seed"]] = path
 
-    tables_by_name = tables(runs)
+    tables_by_name = make_tables(runs)
     for name, table in tables_by_name.items():
         write_table(Path(out_dir) / f"{name}.csv", table)
     median_path = path_of_seed[choose_median_run(tables_by_name["runs"])]
-    median_frames = read_npz(median_path.with_suffix(".npz"), (), WHAT)
+    median_frames = read_npz(median_path.with_suffix(".npz"), (), EXPECTED_FILES)
     write_npz(Path(out_dir) / "median.npz", median_frames)
     return tables_by_name
 
@@ -153,8 +154,8 @@ def choose_median_run(runs: "pd.DataFrame") -> int:
     Returns
     -------
     int
-        Its seed. Of an even number of slips it is the lower of the middle two; without
-        any slip it is the first run.
+        The seed of this run. Of an even number of slips, the lower one of the middle two
+        is chosen. Without any slip, the first run is chosen.
     """
     slipped = runs[runs["status"] == "ok"]
     if slipped.empty:
@@ -163,10 +164,12 @@ def choose_median_run(runs: "pd.DataFrame") -> int:
     return int(sorted_runs["seed"].iloc[(len(sorted_runs) - 1) // 2])
 
 
-def _measure(record: Mapping[str, Any], path: Path, scene: Scene) -> MeasuredRun:
+def _measure_run(record: Mapping[str, Any], path: Path, scene: Scene) -> MeasuredRun:
     """Measure a run by the frames beside its JSON file."""
     test = DrumTest()
-    frames = read_npz(path.with_suffix(".npz"), _needed_arrays(record), WHAT)
+    frames = read_npz(
+        path.with_suffix(".npz"), _list_required_arrays(record), EXPECTED_FILES
+    )
     measured, profile = test.measured_run(record, frames, scene)
     angles = test.surface_angles(
         frames["position"], frames["quaternion"], frames["scale"], scene
@@ -174,22 +177,21 @@ def _measure(record: Mapping[str, Any], path: Path, scene: Scene) -> MeasuredRun
     return MeasuredRun(measured, frames | {"profile": profile, "surface_deg": angles})
 
 
-def _needed_arrays(run: Mapping[str, Any]) -> tuple[str, ...]:
+def _list_required_arrays(run: Mapping[str, Any]) -> tuple[str, ...]:
     """List the arrays that the file of a run must have.
 
     A run that slipped has the states before and after the slip. A run without a slip
     has only those before it.
     """
-    names = [key for key in RECORD if key != "surface_deg"]
+    names = [key for key in RECORD_COLUMNS if key != "surface_deg"]
     names += ["position", "quaternion", "scale"]
-    # A slip has all states; without one there are those before it.
     states_of_status = {"ok": STATES, "no_slip": STATES[:2]}
     for state in states_of_status.get(run.get("status", ""), ()):
         names += [f"position_{state}", f"quaternion_{state}"]
     return tuple(names)
 
 
-def tables(
+def make_tables(
     runs: Sequence[tuple[Mapping[str, Any], Mapping[str, np.ndarray]]],
 ) -> "dict[str, pd.DataFrame]":
     """Arrange measured runs of the drum in tables.
@@ -201,21 +203,22 @@ def tables(
     Returns
     -------
     dict of pandas.DataFrame
-        ``runs``: a row for each run. ``summary``: see `summarise`. ``record``: all runs
-        over time. ``profile``: the motion of all runs over depth, lengths in mm.
+        ``runs``: a row for each run. ``summary``: see `average_quantities`. ``record``:
+        all runs over time. ``profile``: the motion of all runs over depth, lengths in
+        mm.
     """
     import pandas as pd
 
     records = {}
     profiles = {}
     for run, arrays in runs:
-        record = {key: arrays[key] for key in RECORD}
+        record = {key: arrays[key] for key in RECORD_COLUMNS}
         records[run["seed"]] = pd.DataFrame(record)
-        profiles[run["seed"]] = pd.DataFrame(arrays["profile"], columns=PROFILE)
+        profiles[run["seed"]] = pd.DataFrame(arrays["profile"], columns=PROFILE_COLUMNS)
     run_table = pd.DataFrame([run for run, _ in runs])
     return {
         "runs": run_table,
-        "summary": summarise(run_table),
+        "summary": average_quantities(run_table),
         "record": _join_tables(records),
         "profile": _join_tables(profiles),
     }
@@ -229,8 +232,8 @@ def _join_tables(tables_by_seed: "Mapping[Any, pd.DataFrame]") -> "pd.DataFrame"
     return joined.reset_index("seed").reset_index(drop=True)
 
 
-def summarise(runs: "pd.DataFrame") -> "pd.DataFrame":
-    """Average each quantity of the file `SUMMARY` over the runs that have it.
+def average_quantities(runs: "pd.DataFrame") -> "pd.DataFrame":
+    """Average each quantity of the file `QUANTITIES_FILE` over the runs that have it.
 
     Parameters
     ----------
@@ -241,11 +244,11 @@ def summarise(runs: "pd.DataFrame") -> "pd.DataFrame":
     -------
     pandas.DataFrame
         A row for each quantity, with the columns `SUMMARY_COLUMNS`. Cells are NaN if no
-        run has the quantity. The standard error of a single run is NaN, too.
+        run has the quantity. The standard error is NaN if only one run has it.
     """
     import pandas as pd
 
-    quantities = pd.read_csv(SUMMARY)
+    quantities = pd.read_csv(QUANTITIES_FILE)
     rows = []
     for key, quantity in quantities.itertuples(index=False):
         values = np.zeros(0)

@@ -31,8 +31,8 @@ from repose.measure.saved_pours import (
 )
 from repose.stages.kept_runs import KeptRuns, read_measurement, write_measurement
 
-# Called with the seed of a run, it gives a context manager whose value is called with the
-# simulated time, or is None.
+# A function that takes the seed of a run. It returns a context manager whose value is
+# None or a function that takes the simulated time [s].
 Progress = Callable[[int], AbstractContextManager[Callable[[float], object] | None]]
 
 
@@ -81,7 +81,7 @@ def run_job(
     out_dir: str | PathLike,
     interval_s: float | None = None,
     progress: Progress | None = None,
-    keeps_runs: bool = False,
+    keep_runs: bool = False,
 ) -> Path:
     """Run one parameter set with all its seeds, and write the files of the job.
 
@@ -90,7 +90,7 @@ def run_job(
     test : BenchTest
     scene : Scene
     name : str
-        Of the job.
+        Name of the job.
     seeds : iterable of int
     out_dir : path
         Folder to write.
@@ -98,9 +98,10 @@ def run_job(
         Simulated time between the frames that are written; by default none are.
     progress : callable, optional
         Shows the progress of each run, see `Progress`.
-    keeps_runs : bool, optional
-        Whether each run is also kept (`kept_runs`), and read from there where it is the
-        same. So a further seed runs that seed only, and a job that was killed goes on.
+    keep_runs : bool, optional
+        Whether each run is also kept (`kept_runs`), and a kept run is read instead of
+        made again. A job with one more seed then makes only this run, and a job that was
+        killed continues.
 
     Returns
     -------
@@ -109,10 +110,10 @@ def run_job(
     """
     out = Path(out_dir)
     seeds = list(seeds)
-    # Refuse files of others before minutes of simulation.
+    # Refuse to replace files of other programs before minutes of simulation.
     names = [f"{name}.npz", f"{name}{POURS}"]
     if interval_s is not None:
-        names += [_trajectory_file(name, seed) for seed in seeds]
+        names += [_name_trajectory_file(name, seed) for seed in seeds]
     for file in names:
         check_replaceable(out / file)
 
@@ -120,7 +121,7 @@ def run_job(
     arrays: dict[str, np.ndarray] = {}
     wall_s: dict[str, float] = {}
     description = describe_job(test, scene, name)
-    kept = KeptRuns(out, name, description) if keeps_runs else None
+    kept = KeptRuns(out, name, description) if keep_runs else None
     for seed in seeds:
         run = None
         if kept is not None and interval_s is None:
@@ -136,7 +137,7 @@ def run_job(
         for key, values in run.arrays.items():
             arrays[f"{key}_{seed}"] = values
         if run.frames is not None:
-            write_npz(out / _trajectory_file(name, seed), run.frames)
+            write_npz(out / _name_trajectory_file(name, seed), run.frames)
 
     if wall_s:
         write_timings(out, name, wall_s)
@@ -146,7 +147,7 @@ def run_job(
     return path
 
 
-def _trajectory_file(name: str, seed: int) -> str:
+def _name_trajectory_file(name: str, seed: int) -> str:
     """Name the file of the frames of a run."""
     return f"{name}_trajectory_{seed}.npz"
 
@@ -160,7 +161,7 @@ def measure_job(
     scene: Scene,
     pours_json: str | PathLike,
     out_dir: str | PathLike | None = None,
-    keeps_runs: bool = False,
+    keep_runs: bool = False,
 ) -> dict[str, Any]:
     """Measure the runs of a saved job, and write the result as NAME.json.
 
@@ -171,7 +172,7 @@ def measure_job(
         The saved job.
     out_dir : path, optional
         Folder to write. The default is the folder of the job.
-    keeps_runs : bool, optional
+    keep_runs : bool, optional
         Whether to reuse a kept measurement that is still valid, and to keep a new one.
 
     Returns
@@ -181,17 +182,17 @@ def measure_job(
     """
     path = Path(pours_json)
     # Measure only if no valid measurement was kept.
-    result = read_measurement(path) if keeps_runs else None
+    result = read_measurement(path) if keep_runs else None
     if result is None:
-        result = measured(scene, path)
-        if keeps_runs:
+        result = measure_runs(scene, path)
+        if keep_runs:
             write_measurement(path, result)
     out = path.parent if out_dir is None else Path(out_dir)
     write_json(out / f"{path.name.removesuffix(POURS)}.json", result)
     return result
 
 
-def measured(scene: Scene, path: Path) -> dict[str, Any]:
+def measure_runs(scene: Scene, path: Path) -> dict[str, Any]:
     """Measure all runs of a saved job.
 
     Parameters

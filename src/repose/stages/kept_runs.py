@@ -4,7 +4,7 @@ Snakemake removes outputs before it makes them anew, but it does not know the fo
 `runs`. There each run of a job is a file. A kept run is used again only under two
 conditions. Its record of provenance must name the same parameters, settings, grain,
 particle and engine. And the ledger of its folder must show that the file is unchanged.
-A kept measurement must also be of the same files and code.
+A kept measurement must also come from the same files and code.
 """
 
 import json
@@ -22,9 +22,9 @@ from repose.common.ledger import is_own_file
 from repose.common.source_code import code_hash
 from repose.measure.saved_pours import POURS, positions_file
 
-FOLDER = "runs"
+RUNS_FOLDER = "runs"
 # Name of the array that holds job and record as JSON.
-ABOUT = "about"
+DESCRIPTION_ARRAY = "about"
 
 
 class KeptRuns:
@@ -35,13 +35,13 @@ class KeptRuns:
     folder : Path
         The folder of the job's files.
     name : str
-        Its name.
+        Name of the job.
     description : mapping
-        What describes the job in its files.
+        The description of the job that its files begin with.
     """
 
     def __init__(self, folder: Path, name: str, description: Mapping[str, Any]) -> None:
-        self.folder = folder / FOLDER
+        self.folder = folder / RUNS_FOLDER
         self.name = name
         self.description = description
 
@@ -55,19 +55,20 @@ class KeptRuns:
         Returns
         -------
         Run or None
-            None if no run was kept, if its file is damaged or foreign, or if the job
-            would now make another run: with other parameters, settings or another
-            engine.
+            None if no run was kept, or if its file is damaged or was written by another
+            program. None also if the job would now make a different run, because its
+            parameters, its settings or the engine have changed.
         """
         path = self._path(seed)
         if not _is_current(path):
             return None
         try:
-            arrays = read_npz(path, (ABOUT,))
+            arrays = read_npz(path, (DESCRIPTION_ARRAY,))
         except InputError:
             return None
-        # One array of the file is a text: the description of the job, and the record.
-        description, record = json.loads(str(arrays.pop(ABOUT)))
+        # One array of the file is a JSON text with the description of the job and the
+        # record of the run.
+        description, record = json.loads(str(arrays.pop(DESCRIPTION_ARRAY)))
         if description != self.description:
             return None
         return Run(record, arrays)
@@ -75,9 +76,12 @@ class KeptRuns:
     def write(self, run: Run) -> None:
         """Keep a run without its frames, unless a damaged or foreign file is there."""
         path = self._path(run.record["seed"])
-        if _may_be_written(path):
+        if _is_replaceable(path):
             description_and_record = json_text([self.description, run.record])
-            write_npz(path, {**run.arrays, ABOUT: np.array(description_and_record)})
+            write_npz(
+                path,
+                {**run.arrays, DESCRIPTION_ARRAY: np.array(description_and_record)},
+            )
 
     def _path(self, seed: int) -> Path:
         return self.folder / f"{self.name}_{seed}.npz"
@@ -100,13 +104,13 @@ def read_measurement(pours: Path) -> dict[str, Any] | None:
 def write_measurement(pours: Path, result: Mapping[str, Any]) -> None:
     """Keep the measurement of a saved job, unless a damaged or foreign file is there."""
     path = _measurement_file(pours)
-    if _may_be_written(path):
+    if _is_replaceable(path):
         write_json(path, {"of": _hash_sources(pours), "result": result})
 
 
 def _measurement_file(pours: Path) -> Path:
     """Return the file that keeps the measurement of a saved job."""
-    return pours.parent / FOLDER / f"{pours.name.removesuffix(POURS)}.json"
+    return pours.parent / RUNS_FOLDER / f"{pours.name.removesuffix(POURS)}.json"
 
 
 def _hash_sources(pours: Path) -> dict[str, str]:
@@ -125,6 +129,6 @@ def _is_current(path: Path) -> bool:
     return file_record is not None and file_record["origin"] == stage_record["origin"]
 
 
-def _may_be_written(path: Path) -> bool:
+def _is_replaceable(path: Path) -> bool:
     """Tell whether a file may be written here."""
     return not path.exists() or is_own_file(path)

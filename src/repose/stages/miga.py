@@ -15,7 +15,7 @@ from repose.calibrate.targets import Targets
 from repose.common.files import Path_, read_table, write_json, write_table
 
 # Columns of the published intervals of the parameters.
-INTERVAL = ("low", "high", "dispersion_percent")
+INTERVAL_COLUMNS = ("low", "high", "dispersion_percent")
 
 
 def run(
@@ -69,7 +69,7 @@ def run(
     )
     published = None
     if table3_csv is not None:
-        published = read_table(table3_csv, ("parameter", *INTERVAL))
+        published = read_table(table3_csv, ("parameter", *INTERVAL_COLUMNS))
 
     inversion = invert(
         surrogate, parameters, targets=targets, settings=settings, support=support
@@ -78,7 +78,7 @@ def run(
     # Put the published intervals beside those that were found.
     intervals = inversion.intervals
     if published is not None:
-        published_ends = published.set_index("parameter")[list(INTERVAL)]
+        published_ends = published.set_index("parameter")[list(INTERVAL_COLUMNS)]
         intervals = intervals.join(
             published_ends.add_prefix("published_"), on="variable"
         )

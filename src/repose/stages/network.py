@@ -10,7 +10,7 @@ from repose.calibrate.surrogates.settings import NetworkSettings
 from repose.calibrate.targets import Targets
 from repose.calibrate.training import train
 from repose.common.files import Path_, write_json, write_table
-from repose.stages.parameter_sets import parameter_columns
+from repose.stages.parameter_sets import list_parameters
 from repose.stages.tables import read_dataset, read_runs
 
 
@@ -23,7 +23,7 @@ def run(  # noqa: PLR0913  (each is part of the study)
     definitions: Definitions,
     surrogate: str,
     settings: NetworkSettings,
-    names: Sequence[str] | None = None,
+    parameter_names: Sequence[str] | None = None,
     scale: Mapping[str, str] | None = None,
     source: object = "configuration",
 ) -> dict[str, Any]:
@@ -43,7 +43,7 @@ def run(  # noqa: PLR0913  (each is part of the study)
         Kind of the surrogate.
     settings : NetworkSettings
         The section `network`.
-    names : sequence of str, optional
+    parameter_names : sequence of str, optional
         Parameters of a study that another program simulates. None stands for a study
         of repose, whose parameters are the contact parameters in the table.
     scale : mapping, optional
@@ -61,7 +61,7 @@ def run(  # noqa: PLR0913  (each is part of the study)
     InputError
         If the tables are damaged, use other definitions or have too few samples.
     """
-    dataset = read_dataset(dataset_csv, targets, names)
+    dataset = read_dataset(dataset_csv, targets, parameter_names)
     runs = read_runs(runs_csv, targets, dataset=dataset, dataset_csv=dataset_csv)
     dataset_definitions, summary_json = read_definitions(dataset_csv)
     require_same_definitions(
@@ -72,7 +72,7 @@ def run(  # noqa: PLR0913  (each is part of the study)
         runs,
         targets=targets,
         settings=settings,
-        names=parameter_columns(dataset, names),
+        names=list_parameters(dataset, parameter_names),
         definitions=definitions or dataset_definitions,
         source=dataset_csv,
         surrogate=surrogate,

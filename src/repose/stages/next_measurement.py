@@ -9,8 +9,8 @@ discrepancy d of the simulator. For normal variables the information is
     bits = 1/2 log2(1 + tau^2 / s^2)
 
 (Cover & Thomas 2006, Elements of Information Theory, section 9.1). Responses share
-information, so the table ranks the first response to add. It is made again once that one
-is a target.
+information, so the ranking is valid only for the first response to add. Once this
+response is a target, make the table again.
 """
 
 from collections.abc import Iterable
@@ -29,7 +29,7 @@ from repose.common.files import Path_, read_table, write_table
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.further_responses import CALIBRATED_ANGLE
 from repose.stages.job import measure_job
-from repose.stages.settings import SETS_OF_NEXT
+from repose.stages.settings import N_PLAUSIBLE_SETS
 
 COLUMNS = [
     "response",
@@ -48,8 +48,8 @@ COLUMNS = [
 FEWEST_SETS = 4
 
 
-def plausible_sets(draws_csv: Path_, seed: int, out: Path_) -> pd.DataFrame:
-    """Choose `SETS_OF_NEXT` draws of the posterior at random; write them as samples.
+def draw_plausible_sets(draws_csv: Path_, seed: int, out: Path_) -> pd.DataFrame:
+    """Draw `N_PLAUSIBLE_SETS` sets from the posterior, and write them as samples.
 
     Parameters
     ----------
@@ -71,17 +71,17 @@ def plausible_sets(draws_csv: Path_, seed: int, out: Path_) -> pd.DataFrame:
         If there are fewer draws than sets to choose.
     """
     draws = read_table(draws_csv, PARAMETERS)
-    if len(draws) < SETS_OF_NEXT:
-        raise InputError(draws_csv, "rows", len(draws), f"{SETS_OF_NEXT} or more")
+    if len(draws) < N_PLAUSIBLE_SETS:
+        raise InputError(draws_csv, "rows", len(draws), f"{N_PLAUSIBLE_SETS} or more")
     generator = np.random.default_rng(seed)
-    rows = np.sort(generator.choice(len(draws), SETS_OF_NEXT, replace=False))
+    rows = np.sort(generator.choice(len(draws), N_PLAUSIBLE_SETS, replace=False))
     samples = draws.loc[rows, list(parameters_among(draws))].reset_index(drop=True)
-    samples.insert(0, "sample", range(1, SETS_OF_NEXT + 1))
+    samples.insert(0, "sample", range(1, N_PLAUSIBLE_SETS + 1))
     write_table(out, samples, float_format="%.10g")
     return samples
 
 
-def information(
+def rank_responses(
     runs: pd.DataFrame, repetitions: int, discrepancy_percent: float
 ) -> pd.DataFrame:
     """Compute how much information the measurement of each response would add.
@@ -153,7 +153,7 @@ def information(
     return table.sort_values("bits", ascending=False, kind="stable", ignore_index=True)
 
 
-def every_response() -> list[dict[str, str]]:
+def list_all_responses() -> list[dict[str, str]]:
     """List the responses of all bench tests as targets of a scene, to measure them all."""
     entries = []
     for test in bench_tests():
@@ -177,7 +177,7 @@ def run(
     pours : iterable of path
         Saved runs of plausible parameter sets, in any bench tests.
     scene : Scene
-        The scene of the study, whose targets are `every_response`.
+        The scene of the study, whose targets are `list_all_responses`.
     out_dir : path
         Folder for the measured runs and for next.csv.
     targets : Targets
@@ -215,7 +215,7 @@ def run(
     new_runs = runs[~runs["response"].isin(known_responses)]
 
     repetitions = round(np.mean([target.repetitions for target in targets]))
-    table = information(new_runs, repetitions, discrepancy_percent)
+    table = rank_responses(new_runs, repetitions, discrepancy_percent)
     write_table(Path(out_dir) / "next.csv", table, float_format="%.6g")
     return table
 

@@ -18,14 +18,14 @@ from repose.stages.tables import read_dataset, read_runs
 from repose.stages.validate import select_for_validation
 
 
-def search_again(
+def make_repeated_search(
     parameters: ParameterSpace,
     targets: Targets,
     settings: MigaSettings,
     count: int,
     support: Support | None = None,
 ) -> Search:
-    """Return a function that repeats the search, shortened, with another surrogate.
+    """Make a function that repeats a shortened search with another surrogate.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def run(
     targets: Targets,
     settings: MigaSettings,
     solutions: int,
-    names: Sequence[str] | None = None,
+    parameter_names: Sequence[str] | None = None,
 ) -> pd.DataFrame:
     """Estimate how optimistic the predictions of a search are, and write the result.
 
@@ -84,7 +84,7 @@ def run(
     settings : MigaSettings
     solutions : int
         Number of sets besides the representative that are simulated again.
-    names : sequence of str, optional
+    parameter_names : sequence of str, optional
         Parameters of a study that another program simulates. None stands for a study
         of repose, whose parameters are the contact parameters in the table.
 
@@ -95,7 +95,7 @@ def run(
         has two runs, or if `miga.replicates` is 0.
     """
     surrogate = load(surrogate_json, targets.names)
-    dataset = read_dataset(dataset_csv, targets, names)
+    dataset = read_dataset(dataset_csv, targets, parameter_names)
     runs = read_runs(runs_csv, targets, dataset, dataset_csv)
     pours = Pours.collect(surrogate, dataset, runs, targets)
     table = pd.DataFrame(columns=list(COLUMNS))
@@ -103,7 +103,7 @@ def run(
         table = expected_optimism(
             surrogate,
             pours,
-            search_again(
+            make_repeated_search(
                 parameters,
                 targets,
                 settings,

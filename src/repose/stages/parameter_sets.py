@@ -18,15 +18,15 @@ from repose.common.tables import Column
 if TYPE_CHECKING:
     import pandas as pd
 
-NUMBER = Column("sample", int, low=1, once=True)
-OF_SETS = tuple(
+SAMPLE_COLUMN = Column("sample", int, low=1, once=True)
+PARAMETER_COLUMNS = tuple(
     Column(name, float, *limits, needed=name in PARAMETERS)
     for name, limits in PHYSICAL_LIMITS.items()
 )
 
 
-def parameter_columns(
-    columns: Iterable[str], names: Sequence[str] | None = None
+def list_parameters(
+    columns: Iterable[str], parameter_names: Sequence[str] | None = None
 ) -> tuple[str, ...]:
     """List the parameters of a table.
 
@@ -34,7 +34,7 @@ def parameter_columns(
     ----------
     columns : iterable of str
         Columns of the table.
-    names : sequence of str, optional
+    parameter_names : sequence of str, optional
         Parameters of a study that another program simulates. None stands for a study of
         repose.
 
@@ -43,13 +43,15 @@ def parameter_columns(
     tuple of str
         The names, or else the contact parameters among the columns.
     """
-    return parameters_among(columns) if names is None else tuple(names)
+    return (
+        parameters_among(columns) if parameter_names is None else tuple(parameter_names)
+    )
 
 
 def read_samples(
     path: str | os.PathLike,
-    more: Iterable[str] = (),
-    names: Sequence[str] | None = None,
+    further_columns: Iterable[str] = (),
+    parameter_names: Sequence[str] | None = None,
 ) -> "pd.DataFrame":
     """Read all parameter sets of a table.
 
@@ -57,45 +59,52 @@ def read_samples(
     ----------
     path : path
         The table.
-    more : iterable of str, optional
+    further_columns : iterable of str, optional
         Further columns that it must have.
-    names : sequence of str, optional
+    parameter_names : sequence of str, optional
         Parameters of a study that another program simulates. None stands for a study
         of repose, whose parameters are the contact parameters in the table.
 
     Returns
     -------
     pandas.DataFrame
-        `sample` (each number once), the parameters, the columns `more`, and any others.
+        `sample` (each number once), the parameters, `further_columns`, and any other
+        columns of the table.
     """
-    return read_table(path, (NUMBER, *_describe_columns(names), *more))
+    return read_table(
+        path, (SAMPLE_COLUMN, *_describe_columns(parameter_names), *further_columns)
+    )
 
 
-def _describe_columns(names: Sequence[str] | None) -> tuple[Column, ...]:
-    """Describe the columns of the parameters, with the limits of those of a contact."""
-    return OF_SETS if names is None else tuple(map(Column, names))
+def _describe_columns(parameter_names: Sequence[str] | None) -> tuple[Column, ...]:
+    """Describe the columns of the parameters. Contact parameters have limits."""
+    return (
+        PARAMETER_COLUMNS
+        if parameter_names is None
+        else tuple(map(Column, parameter_names))
+    )
 
 
-def job_files(
-    words: Iterable[str], samples_csv: str | os.PathLike, ending: str = ".json"
+def list_job_files(
+    arguments: Iterable[str], samples_csv: str | os.PathLike, ending: str = ".json"
 ) -> list[Path]:
-    """List the files of jobs that words of a command line name.
+    """List the files of jobs that the arguments of a command line name.
 
     Parameters
     ----------
-    words : iterable of str
+    arguments : iterable of str
         Paths of files and folders. A folder stands for one file per sample.
     samples_csv : path
         The table of samples.
     ending : str, optional
         Ending of the files in a folder.
     """
-    paths = [Path(word) for word in words]
+    paths = [Path(word) for word in arguments]
 
     # Read the table of samples only if there is a folder.
     names: list[str] = []
     if any(path.is_dir() for path in paths):
-        samples = tables.read(samples_csv, [NUMBER]).values["sample"]
+        samples = tables.read(samples_csv, [SAMPLE_COLUMN]).values["sample"]
         names = [f"{sample:03d}{ending}" for sample in samples]
 
     files = []
@@ -108,7 +117,7 @@ def job_files(
 
 
 def read_sample(
-    path: str | os.PathLike, number: int, names: Sequence[str] | None = None
+    path: str | os.PathLike, number: int, parameter_names: Sequence[str] | None = None
 ) -> dict[str, float]:
     """Read the parameters of a sample from a table, without rounding.
 
@@ -118,7 +127,7 @@ def read_sample(
         The table.
     number : int
         Number of the sample.
-    names : sequence of str, optional
+    parameter_names : sequence of str, optional
         Parameters of a study that another program simulates. None stands for a study of
         repose, whose parameters are the contact parameters in the table.
 
@@ -132,19 +141,23 @@ def read_sample(
     InputError
         If there is no such sample, or a value is beyond the limits of the contact law.
     """
-    # A table of this program was checked when it was written.
-    columns = _read_own_table(path)
+    # This program checked its own tables when it wrote them.
+    columns = _read_unchanged_table(path)
     if columns is None:
-        columns = tables.read(path, (NUMBER, *_describe_columns(names))).values
+        columns = tables.read(
+            path, (SAMPLE_COLUMN, *_describe_columns(parameter_names))
+        ).values
     numbers = columns["sample"]
     if number not in numbers:
         first = ", ".join(map(str, numbers[:3]))
         raise InputError(path, "sample", number, f"one of {len(numbers)}: {first}, ...")
     row = numbers.index(number)
-    return {name: columns[name][row] for name in parameter_columns(columns, names)}
+    return {
+        name: columns[name][row] for name in list_parameters(columns, parameter_names)
+    }
 
 
-def _read_own_table(path: str | os.PathLike) -> dict[str, list] | None:
+def _read_unchanged_table(path: str | os.PathLike) -> dict[str, list] | None:
     """Read a table that this program wrote, without checks.
 
     The checks of `tables.read` need libraries whose import takes a third of the time of
@@ -157,8 +170,8 @@ def _read_own_table(path: str | os.PathLike) -> dict[str, list] | None:
     Returns
     -------
     dict or None
-        The numbers of each column by its name. None if the table is not known to be
-        ours and unchanged, or if it has other cells than numbers.
+        The numbers of each column by its name. None if another program wrote or changed
+        the table, or if a cell is not a number.
     """
     if not ledger.is_own_file(path):
         return None

@@ -12,7 +12,7 @@ from repose.common.errors import InputError
 from repose.common.files import Path_, read_table
 from repose.common.tables import Column, is_number, read, read_text_rows
 from repose.measure.definitions import CALIBRATED_ANGLE, MEAN_KEYS
-from repose.stages.parameter_sets import OF_SETS
+from repose.stages.parameter_sets import PARAMETER_COLUMNS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -21,31 +21,31 @@ if TYPE_CHECKING:
 # their numbers stay below it.
 FIRST_PUBLISHED = 101
 # Most sets of each of the two tables: their sample numbers are 101 to 999.
-MOST = 449
+MOST_SETS = 449
 # Beside the published solutions: sets of other works, with their source and wall.
-OTHERS = "others.csv"
+OTHER_SETS_FILE = "others.csv"
 # Hashes of what the runs of a set depend on.
-SIMULATED_BY = ("engine", "scene")
-NAME = Column("solution", str, once=True)
+HASH_NAMES = ("engine", "scene")
+SOLUTION_COLUMN = Column("solution", str, once=True)
 # A hash of digits alone is text, too.
-HASHES = tuple(Column(name, str) for name in SIMULATED_BY)
-STORED: tuple[str | Column, ...] = (
+HASH_COLUMNS = tuple(Column(name, str) for name in HASH_NAMES)
+STORED_COLUMNS: tuple[str | Column, ...] = (
     "sample",
     "source",
     *PARAMETERS,
     "n_seeds",
     "status",
-    NAME,
-    *HASHES,
+    SOLUTION_COLUMN,
+    *HASH_COLUMNS,
 )
-STALE = (
+STALE_WARNING = (
     "stale: simulated with another engine or scene than today's; `snakemake "
     "published_sets` pours the sets anew"
 )
 
 
 def find_sibling_table(path: Path_ | None, table: str) -> Path | None:
-    """Find a table next to the published solutions; None without it.
+    """Find a table next to the published solutions; None if there is none.
 
     Such a table is table1.csv (sizes) or table3.csv (intervals).
     """
@@ -55,33 +55,40 @@ def find_sibling_table(path: Path_ | None, table: str) -> Path | None:
     return sibling if sibling.is_file() else None
 
 
-def tables(path: Path_ | None) -> list[Path]:
-    """List the table of published solutions, and `OTHERS` next to it; empty for None."""
+def list_tables(path: Path_ | None) -> list[Path]:
+    """List the table of published solutions, and `OTHER_SETS_FILE` next to it.
+
+    The list is empty if `path` is None.
+    """
     if path is None:
         return []
-    others = find_sibling_table(path, OTHERS)
+    others = find_sibling_table(path, OTHER_SETS_FILE)
     return [Path(path)] if others is None else [Path(path), others]
 
 
-def read_sets(path: Path_, names: Iterable[str] = PARAMETERS) -> "pd.DataFrame":
-    """Read all published sets, with their parameters `names` and a text `solution`."""
+def read_sets(
+    path: Path_, parameter_names: Iterable[str] = PARAMETERS
+) -> "pd.DataFrame":
+    """Read all published sets, each with its parameters and its name `solution`."""
     import pandas as pd
 
-    columns: tuple[str | Column, ...] = (NAME, *names)
-    sets = [read_table(table, columns) for table in tables(path)]
+    columns: tuple[str | Column, ...] = (SOLUTION_COLUMN, *parameter_names)
+    sets = [read_table(table, columns) for table in list_tables(path)]
     return pd.concat(sets, ignore_index=True)
 
 
 def _read_rows(path: Path_ | None) -> list[dict[str, Any]]:
     """Read and check the rows of all published tables."""
     rows = []
-    for table in tables(path):
-        rows += read(table, (NAME, *OF_SETS), others=is_number).rows()
+    for table in list_tables(path):
+        rows += read(
+            table, (SOLUTION_COLUMN, *PARAMETER_COLUMNS), others=is_number
+        ).rows()
     return rows
 
 
-def representative(
-    path: Path_ | None, names: Collection[str] = PARAMETERS
+def read_representative(
+    path: Path_ | None, parameter_names: Collection[str] = PARAMETERS
 ) -> dict[str, float]:
     """Read parameters of the published representative solution.
 
@@ -89,7 +96,7 @@ def representative(
     ----------
     path : path or None
         The table of published solutions.
-    names : collection of str
+    parameter_names : collection of str
         Parameters to read.
 
     Returns
@@ -105,20 +112,22 @@ def representative(
     if path is None:
         allowed = "a table of published solutions"
         raise InputError("configuration", "validation.published", None, allowed)
-    table = read(path, (NAME, *map(Column, names)))
+    table = read(path, (SOLUTION_COLUMN, *map(Column, parameter_names)))
     for row in table.rows():
         if row["solution"] == "representative":
-            return {name: row[name] for name in names}
+            return {name: row[name] for name in parameter_names}
     raise InputError(path, "solution", None, "a row 'representative'")
 
 
-def to_simulate(
-    path: Path_ | None, responses: Iterable[Response], names: Iterable[str] = PARAMETERS
+def list_sets_to_simulate(
+    path: Path_ | None,
+    responses: Iterable[Response],
+    parameter_names: Iterable[str] = PARAMETERS,
 ) -> list[str]:
     """List the names of the published parameter sets that can be simulated.
 
     The list is empty if the table has none of the responses, or lacks a parameter of
-    the study. The numbers of the table are not checked (`check_published`).
+    the study. The numbers of the table are not checked (`check_published_sets`).
 
     Parameters
     ----------
@@ -126,49 +135,51 @@ def to_simulate(
         The table of published sets.
     responses : iterable of Response
         Responses of the study's targets.
-    names : iterable of str
+    parameter_names : iterable of str
         Parameters of the study.
     """
     rows = []
-    for table in tables(path):
-        rows += read_text_rows(table, (NAME, *OF_SETS))
+    for table in list_tables(path):
+        rows += read_text_rows(table, (SOLUTION_COLUMN, *PARAMETER_COLUMNS))
     if not rows:
         return []
     columns = rows[0].keys()
-    # A set without a parameter of the study could not be simulated. Without a response
-    # of its targets, the result could not be compared.
-    has_parameters = set(names) <= columns
-    if not has_parameters or not published_responses(columns, responses):
+    # Without a parameter of the study, a set cannot be simulated. Without a response of
+    # the targets, its simulation cannot be compared with anything.
+    has_parameters = set(parameter_names) <= columns
+    if not has_parameters or not find_published_responses(columns, responses):
         return []
     return [row["solution"] for row in rows]
 
 
-def check_published(path: Path_ | None) -> None:
+def check_published_sets(path: Path_ | None) -> None:
     """Refuse a table of published solutions that cannot be simulated or compared.
 
-    None passes.
+    Nothing is checked if `path` is None.
     """
-    for table in tables(path):
-        n_rows = len(read(table, (NAME, *OF_SETS), others=is_number))
-        if not 1 <= n_rows <= MOST:
-            raise InputError(table, "rows", n_rows, f"1 to {MOST} solutions")
+    for table in list_tables(path):
+        n_rows = len(
+            read(table, (SOLUTION_COLUMN, *PARAMETER_COLUMNS), others=is_number)
+        )
+        if not 1 <= n_rows <= MOST_SETS:
+            raise InputError(table, "rows", n_rows, f"1 to {MOST_SETS} solutions")
 
 
 def read_stored(path: Path_) -> "pd.DataFrame":
     """Read the published sets as `snakemake published_sets` simulated them."""
-    return read_table(path, STORED)
+    return read_table(path, STORED_COLUMNS)
 
 
-def columns_of_stored(path: Path_) -> list[str]:
-    """Read the names of the columns of such a table; `read_stored` checks the rest."""
+def read_column_names(path: Path_) -> list[str]:
+    """Read the names of a table's columns, without the checks of `read_stored`."""
     with open(path, encoding="utf-8-sig", newline="") as file:
         return next(csv.reader(file), [])
 
 
-def stored_columns(
+def find_response_columns(
     columns: Iterable[str],
     *,
-    names: Sequence[str],
+    parameter_names: Sequence[str],
     targets: Targets,
     definition: str,
 ) -> dict[Response, str]:
@@ -178,7 +189,7 @@ def stored_columns(
     ----------
     columns : iterable of str
         Columns of the table.
-    names : sequence of str
+    parameter_names : sequence of str
         Parameters of the study.
     targets : Targets
     definition : str
@@ -187,11 +198,11 @@ def stored_columns(
     Returns
     -------
     dict
-        The column of each response that the table has. Without all parameters it is
-        empty.
+        The column of each response that the table has. The dict is empty if the table
+        lacks a parameter.
     """
     table_columns = set(columns)
-    if not set(names) <= table_columns:
+    if not set(parameter_names) <= table_columns:
         return {}
     column_of_response = {}
     for response in targets.responses:
@@ -204,15 +215,15 @@ def stored_columns(
     return column_of_response
 
 
-def published_sets(path: Path_ | None) -> list[dict[str, float]]:
-    """Read the parameter sets of a table that passed `check_published`.
+def read_parameter_sets(path: Path_ | None) -> list[dict[str, float]]:
+    """Read the parameter sets of a table that passed `check_published_sets`.
 
-    They are empty for None.
+    The list is empty if `path` is None.
     """
     return [{name: row[name] for name in PARAMETERS} for row in _read_rows(path)]
 
 
-def published_responses(
+def find_published_responses(
     columns: Iterable[str], responses: Iterable[Response]
 ) -> tuple[Response, ...]:
     """Find the responses of a published table.

@@ -16,9 +16,9 @@ from repose.common.section import (
 from repose.measure.conventions import DIRECTIONS, UNITS
 
 # Number of parameter sets that the study `next` draws from the posterior.
-SETS_OF_NEXT = 16
+N_PLAUSIBLE_SETS = 16
 # Runs of each in each bench test: the fewest that show the scatter.
-SEEDS_OF_NEXT = 2
+N_SEEDS_OF_PLAUSIBLE_SET = 2
 
 
 class ValidationSettings(Section):
@@ -54,7 +54,7 @@ class ValidationSettings(Section):
 
 
 # How a run of a program of the user's own may end.
-STATUSES = (
+RUN_STATUSES = (
     "ok",
     "exit_status",
     "time_limit",
@@ -75,7 +75,7 @@ Line = Annotated[
     Field(max_length=200, pattern=r"^[^\n]*\S[^\n]*$"),
     Allowed("text of one line"),
 ]
-COMMAND = "a list of texts: the program, then its arguments"
+COMMAND_FORM = "a list of texts: the program, then its arguments"
 Argument = Annotated[str, Field(min_length=1, max_length=4000)]
 
 
@@ -103,7 +103,7 @@ class SimulatorSettings(Section):
     name: Line = Field(description="name and version, printed on the card")
     command: Annotated[
         Annotated[tuple[Argument, ...], Field(strict=False)],
-        Allowed(COMMAND),
+        Allowed(COMMAND_FORM),
     ] = Field(
         description="program and arguments, one entry each, without a shell; names "
         "in double braces as in the template",
@@ -140,7 +140,7 @@ class SimulatorSettings(Section):
     def contradictions(self) -> Contradictions:
         """Refuse an empty command, and runs that leave nothing that is read."""
         if not self.command:
-            yield "command", COMMAND
+            yield "command", COMMAND_FORM
         if self.output is None and self.particles is None:
             yield "output", "the file of responses that a run leaves, or `particles`"
 

@@ -1,9 +1,10 @@
 """Run a program of the user's own: write its deck, call it, and keep what it leaves.
 
 Each run has a folder SAMPLE/RUN with its deck, its parameters, what the program printed
-(`PRINTED`) and the files that are read or kept. SAMPLE/RUN.json is the record of the
-run: it is written last. A run that fails is a result with a status and a reason. The
-ledger of SAMPLE lists the files of a good run that are read, so that a change is found.
+(`PRINTED_FILE`) and the files that are read or kept. SAMPLE/RUN.json is the record of
+the run, and it is written last. A run that fails is a result with a status and a reason.
+The ledger of SAMPLE lists the output files of a good run, so that a later change of them
+is found.
 """
 
 import json
@@ -31,24 +32,25 @@ from repose.common.files import Path_, write_json
 from repose.stages.settings import SimulatorSettings
 
 OK = "ok"
-PARAMETERS = "parameters.json"
-PRINTED = "printed.txt"
-ABOUT = ".run.json"  # in the folder of a good run: the hash of its inputs
-# Names that a template has besides those of the parameters.
-NAMES = ("sample", "run", "seed", "cores")
-# The name of a template in the tracebacks of Jinja2.
-TEMPLATE = "<template>"
+PARAMETERS_FILE = "parameters.json"
+PRINTED_FILE = "printed.txt"
+INPUT_HASH_FILE = ".run.json"  # in the folder of a good run: the hash of its inputs
+# Names that a template may use besides those of the parameters.
+RUN_VARIABLES = ("sample", "run", "seed", "cores")
+# Name that the tracebacks of Jinja2 give to the file of a template.
+JINJA_FILE_NAME = "<template>"
+# LIGGGHTS takes only prime seeds above 10,000. This is the first one.
 SMALLEST_PRIME_SEED = 10_007
 TEMPLATE_ENDINGS = (".j2", ".jinja", ".jinja2")
-# Seeds are at most this: LAMMPS takes none above 900 million.
-MOST_SEED = 899_999_999
-# Time between the request to end and the end [s].
-GRACE_S = 10.0
-# What messages expect of the program and of a named file.
+# LAMMPS takes no seed above 900 million.
+HIGHEST_SEED = 899_999_999
+# A program has this time to end after SIGTERM [s].
+STOP_TIME_S = 10.0
+# What error messages expect of the program and of a named file.
 EXPECTED_PROGRAM = "a program on PATH, or the path of one that may be run"
 EXPECTED_FILE = "a file that is there"
-# The end of what a program printed, in the reason of a failed run.
-MOST_CHARACTERS = 200
+# Characters of a program's last line that the reason of a failed run quotes.
+MAX_REASON_LENGTH = 200
 
 
 class Ending(NamedTuple):
@@ -62,12 +64,13 @@ class Ending(NamedTuple):
 
 
 def _make_environment() -> Environment:
-    """Set up the templates of decks; a name that is not there is an error.
+    """Make the environment of Jinja2 for the templates of decks.
 
-    The sandbox refuses a loop that would never end. There are no further templates: a
-    run is made again only if its own template has changed.
+    A name without a value is an error. The sandbox refuses a loop that would never end.
+    A template cannot load another file, since a run is made again only if its own
+    template has changed.
     """
-    # A deck is no HTML, so nothing in it is escaped.
+    # Special characters are not escaped, since a deck is not HTML.
     environment = SandboxedEnvironment(
         undefined=StrictUndefined, keep_trailing_newline=True, loader=DictLoader({})
     )
@@ -76,25 +79,25 @@ def _make_environment() -> Environment:
 
 
 def find_prime(seed: int) -> int:
-    """Find the first prime from a seed on, above 10,000: LIGGGHTS takes no other seed."""
+    """Find the first prime number from a seed on, but at least `SMALLEST_PRIME_SEED`."""
     candidate = max(seed, SMALLEST_PRIME_SEED)
     while any(candidate % factor == 0 for factor in range(2, isqrt(candidate) + 1)):
         candidate += 1
     return candidate
 
 
-def fill(text: str, values: Mapping[str, Any], source: object) -> str:
+def fill_template(text: str, values: Mapping[str, Any], source: object) -> str:
     """Fill a template.
 
     Raises
     ------
     InputError
-        If it is no template, uses a name without a value, or computes what cannot be
-        computed; it names `source` and the line.
+        If the text is no template, uses a name without a value, or has an expression
+        that fails. The error names `source` and the line.
     """
     try:
         return _make_environment().from_string(text).render(values)
-    # An expression in a template is code of its author, which may raise anything.
+    # An expression in a template may raise any exception.
     except Exception as error:
         place = f"{source}, line {_find_template_line(error)}"
         fault = f"{type(error).__name__}: {error}"
@@ -104,9 +107,9 @@ def fill(text: str, values: Mapping[str, Any], source: object) -> str:
 
 
 def _find_template_line(error: Exception) -> int:
-    """Return the line of a template at which an error was raised."""
+    """Find the line of a template at which an error was raised; 1 if it is unknown."""
     frames = traceback.extract_tb(error.__traceback__)
-    lines = [frame.lineno for frame in frames if frame.filename == TEMPLATE]
+    lines = [frame.lineno for frame in frames if frame.filename == JINJA_FILE_NAME]
     return lines[-1] or 1 if lines else 1
 
 
@@ -123,14 +126,14 @@ def find_template_names(text: str, source: object) -> set[str]:
     Raises
     ------
     InputError
-        If it is no template, or needs another one.
+        If the text is no template, or if it includes another file.
     """
     try:
         template = _make_environment().parse(text)
     except TemplateError as error:
         allowed = "a template of Jinja2"
         raise InputError(source, "template", str(error), allowed) from None
-    # The name is None where it is computed.
+    # The name of a referenced file is None if an expression computes it.
     for name in meta.find_referenced_templates(template):
         allowed = "one file, without include, import or extends"
         raise InputError(source, "template", name, allowed)
@@ -152,32 +155,32 @@ def read_template(path: Path_) -> str:
 
 
 def deck_name(template: Path_) -> str:
-    """Return the name of the deck: that of its template without its last ending."""
+    """Return the name of the deck: the name of its template without the last ending."""
     path = Path(template)
     return path.stem if path.suffix in TEMPLATE_ENDINGS else path.name
 
 
-def program_of(command: Sequence[str]) -> str | None:
-    """Return the absolute path of the program; None if there is none.
+def find_program(command: Sequence[str]) -> str | None:
+    """Find the absolute path of a program; None if there is no such program.
 
-    A name without a slash is looked up on `search_path`.
+    A name without a slash is searched in the folders of `make_search_path`.
     """
-    found = shutil.which(command[0], path=search_path())
+    found = shutil.which(command[0], path=make_search_path())
     return None if found is None else os.path.abspath(found)
 
 
-def search_path() -> str:
-    """Return PATH as the jobs of the workflow have it: the Python of repose first."""
+def make_search_path() -> str:
+    """Make the PATH of the called program, with the folder of this Python first."""
     folder = os.path.dirname(sys.executable)
     return os.pathsep.join([folder, os.environ.get("PATH", os.defpath)])
 
 
-def check(
+def check_simulator(
     settings: SimulatorSettings,
     parameters: Mapping[str, float],
     targets: Sequence[str],
     source: str,
-    fixed: Collection[str] = (),
+    fixed_names: Collection[str] = (),
 ) -> None:
     """Check the files and names of a simulator before any run.
 
@@ -190,8 +193,9 @@ def check(
         Their names in the study.
     source : str
         File of the configuration, for the messages.
-    fixed : collection of str, optional
-        The parameters of one value. A deck may hold their numbers without the names.
+    fixed_names : collection of str, optional
+        Names of the parameters with a single value. A deck may state their numbers
+        directly and not use the names.
 
     Raises
     ------
@@ -199,7 +203,9 @@ def check(
         With all faults.
     """
     raise_together(
-        _find_faults(settings, parameters, targets, source=source, fixed=fixed)
+        _find_faults(
+            settings, parameters, targets, source=source, fixed_names=fixed_names
+        )
     )
 
 
@@ -209,10 +215,10 @@ def _find_faults(
     targets: Sequence[str],
     *,
     source: str,
-    fixed: Collection[str],
+    fixed_names: Collection[str],
 ) -> Iterator[InputError]:
-    """Find the faults that `check` raises; its parameters are the same."""
-    if program_of(settings.command) is None:
+    """Find the faults that `check_simulator` raises; its parameters are the same."""
+    if find_program(settings.command) is None:
         key = "simulator.command.0"
         yield YamlError(source, key, settings.command[0], EXPECTED_PROGRAM)
 
@@ -222,19 +228,22 @@ def _find_faults(
         yield YamlError(source, key, name, EXPECTED_FILE)
     yield from _find_file_faults(settings, source)
 
-    # Parameters must not have the names of numbers that each run has.
-    for name in NAMES:
+    # A parameter must not have the name of a number of the run.
+    reserved_names = ", ".join(RUN_VARIABLES)
+    for name in RUN_VARIABLES:
         if name in parameters:
-            allowed = f"another name: {', '.join(NAMES)} are numbers of the run itself"
+            allowed = f"another name: {reserved_names} are numbers of the run itself"
             yield YamlError(source, f"parameters.{name}", name, allowed)
 
     # A template that is missing was reported above, and cannot be read.
     if settings.template not in missing:
-        yield from _find_name_faults(settings, parameters, source=source, fixed=fixed)
+        yield from _find_name_faults(
+            settings, parameters, source=source, fixed_names=fixed_names
+        )
 
     # Without a table of responses, all of them come from the pile of particles.
     if settings.output is None:
-        pile_responses = responses_of_pile()
+        pile_responses = list_pile_responses()
         for name in targets:
             if name not in pile_responses:
                 allowed = (
@@ -255,7 +264,7 @@ def _find_file_faults(settings: SimulatorSettings, source: str) -> Iterator[Inpu
     for name in _find_repeated_names(settings):
         allowed = "files whose names differ in the folder of a run"
         yield YamlError(source, "simulator.files", name, allowed)
-    # A program that failed to write would leave the file that it was given.
+    # If the program wrote no output, an input of the same name would be read instead.
     input_names = _list_input_files(settings)
     for key, name in settings.files_by_key.items():
         if name in input_names:
@@ -268,7 +277,7 @@ def _find_name_faults(
     parameters: Mapping[str, float],
     *,
     source: str,
-    fixed: Collection[str],
+    fixed_names: Collection[str],
 ) -> Iterator[InputError]:
     """Find unknown names in template and command, and parameters that are not used.
 
@@ -279,14 +288,14 @@ def _find_name_faults(
         A value for each parameter, with which template and command are filled on trial.
     source : str
         File of the configuration, for the messages.
-    fixed : collection of str
-        Parameters of one value, which may be unused.
+    fixed_names : collection of str
+        Names of the parameters with a single value, which need not be used.
 
     Yields
     ------
     InputError
     """
-    known = (*parameters, *NAMES)
+    known = (*parameters, *RUN_VARIABLES)
     used: set[str] = set()
     for place, text in _read_templates(settings, source).items():
         names_in_text = find_template_names(text, place)
@@ -301,13 +310,13 @@ def _find_name_faults(
     if settings.template is None:
         return
     for name in parameters:
-        if name not in used and name not in fixed:
+        if name not in used and name not in fixed_names:
             allowed = f"a name that {settings.template} or the command uses"
             yield YamlError(source, f"parameters.{name}", name, allowed)
 
 
-def names_in_deck(settings: SimulatorSettings) -> set[str]:
-    """Return the names that the template and the command of a simulator use."""
+def find_used_names(settings: SimulatorSettings) -> set[str]:
+    """Find the names that the template and the command of a simulator use."""
     texts = _read_templates(settings, "configuration")
     return set().union(
         *(find_template_names(text, place) for place, text in texts.items())
@@ -315,7 +324,7 @@ def names_in_deck(settings: SimulatorSettings) -> set[str]:
 
 
 def _read_templates(settings: SimulatorSettings, source: str) -> dict[str, str]:
-    """Return the command and the template, by their place in messages."""
+    """Return the texts of command and template, by the place that messages name."""
     texts = {f"{source}, simulator.command": "\n".join(settings.command)}
     if settings.template is not None:
         texts[settings.template] = read_template(settings.template)
@@ -325,9 +334,9 @@ def _read_templates(settings: SimulatorSettings, source: str) -> dict[str, str]:
 def _try_to_fill(
     text: str, parameters: Mapping[str, float], place: str
 ) -> Iterator[InputError]:
-    """Yield the fault of a template that cannot be filled for a first run."""
+    """Fill a template for a first run on trial, and yield the fault if this fails."""
     try:
-        fill(text, {**parameters, **dict.fromkeys(NAMES, 1)}, place)
+        fill_template(text, {**parameters, **dict.fromkeys(RUN_VARIABLES, 1)}, place)
     except InputError as error:
         yield error
 
@@ -340,19 +349,19 @@ def _list_study_files(settings: SimulatorSettings) -> tuple[str, ...]:
 
 def _list_input_files(settings: SimulatorSettings) -> list[str]:
     """List the names of the files that a run finds in its folder."""
-    names = [PARAMETERS, *(Path(name).name for name in settings.files)]
+    names = [PARAMETERS_FILE, *(Path(name).name for name in settings.files)]
     if settings.template is not None:
         names.append(deck_name(settings.template))
     return names
 
 
 def _find_repeated_names(settings: SimulatorSettings) -> list[str]:
-    """List the names that two files of a run's folder would have."""
-    names = [PRINTED, *_list_input_files(settings)]
+    """List the names that more than one file in the folder of a run would have."""
+    names = [PRINTED_FILE, *_list_input_files(settings)]
     return sorted({name for name in names if names.count(name) > 1})
 
 
-def responses_of_pile() -> tuple[str, ...]:
+def list_pile_responses() -> tuple[str, ...]:
     """List the responses that a file of particles gives."""
     from repose.measure.definitions import MEAN_KEYS
 
@@ -362,10 +371,11 @@ def responses_of_pile() -> tuple[str, ...]:
 # --- a run ----------------------------------------------------------------------------
 
 
-def seed_of(study_seed: int, purpose: str, sample: int, run: int) -> int:
-    """Draw the seed of a run: a number from 1 to `MOST_SEED`."""
+def draw_seed(study_seed: int, purpose: str, sample: int, run: int) -> int:
+    """Draw the seed of a run: a number from 1 to `HIGHEST_SEED`."""
+    # The run with number k has the k-th seed of its sample.
     seeds = pour_seeds(study_seed, purpose, sample, run, apparatus=OWN)
-    return 1 + seeds[-1] % MOST_SEED
+    return 1 + seeds[-1] % HIGHEST_SEED
 
 
 def run_once(
@@ -387,7 +397,7 @@ def run_once(
     parameters : mapping
         Values by name.
     sample, run, seed : int
-        Numbers of the sample and of its run, and its seed.
+        Number of the sample, number of the run in it, and seed of the run.
     out_dir : path
         The folder of the sample; RUN.json is the record.
 
@@ -450,14 +460,16 @@ def _collect_inputs(
     InputError
         If the program or a file is missing, or a name is unknown.
     """
-    command = [fill(part, values, "simulator.command") for part in settings.command]
-    program = program_of(command)
+    command = [
+        fill_template(part, values, "simulator.command") for part in settings.command
+    ]
+    program = find_program(command)
     if program is None:
         raise InputError("simulator", "command", command[0], EXPECTED_PROGRAM)
     deck = None
     if settings.template is not None:
         text = read_template(settings.template)
-        deck = fill(text, values, settings.template)
+        deck = fill_template(text, values, settings.template)
     # Files are compared by their content.
     hashes = {}
     for name in settings.files:
@@ -494,21 +506,21 @@ def _find_finished_run(
         None if the run must be made.
     """
     try:
-        stored_hash = json.loads((folder / ABOUT).read_text(encoding="utf-8"))
+        stored_hash = json.loads((folder / INPUT_HASH_FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
     is_same = stored_hash == _hash_inputs(inputs)
-    is_whole = not any(fault_of_file(folder, name) for name in settings.files_read)
+    is_whole = not any(find_file_fault(folder, name) for name in settings.files_read)
     return Ending(OK) if is_same and is_whole else None
 
 
-def fault_of_file(folder: Path, name: str) -> InputError | None:
+def find_file_fault(folder: Path, name: str) -> InputError | None:
     """Find what is wrong with a file that a good run left.
 
     Parameters
     ----------
     folder : Path
-        Of the run; the ledger of the folder around it lists the file.
+        Folder of the run. The ledger of the folder around it lists the file.
     name : str
         One of `SimulatorSettings.files_read`.
 
@@ -519,19 +531,19 @@ def fault_of_file(folder: Path, name: str) -> InputError | None:
     """
     path = folder / name
     if not path.is_file():
-        words = f"the file of this run; remove {folder}.json, and run again"
-        return InputError(path, "file", "lost", words)
+        allowed = f"the file of this run; remove {folder}.json, and run again"
+        return InputError(path, "file", "lost", allowed)
     if ledger.is_changed(folder.parent, f"{folder.name}/{name}"):
-        words = (
+        allowed = (
             "the file as this run left it; remove it, which is damaged or edited, and "
             f"{folder}.json, and run again"
         )
-        return InputError(path, "content", "something else", words)
+        return InputError(path, "content", "something else", allowed)
     return None
 
 
 def _hash_inputs(inputs: Mapping[str, Any]) -> dict[str, str]:
-    """Make the content of the file `ABOUT`: the hash of a run's inputs."""
+    """Make the content of `INPUT_HASH_FILE`, the hash of the inputs of a run."""
     return {"inputs": provenance.hash_of(dict(inputs))}
 
 
@@ -540,9 +552,10 @@ def _run_in_folder(
     inputs: Mapping[str, Any],
     folder: Path,
 ) -> Ending:
-    """Run the program in a temporary folder, which is renamed at the end.
+    """Run the program in a temporary folder, and rename this folder at the end.
 
-    A folder with the final name is therefore complete.
+    A folder with the final name is therefore complete. An existing folder of this name
+    is replaced.
 
     Parameters
     ----------
@@ -550,38 +563,40 @@ def _run_in_folder(
     inputs : mapping
         Result of `_collect_inputs`.
     folder : Path
-        The final name. A folder of this name is replaced.
+        The folder with its final name.
 
     Returns
     -------
     Ending
     """
-    work = folder.with_name(f"{folder.name}.part")
-    # An interrupted run may have left this folder.
-    shutil.rmtree(work, ignore_errors=True)
-    work.mkdir(parents=True)
-    _write_inputs(settings, inputs, work)
+    work_folder = folder.with_name(f"{folder.name}.part")
+    # An interrupted run may have left a folder of the temporary name.
+    shutil.rmtree(work_folder, ignore_errors=True)
+    work_folder.mkdir(parents=True)
+    _write_inputs(settings, inputs, work_folder)
     command = [inputs["program"], *inputs["command"][1:]]
-    ending = _call_program(command, work, settings)
-    # A program may remove its own folder; it then left nothing.
-    work.mkdir(exist_ok=True)
+    ending = _call_program(command, work_folder, settings)
+    # The program may have removed its own folder. Then it has left no files.
+    work_folder.mkdir(exist_ok=True)
     if ending.status == OK:
-        ending = _check_outputs(settings, work)
+        ending = _check_outputs(settings, work_folder)
 
-    _remove_unlisted_files(work, settings)
-    # Only a good run is taken again: what made another one fail may be repaired.
+    _remove_unlisted_files(work_folder, settings)
+    # Only a good run is used again, since the cause of a failure may be repaired.
     if ending.status == OK:
-        (work / ABOUT).write_text(json.dumps(_hash_inputs(inputs)), encoding="utf-8")
+        (work_folder / INPUT_HASH_FILE).write_text(
+            json.dumps(_hash_inputs(inputs)), encoding="utf-8"
+        )
         for name in settings.files_read:
             listed = f"{folder.name}/{name}"
-            ledger.adopt_below(folder.parent, listed, source=work / name)
+            ledger.adopt_below(folder.parent, listed, source=work_folder / name)
     shutil.rmtree(folder, ignore_errors=True)
-    os.replace(work, folder)
+    os.replace(work_folder, folder)
     return ending
 
 
 def _write_inputs(
-    settings: SimulatorSettings, inputs: Mapping[str, Any], work: Path
+    settings: SimulatorSettings, inputs: Mapping[str, Any], work_folder: Path
 ) -> None:
     """Copy the files of a run to its folder, and write its deck and parameters.
 
@@ -590,26 +605,28 @@ def _write_inputs(
     settings : SimulatorSettings
     inputs : mapping
         Result of `_collect_inputs`.
-    work : Path
+    work_folder : Path
         An empty folder.
     """
     for name in settings.files:
-        shutil.copy(name, work / Path(name).name)
+        shutil.copy(name, work_folder / Path(name).name)
     if settings.template is not None:
-        deck = work / deck_name(settings.template)
+        deck = work_folder / deck_name(settings.template)
         deck.write_text(inputs["deck"], encoding="utf-8")
-    # What numbers and equips the run stands beside its parameters.
+    # Keep the numbers of the run, such as its seed, apart from its parameters.
     values = inputs["values"]
-    run_numbers = {name: values[name] for name in NAMES}
-    parameters = {name: value for name, value in values.items() if name not in NAMES}
+    run_numbers = {name: values[name] for name in RUN_VARIABLES}
+    parameters = {
+        name: value for name, value in values.items() if name not in RUN_VARIABLES
+    }
     text = json.dumps({**run_numbers, "parameters": parameters}, indent=1)
-    (work / PARAMETERS).write_text(f"{text}\n", encoding="utf-8")
+    (work_folder / PARAMETERS_FILE).write_text(f"{text}\n", encoding="utf-8")
 
 
-def _check_outputs(settings: SimulatorSettings, work: Path) -> Ending:
-    """Tell whether a program that ended well has left every file that is read."""
+def _check_outputs(settings: SimulatorSettings, work_folder: Path) -> Ending:
+    """Check that a program that ended well has written every file that is read."""
     for name in settings.files_read:
-        path = work / name
+        path = work_folder / name
         if not path.exists():
             return Ending("no_output", f"{name} is missing")
         if not path.is_file():
@@ -618,18 +635,18 @@ def _check_outputs(settings: SimulatorSettings, work: Path) -> Ending:
 
 
 def _call_program(
-    command: Sequence[str], work: Path, settings: SimulatorSettings
+    command: Sequence[str], work_folder: Path, settings: SimulatorSettings
 ) -> Ending:
     """Call the program in a folder, without a shell, and wait for its end.
 
-    What it prints goes to the file `PRINTED`. If it takes too long, or if this process
-    is asked to end, the program is stopped with all its children.
+    The file `PRINTED_FILE` receives what the program prints. If the program takes too
+    long, or if this process is asked to end, the program is stopped with its children.
 
     Parameters
     ----------
     command : sequence of str
         Path of the program, and its arguments.
-    work : Path
+    work_folder : Path
         The folder.
     settings : SimulatorSettings
         Time limit and number of cores.
@@ -640,18 +657,19 @@ def _call_program(
     """
     # Libraries with threads of their own read OMP_NUM_THREADS.
     environment_changes = {
-        "PATH": search_path(),
+        "PATH": make_search_path(),
         "OMP_NUM_THREADS": str(settings.cores),
     }
-    with open(work / PRINTED, "wb") as printed, _exit_on_sigterm():
+    with open(work_folder / PRINTED_FILE, "wb") as printed, _exit_on_sigterm():
         process = subprocess.Popen(
             command,
-            cwd=work,
+            cwd=work_folder,
             stdin=subprocess.DEVNULL,
             stdout=printed,
             stderr=subprocess.STDOUT,
             env={**os.environ, **environment_changes},
-            # Its children end with it, as they are of its own group.
+            # The program leads a new process group. A signal to the group also reaches
+            # the children of the program.
             start_new_session=True,
         )
         try:
@@ -665,10 +683,10 @@ def _call_program(
     if process.returncode == 0:
         return Ending(OK)
     cause = f"exit status {process.returncode}"
-    # The negative status is the number of the signal that ended the program.
+    # A negative status is the negated number of the signal that ended the program.
     if process.returncode < 0:
         cause = f"ended by {signal.Signals(-process.returncode).name}"
-    last_line = _read_last_line(work / PRINTED)
+    last_line = _read_last_line(work_folder / PRINTED_FILE)
     return Ending("exit_status", f"{cause}: {last_line}" if last_line else cause)
 
 
@@ -681,6 +699,7 @@ def _exit_on_sigterm() -> Iterator[None]:
     """
 
     def raise_exit(number: int, frame: FrameType | None) -> None:
+        # The exit status by which a shell reports this signal.
         raise SystemExit(128 + number)
 
     previous_handler = signal.signal(signal.SIGTERM, raise_exit)
@@ -693,8 +712,8 @@ def _exit_on_sigterm() -> Iterator[None]:
 def _stop_program(process: "subprocess.Popen[bytes]") -> None:
     """Stop a program with all its children.
 
-    It first gets the request SIGTERM. If it still runs after `GRACE_S`, SIGKILL ends
-    it.
+    The signal SIGTERM asks the program to end. If it still runs after `STOP_TIME_S`, the
+    signal SIGKILL ends it.
 
     Parameters
     ----------
@@ -708,37 +727,40 @@ def _stop_program(process: "subprocess.Popen[bytes]") -> None:
             # All processes of the group have ended.
             break
         try:
-            process.wait(GRACE_S)
+            process.wait(STOP_TIME_S)
         except subprocess.TimeoutExpired:
             continue
 
 
 def _read_last_line(path: Path) -> str:
-    """Return the last line that a program printed, shortened."""
+    """Read the end of the last line that a program printed.
+
+    It has at most `MAX_REASON_LENGTH` characters. It is empty if there is no file.
+    """
     if not path.is_file():
         return ""
     text = path.read_text(encoding="utf-8", errors="replace").rstrip()
     line = text.rpartition("\n")[2].strip()
-    return "".join(filter(str.isprintable, line))[-MOST_CHARACTERS:]
+    return "".join(filter(str.isprintable, line))[-MAX_REASON_LENGTH:]
 
 
-def _remove_unlisted_files(work: Path, settings: SimulatorSettings) -> None:
+def _remove_unlisted_files(work_folder: Path, settings: SimulatorSettings) -> None:
     """Remove the files of a run that are neither read nor kept, and empty folders.
 
     Parameters
     ----------
-    work : Path
+    work_folder : Path
         Folder of the run.
     settings : SimulatorSettings
         Lists the files that are read or kept.
     """
-    kept_names = {PARAMETERS, PRINTED, *settings.files_read, *settings.keep}
+    kept_names = {PARAMETERS_FILE, PRINTED_FILE, *settings.files_read, *settings.keep}
     if settings.template is not None:
         kept_names.add(deck_name(settings.template))
     # In reverse order, the content of a folder comes before the folder.
-    for path in sorted(work.rglob("*"), reverse=True):
+    for path in sorted(work_folder.rglob("*"), reverse=True):
         if path.is_dir() and not path.is_symlink():
             if not any(path.iterdir()):
                 path.rmdir()
-        elif str(path.relative_to(work)) not in kept_names:
+        elif str(path.relative_to(work_folder)) not in kept_names:
             path.unlink()

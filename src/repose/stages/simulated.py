@@ -1,7 +1,7 @@
 """Read the responses of runs that a program of the user's own made.
 
-They come from the table that a run leaves, or from its particles, whose pile is
-measured as a photograph is.
+They come from the table that a run leaves, or from its particles. The pile of the
+particles is measured like that of a photograph.
 """
 
 import math
@@ -19,13 +19,13 @@ from repose.calibrate.strategies.runs import (
 from repose.common.errors import InputError, NoFlankError
 from repose.common.files import Path_, read_json, write_json
 from repose.stages.settings import SimulatorSettings
-from repose.stages.simulate import MOST_CHARACTERS, Ending, fault_of_file
+from repose.stages.simulate import MAX_REASON_LENGTH, Ending, find_file_fault
 
 if TYPE_CHECKING:
     from repose.measure.settings import MeasureSettings
 
 
-def record_files(entries: Iterable[str]) -> dict[Path, list[Path]]:
+def list_record_files(entries: Iterable[str]) -> dict[Path, list[Path]]:
     """List the records of runs by the folder of their sample.
 
     Parameters
@@ -42,8 +42,10 @@ def record_files(entries: Iterable[str]) -> dict[Path, list[Path]]:
     for entry in entries:
         folder, _, count = entry.rpartition("=")
         if not folder or not count.isdecimal():
-            words = "FOLDER=COUNT, the folder of a sample with the number of its runs"
-            raise InputError("command line", "runs", entry, words)
+            expected = (
+                "FOLDER=COUNT, the folder of a sample with the number of its runs"
+            )
+            raise InputError("command line", "runs", entry, expected)
         path = Path(folder)
         files[path] = [path / f"{run}.json" for run in range(1, int(count) + 1)]
     return files
@@ -127,26 +129,26 @@ def read_responses(
     Raises
     ------
     InputError
-        If a file of the run was lost or changed since.
+        If a file of the run has been lost or changed since the run.
     """
     no_numbers: dict[str, float | None] = dict.fromkeys(responses)
     contents: dict[str, Any] = {}
     for name in settings.files_read:
-        fault = fault_of_file(folder, name)
+        fault = find_file_fault(folder, name)
         if fault is not None:
             raise fault
     # The file of particles comes first, so that the table may overwrite its responses.
     try:
         if settings.particles is not None:
-            contents |= measured_pile(folder, settings, measure)
+            contents |= measure_pile(folder, settings, measure)
         if settings.output is not None:
-            contents |= read_table(folder / settings.output)
+            contents |= read_response_table(folder / settings.output)
     except NoFlankError as error:
         return Ending("no_pile", error.reason), no_numbers
     except (InputError, OSError, ValueError) as error:
         return Ending("bad_output", _in_one_line(error)), no_numbers
 
-    # Judge the run as a run of a user's table: by its cells, and by its own status.
+    # Judge the run like a row of a user's table, by its numbers and its own status.
     cells, _ = cells_of_result(contents, responses)
     outcome = judge_runs({name: [cell] for name, cell in cells.items()}, responses)
     status = outcome.statuses[0]
@@ -162,10 +164,10 @@ def read_responses(
 
 def _in_one_line(text: object) -> str:
     """Write a text in one line of limited length."""
-    return " ".join(str(text).split())[:MOST_CHARACTERS]
+    return " ".join(str(text).split())[:MAX_REASON_LENGTH]
 
 
-def read_table(path: Path) -> dict[str, Any]:
+def read_response_table(path: Path) -> dict[str, Any]:
     """Read the responses of a run: a mapping in JSON, or a CSV file with one row.
 
     Raises
@@ -184,7 +186,7 @@ def read_table(path: Path) -> dict[str, Any]:
     return rows[0]
 
 
-def measured_pile(
+def measure_pile(
     folder: Path, settings: SimulatorSettings, measure: "MeasureSettings | None"
 ) -> dict[str, float | None]:
     """Measure the pile of a run as `repose measure` does.

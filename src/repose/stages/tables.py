@@ -1,7 +1,7 @@
 """Read the tables of a study, and check that they are complete and consistent.
 
-A truncated table, or one beside the runs of another study, has all its columns; only its
-rows show the fault.
+A truncated table has all its columns, and so has a table beside the runs of another
+study. Only the rows show the fault.
 """
 
 from collections.abc import Sequence
@@ -15,12 +15,13 @@ from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 from repose.common.files import Path_, read_table
 
-# Tolerance of a mean, or a standard error, against its runs: relative, and absolute below 1.
-AGREEMENT = 1e-6
+# Largest difference between a stored mean, or standard error, and that of its runs. The
+# difference is relative, and absolute for values below 1.
+TOLERANCE = 1e-6
 
 
 def read_dataset(
-    dataset_csv: Path_, targets: Targets, names: Sequence[str] | None = None
+    dataset_csv: Path_, targets: Targets, parameter_names: Sequence[str] | None = None
 ) -> pd.DataFrame:
     """Read the table of samples with its parameters, status, responses and errors.
 
@@ -29,7 +30,7 @@ def read_dataset(
     dataset_csv : path
         The table.
     targets : Targets
-    names : sequence of str, optional
+    parameter_names : sequence of str, optional
         Parameters of a study that another program simulates. None stands for a study
         of repose, whose parameters are the contact parameters in the table.
 
@@ -38,14 +39,14 @@ def read_dataset(
     InputError
         If rows or columns are missing or repeated, or a value is impossible.
     """
-    parameters = PARAMETERS if names is None else names
+    parameters = PARAMETERS if parameter_names is None else parameter_names
     dataset = read_table(
         dataset_csv,
         ("sample", *parameters, "status", "n_seeds", *targets.names, *targets.errors),
     )
     _check_count(dataset, dataset_csv, dataset_csv=dataset_csv, key="samples")
     _refuse_repeated_rows(dataset, ["sample"], dataset_csv)
-    if names is None:
+    if parameter_names is None:
         _check_contact_parameters(dataset, dataset_csv)
     _check_responses(dataset, targets, dataset_csv)
     return dataset
@@ -91,7 +92,7 @@ def read_runs(
         ["sample", "seed", "apparatus"] if has_benches else ["sample", "seed"]
     )
     _refuse_repeated_rows(runs, unique_columns, runs_csv)
-    # With several bench tests a run lacks the responses of all but its own.
+    # With several bench tests, a run has only the responses of its own bench test.
     if not has_benches:
         _check_responses(runs, targets, runs_csv)
     _check_count(runs, runs_csv, dataset_csv=dataset_csv, key="runs")
@@ -111,7 +112,7 @@ def read_runs(
 def _check_run_counts(
     runs: pd.DataFrame, dataset: pd.DataFrame, runs_csv: object, dataset_csv: object
 ) -> None:
-    """Refuse runs if a sample has more or fewer good ones than its `n_seeds`."""
+    """Refuse the runs if the number of good ones of a sample is not its `n_seeds`."""
     good = runs[runs["status"] == "ok"]
     counts = good.groupby("sample").size()
     for sample, n_seeds in zip(dataset["sample"], dataset["n_seeds"], strict=True):
@@ -170,7 +171,7 @@ def _require_equal(
     runs_csv: object,
     dataset_csv: object,
 ) -> None:
-    """Refuse runs of which a sample has another mean or error than it is stored with.
+    """Refuse the runs if the mean or error of a sample differs from the stored one.
 
     Parameters
     ----------
@@ -183,7 +184,7 @@ def _require_equal(
         The tables, for the message.
     """
     is_equal = np.isclose(
-        computed, stored, rtol=AGREEMENT, atol=AGREEMENT, equal_nan=True
+        computed, stored, rtol=TOLERANCE, atol=TOLERANCE, equal_nan=True
     )
     if is_equal.all():
         return
@@ -236,8 +237,8 @@ def _refuse_repeated_rows(
 def _check_count(
     table: pd.DataFrame, path: object, dataset_csv: Path_, key: str
 ) -> None:
-    """Refuse another number of rows than the summary of the dataset has."""
+    """Refuse a table whose number of rows differs from the summary of the dataset."""
     summary, summary_json = read_summary(dataset_csv)
     if key in summary and len(table) != summary[key]:
-        words = f"{summary[key]}, the {key} of {summary_json}"
-        raise InputError(path, "rows", len(table), words)
+        allowed = f"{summary[key]}, the {key} of {summary_json}"
+        raise InputError(path, "rows", len(table), allowed)

@@ -23,20 +23,20 @@ from repose.common.errors import InputError
 from repose.common.files import Path_, read_table, write_table
 from repose.measure.angles import CALIBRATED_ANGLE, MEAN_KEYS
 from repose.measure.settings import MeasureSettings, describe_line_of_response, line_of
-from repose.stages.dataset import Jobs, assemble, read_jobs
-from repose.stages.parameter_sets import parameter_columns, read_samples
+from repose.stages.dataset import Jobs, make_tables, read_jobs
+from repose.stages.parameter_sets import list_parameters, read_samples
 from repose.stages.published import (
     FIRST_PUBLISHED,
-    SIMULATED_BY,
+    HASH_NAMES,
+    find_response_columns,
     read_sets,
     read_stored,
-    stored_columns,
 )
 
-CHOSEN = ("solution", "role")
-ENDED = ("n_seeds", "status", "reason")
-# Columns of all definitions of the angle of a pile, whichever is calibrated.
-ANGLES = tuple(
+SELECTION_COLUMNS = ("solution", "role")
+STATUS_COLUMNS = ("n_seeds", "status", "reason")
+# Columns of the angle of a pile by every definition, with their standard errors.
+ANGLE_COLUMNS = tuple(
     column for name in MEAN_KEYS.values() for column in (name, error_of(name))
 )
 
@@ -88,10 +88,10 @@ def select_for_validation(
     return solutions.iloc[list(role_of_row)].assign(role=list(role_of_row.values()))
 
 
-def with_optimism(
+def add_optimism(
     solutions: pd.DataFrame, optimism: pd.DataFrame, responses: Sequence[Response]
 ) -> pd.DataFrame:
-    """Add the expected optimism of each prediction, and its standard error, to a table.
+    """Add columns for the expected optimism of each prediction and its standard error.
 
     Parameters
     ----------
@@ -101,6 +101,11 @@ def with_optimism(
         Result of `repose.calibrate.optimism.expected_optimism`. Roles that it lacks get
         empty cells.
     responses : sequence of Response
+
+    Returns
+    -------
+    pandas.DataFrame
+        A copy of `solutions` with these columns.
     """
     table = solutions.copy()
     for response in responses:
@@ -112,12 +117,12 @@ def with_optimism(
     return table
 
 
-def validate(
+def compare_solutions(
     solutions: pd.DataFrame,
     jobs: Jobs,
     targets: Targets,
     measure: MeasureSettings | None,
-    names: Sequence[str] | None = None,
+    parameter_names: Sequence[str] | None = None,
 ) -> dict[str, pd.DataFrame]:
     """Compare the predictions for solutions with their simulation and the measurement.
 
@@ -130,23 +135,25 @@ def validate(
     targets : Targets
     measure : MeasureSettings or None
         The section `measure`, which defines the angles of piles.
-    names : sequence of str, optional
+    parameter_names : sequence of str, optional
         Parameters of a study that another program simulates. None stands for a study
         of repose, whose parameters are the contact parameters in the table.
 
     Returns
     -------
     dict of pandas.DataFrame
-        `table4` and `representative`.
+        `make_table4` and `representative`.
     """
-    dataset, _ = assemble(solutions, jobs, targets, names)
-    parameters = parameter_columns(solutions, names)
+    dataset, _ = make_tables(solutions, jobs, targets, parameter_names)
+    parameters = list_parameters(solutions, parameter_names)
     simulated = dataset.drop(columns=["sample", *parameters])
 
     # Convert None to NaN. A failed solution has None in place of its numbers, and a
     # solution with a single run has None as its standard error.
     number_columns = [
-        name for name in (*targets.names, *targets.errors, *ANGLES) if name in simulated
+        name
+        for name in (*targets.names, *targets.errors, *ANGLE_COLUMNS)
+        if name in simulated
     ]
     simulated = simulated.astype(dict.fromkeys(number_columns, float))
     for response in targets.responses:
@@ -158,18 +165,18 @@ def validate(
     answer_runs = {
         bench: jobs[bench][answer["sample"]]["runs"] for bench in targets.apparatus
     }
-    physical = against_physical(answer, targets, measure)
+    physical = compare_with_measurement(answer, targets, measure)
     return {
-        "table4": table4(rows, targets.responses, measure, names),
-        "representative": with_chances(physical, answer_runs, targets),
+        "table4": make_table4(rows, targets.responses, measure, parameter_names),
+        "representative": add_probabilities(physical, answer_runs, targets),
     }
 
 
-def table4(
+def make_table4(
     rows: pd.DataFrame,
     responses: Sequence[Response],
     measure: MeasureSettings | None = None,
-    names: Sequence[str] | None = None,
+    parameter_names: Sequence[str] | None = None,
 ) -> pd.DataFrame:
     """Make Table 4: predicted and simulated responses of each solution.
 
@@ -180,7 +187,7 @@ def table4(
     responses : sequence of Response
     measure : MeasureSettings, optional
         The section `measure`.
-    names : sequence of str, optional
+    parameter_names : sequence of str, optional
         Parameters of a study that another program simulates. None stands for a study
         of repose, whose parameters are the contact parameters in the table.
 
@@ -191,7 +198,7 @@ def table4(
         errors, and the relative errors in percent. Piles also have their angle by every
         definition, and `line`, which describes the calibrated one.
     """
-    parameters = parameter_columns(rows, names)
+    parameters = list_parameters(rows, parameter_names)
     table = rows[["sample", "solution", "role", *parameters]].copy()
     for response in responses:
         table[response.predicted] = rows[response.predicted]
@@ -205,14 +212,16 @@ def table4(
         table[response.deviation_percent] = deviation_percent(
             rows[response.predicted], rows[response.simulated]
         )
-    if measure is not None and set(ANGLES) <= set(rows):
-        table[list(ANGLES)] = rows[list(ANGLES)]
-        table["line"] = calibrated_line(responses, measure)
-    table[list(ENDED)] = rows[list(ENDED)]
+    if measure is not None and set(ANGLE_COLUMNS) <= set(rows):
+        table[list(ANGLE_COLUMNS)] = rows[list(ANGLE_COLUMNS)]
+        table["line"] = describe_calibrated_lines(responses, measure)
+    table[list(STATUS_COLUMNS)] = rows[list(STATUS_COLUMNS)]
     return table
 
 
-def calibrated_line(responses: Iterable[Response], measure: MeasureSettings) -> str:
+def describe_calibrated_lines(
+    responses: Iterable[Response], measure: MeasureSettings
+) -> str:
     """Describe the lines whose slopes are the calibrated angles of a pile.
 
     Parameters
@@ -238,7 +247,7 @@ def calibrated_line(responses: Iterable[Response], measure: MeasureSettings) -> 
     return "; ".join(lines)
 
 
-def against_physical(
+def compare_with_measurement(
     row: pd.Series, targets: Targets, measure: MeasureSettings | None = None
 ) -> pd.DataFrame:
     """Compare the simulation of a solution with the physical measurement.
@@ -282,10 +291,12 @@ def against_physical(
     return pd.DataFrame(rows)
 
 
-def with_chances(table: pd.DataFrame, runs: Runs, targets: Targets) -> pd.DataFrame:
+def add_probabilities(
+    table: pd.DataFrame, runs: Runs, targets: Targets
+) -> pd.DataFrame:
     """Add the probabilities that all means are inside, and within 1 % and 2 %.
 
-    `table` is that of `against_physical`, and `runs` are those of its solution.
+    `table` is that of `compare_with_measurement`, and `runs` are those of its solution.
     """
     probabilities = {}
     for percent, column in WITHIN.items():
@@ -335,7 +346,9 @@ def write_solutions(
     selected = select_for_validation(all_solutions, count, space)
     selected = selected.reset_index(drop=True)
     selected["sample"] = selected.index + 1
-    solutions = selected[["sample", *space.names, *CHOSEN, *targets.predicted]]
+    solutions = selected[
+        ["sample", *space.names, *SELECTION_COLUMNS, *targets.predicted]
+    ]
     write_table(out_csv, solutions.astype({"solution": str}))
     return solutions
 
@@ -350,7 +363,7 @@ def run(
     published: pd.DataFrame | None = None,
     support: Support | None = None,
     optimism: pd.DataFrame | None = None,
-    names: Sequence[str] | None = None,
+    parameter_names: Sequence[str] | None = None,
 ) -> dict[str, pd.DataFrame]:
     """Compare predicted and simulated responses, and write the resulting tables.
 
@@ -366,12 +379,12 @@ def run(
     measure : MeasureSettings or None
         The section `measure`.
     published : pandas.DataFrame, optional
-        Result of `compared_with_published`; without it there is no published.csv.
+        Result of `compare_with_published`; without it there is no published.csv.
     support : Support, optional
         Region that the samples cover. Parameter sets outside it get a warning.
     optimism : pandas.DataFrame, optional
         Expected optimism of the predictions, from the stage `optimism`.
-    names : sequence of str, optional
+    parameter_names : sequence of str, optional
         Parameters of a study that another program simulates. None stands for a study
         of repose, whose parameters are the contact parameters in the table.
 
@@ -380,14 +393,20 @@ def run(
     dict of pandas.DataFrame
         The tables, by the names of their files without ending.
     """
-    solutions = read_samples(solutions_csv, (*CHOSEN, *targets.predicted), names)
+    solutions = read_samples(
+        solutions_csv, (*SELECTION_COLUMNS, *targets.predicted), parameter_names
+    )
     solutions = solutions.astype({"solution": str})
     if optimism is not None:
-        solutions = with_optimism(solutions, optimism, targets.responses)
+        solutions = add_optimism(solutions, optimism, targets.responses)
     # Compare the predictions with the simulations.
-    jobs_by_bench = read_jobs(jobs, solutions, targets, names)
-    tables = validate(
-        solutions, jobs_by_bench, targets=targets, measure=measure, names=names
+    jobs_by_bench = read_jobs(jobs, solutions, targets, parameter_names)
+    tables = compare_solutions(
+        solutions,
+        jobs_by_bench,
+        targets=targets,
+        measure=measure,
+        parameter_names=parameter_names,
     )
     if published is not None:
         tables["published"] = published
@@ -395,17 +414,17 @@ def run(
     # Both tables of parameter sets get a column of warnings.
     for name in ("table4", "published"):
         if support is not None and name in tables:
-            tables[name] = _add_warnings(tables[name], support, names)
+            tables[name] = _add_warnings(tables[name], support, parameter_names)
     for name, table in tables.items():
         write_table(Path(out_dir) / f"{name}.csv", table)
     return tables
 
 
 def _add_warnings(
-    table: pd.DataFrame, support: Support, names: Sequence[str] | None
+    table: pd.DataFrame, support: Support, parameter_names: Sequence[str] | None
 ) -> pd.DataFrame:
     """Add the column `warning` to a table of parameter sets, which may be empty."""
-    parameters = table[list(parameter_columns(table, names))].to_numpy(float)
+    parameters = table[list(list_parameters(table, parameter_names))].to_numpy(float)
     warnings = support.warnings(parameters) if len(parameters) else []
     return table.assign(warning=warnings)
 
@@ -413,17 +432,21 @@ def _add_warnings(
 # --- the published sets ---------------------------------------------------------------
 
 
-def _read_numbered_sets(published_csv: Path_, names: Iterable[str]) -> pd.DataFrame:
+def _read_numbered_sets(
+    published_csv: Path_, parameter_names: Iterable[str]
+) -> pd.DataFrame:
     """Read the published sets, numbered from 101."""
-    sets = read_sets(published_csv, names)
+    sets = read_sets(published_csv, parameter_names)
     return sets.assign(sample=range(FIRST_PUBLISHED, FIRST_PUBLISHED + len(sets)))
 
 
 def write_published_solutions(
-    published_csv: Path_, names: Sequence[str], out_csv: Path_
+    published_csv: Path_, parameter_names: Sequence[str], out_csv: Path_
 ) -> pd.DataFrame:
     """Write the published parameter sets to simulate; return the table."""
-    table = _read_numbered_sets(published_csv, names)[["sample", *names]]
+    table = _read_numbered_sets(published_csv, parameter_names)[
+        ["sample", *parameter_names]
+    ]
     write_table(out_csv, table)
     return table
 
@@ -433,7 +456,7 @@ def write_published_sets(
     jobs: Iterable[Path_],
     out_csv: Path_,
     *,
-    names: Sequence[str],
+    parameter_names: Sequence[str],
     targets: Targets,
     simulated_by: Mapping[str, str | None],
 ) -> pd.DataFrame:
@@ -447,21 +470,21 @@ def write_published_sets(
         The measured runs of each set.
     out_csv : path
         The table to write.
-    names : sequence of str
+    parameter_names : sequence of str
         Parameters of the study.
     targets : Targets
     simulated_by : mapping
-        The hashes of `repose.stages.published.SIMULATED_BY`.
+        The hashes of `repose.stages.published.HASH_NAMES`.
 
     Returns
     -------
     pandas.DataFrame
         The table.
     """
-    sets = _read_numbered_sets(published_csv, names)
-    simulated, _ = assemble(sets, read_jobs(jobs, sets, targets), targets)
+    sets = _read_numbered_sets(published_csv, parameter_names)
+    simulated, _ = make_tables(sets, read_jobs(jobs, sets, targets), targets)
     descriptions = [name for name in ("solution", "source", "wall") if name in sets]
-    table = sets[["sample", *descriptions, *names]].copy()
+    table = sets[["sample", *descriptions, *parameter_names]].copy()
     if "source" not in sets:
         table["source"] = ""
 
@@ -478,16 +501,16 @@ def write_published_sets(
         if name in simulated and name != CALIBRATED_ANGLE:
             columns = [name, error_of(name)]
             table[columns] = simulated[columns].astype(float)
-    table[list(ENDED)] = simulated[list(ENDED)]
+    table[list(STATUS_COLUMNS)] = simulated[list(STATUS_COLUMNS)]
     table = table.assign(**simulated_by)
     write_table(out_csv, table)
     return table
 
 
-def compared_with_published(
+def compare_with_published(
     stored_csv: Path_ | None,
     *,
-    names: Sequence[str],
+    parameter_names: Sequence[str],
     targets: Targets,
     measure: MeasureSettings,
     simulated_by: Mapping[str, str],
@@ -498,7 +521,7 @@ def compared_with_published(
     ----------
     stored_csv : path or None
         Table of `write_published_sets`.
-    names, targets
+    parameter_names, targets
         As in `write_published_sets`.
     measure : MeasureSettings
         The section `measure`.
@@ -512,11 +535,21 @@ def compared_with_published(
         parameter.
     """
     stored = pd.DataFrame() if stored_csv is None else read_stored(stored_csv)
-    column_of_response = stored_columns(
-        stored, names=names, targets=targets, definition=measure.response
+    column_of_response = find_response_columns(
+        stored,
+        parameter_names=parameter_names,
+        targets=targets,
+        definition=measure.response,
     )
     if not column_of_response:
-        columns = ["sample", "solution", *names, *ENDED, *SIMULATED_BY, "stale"]
+        columns = [
+            "sample",
+            "solution",
+            *parameter_names,
+            *STATUS_COLUMNS,
+            *HASH_NAMES,
+            "stale",
+        ]
         return pd.DataFrame(columns=columns)
 
     table = stored.copy()
@@ -528,9 +561,9 @@ def compared_with_published(
         if published_column in stored:
             difference = stored[column] - stored[published_column]
             table[derived(response.name, "difference")] = difference
-    if set(ANGLES) <= set(stored):
-        table["line"] = calibrated_line(targets.responses, measure)
+    if set(ANGLE_COLUMNS) <= set(stored):
+        table["line"] = describe_calibrated_lines(targets.responses, measure)
     # A set is stale if engine or scene have changed since its simulation.
-    hashes = stored[list(SIMULATED_BY)]
+    hashes = stored[list(HASH_NAMES)]
     table["stale"] = (hashes != pd.Series(simulated_by)).any(axis=1)
     return table

@@ -13,8 +13,9 @@ from repose.calibrate.targets import Targets
 def warm_up(scene: Scene, cores: int = 1) -> float:
     """Compile the kernels of every bench test of the targets.
 
-    A single time step with one grain compiles them. The contacts with walls are nearly
-    half of the engine. With a second core, another process compiles them meanwhile.
+    A single time step with one grain compiles them. The kernels of the contacts with
+    walls take nearly half of the time. With a second core, another process compiles them
+    at the same time.
 
     Parameters
     ----------
@@ -32,7 +33,7 @@ def warm_up(scene: Scene, cores: int = 1) -> float:
     names = Targets.of(scene.settings.config["targets"]).apparatus
     simulations = [bench(name).build(scene) for name in names]
 
-    # The other process shares its kernels through the cache on disk.
+    # The cache on disk shares the kernels that the other process compiles.
     def compile_walls() -> None:
         for simulation in simulations:
             simulation.wall_loads()
@@ -45,7 +46,8 @@ def warm_up(scene: Scene, cores: int = 1) -> float:
         simulation.add("berry", (0.0, 0.0, 0.0))
         simulation.run_steps(1)
     if cores > 1:
-        # The steps above already have all kernels that they need.
+        # All kernels that a study needs are compiled now, by this process if not by the
+        # other one.
         wall_process.terminate()
         wall_process.join()
     return time.perf_counter() - start_s

@@ -103,8 +103,8 @@ def test_the_message_the_sets_and_the_card_report_the_answer_of_the_strategy(stu
     assert found.checks[0].runs == SECTION["checks"]
     assert f"all solutions: {folder}/solutions.csv" in str(found)
     table = pd.read_csv(folder / "solutions.csv")
-    made = card_study.make(studied(config), found, BERRY, SPHERE, table)
-    card.check(made, "card")
+    made = card_study.make_card(studied(config), found, BERRY, SPHERE, table)
+    card.check_card(made, "card")
     assert made["interval"] == RANGE
     assert made["out_of_reach"] is False
     assert made["reason"].startswith("The simulated ")
@@ -139,10 +139,10 @@ def test_a_target_out_of_reach_is_no_success(study, tmp_path):
     )
     says(str(found), "a larger sequential.most_pours", "probably out of reach")
     assert json.loads((tmp_path / "summary.json").read_text())["stop"] == "out_of_reach"
-    made = card_study.make(
+    made = card_study.make_card(
         studied(config), found, BERRY, SPHERE, pd.read_csv(tmp_path / "solutions.csv")
     )
-    card.check(made, "card")
+    card.check_card(made, "card")
     assert made["out_of_reach"] is True
     assert made["met"] is False
 
@@ -197,7 +197,7 @@ def test_the_verbs_that_the_rules_call_write_card_and_report(
         for name in ("berry", "particle")
     ]
     command("stage", "material_card", *options, *grain, *answered, "--out=card.json")
-    assert card.read("card.json")["met"] is True
+    assert card.read_card("card.json")["met"] is True
     inputs = [f"--input={name}={path}" for name, path in FILES.items()]
     command(
         "stage",

@@ -280,7 +280,9 @@ def test_the_loop_of_a_study_is_that_of_the_files(noisy):
         table = pd.read_csv(noisy[0] / step / "samples.csv")[["sample", *PARAMETERS]]
         assert (batch.samples["seeds"] == SECTION["seeds"]).all()
         np.testing.assert_allclose(batch.samples[list(table)], table, rtol=1e-9)
-        data = batches.read([noisy[0] / name for name in STEPS[:number]], TARGETS)
+        data = batches.read_runs_of_batches(
+            [noisy[0] / name for name in STEPS[:number]], TARGETS
+        )
     found = ResponseSurface().propose(study, data)
     assert isinstance(found, Answer)
     solution = pd.read_csv(noisy[0] / "solutions.csv").iloc[0]

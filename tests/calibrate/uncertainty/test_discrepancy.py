@@ -381,7 +381,7 @@ def test_too_few_runs_are_refused(tmp_path):
     input_error(few, noise.run, tmp_path / "runs.csv", TWO, tmp_path / "out")
     input_error(
         "4 sets or more with two runs",
-        next_measurement.information,
+        next_measurement.rank_responses,
         made_up(1.0, 1.0, sets=3),
         10,
         2.0,
@@ -413,7 +413,9 @@ def test_bits_of_known_variances(between, within, percent):
     noise = within**2 / 10 + (percent / 100 * 40) ** 2
     known = 0.5 * np.log2(1 + between**2 / noise)
     runs = [made_up(between, within, sets=64, seed=k) for k in range(100)]
-    rows = [next_measurement.information(pours, 10, percent).iloc[0] for pours in runs]
+    rows = [
+        next_measurement.rank_responses(pours, 10, percent).iloc[0] for pours in runs
+    ]
     bits = np.array([row.bits for row in rows])
     assert bits.mean() == pytest.approx(known, abs=3 * bits.std() / 10 + 0.02 * known)
     # the interval is exact without a discrepancy
@@ -427,7 +429,7 @@ def test_bits_of_the_next_measurement_by_hand():
     parts = variance_components(runs["value"], runs["sample"])
     signal = parts.within * parts.icc / (1 - parts.icc)
     noise = parts.within / 10 + (0.2 * parts.mean) ** 2
-    bits = next_measurement.information(runs, 10, 20.0)["bits"].iloc[0]
+    bits = next_measurement.rank_responses(runs, 10, 20.0)["bits"].iloc[0]
     assert bits == pytest.approx(0.5 * np.log2(1 + signal / noise), rel=1e-9)
 
 
@@ -437,7 +439,7 @@ def test_the_most_informative_measurement_is_first():
         made_up(2.0, 0.5),
         made_up(0, 0, response="emptying_s"),
     ]
-    table = next_measurement.information(pd.concat(runs), 10, 0.0)
+    table = next_measurement.rank_responses(pd.concat(runs), 10, 0.0)
     # a constant response is left out
     assert list(table["response"]) == [
         "turning_deg",
@@ -451,17 +453,17 @@ def test_plausible_sets_are_draws_of_the_posterior(tmp_path):
         np.random.default_rng(1).random((50, 6)), columns=list(PARAMETERS)
     )
     draws.to_csv(tmp_path / "draws.csv", index=False)
-    samples = next_measurement.plausible_sets(
+    samples = next_measurement.draw_plausible_sets(
         tmp_path / "draws.csv", 3, tmp_path / "samples.csv"
     )
     assert list(samples.columns) == ["sample", *PARAMETERS]
-    assert len(samples) == next_measurement.SETS_OF_NEXT
+    assert len(samples) == next_measurement.N_PLAUSIBLE_SETS
     for values in pd.read_csv(tmp_path / "samples.csv")[list(PARAMETERS)].to_numpy():
         assert np.isclose(draws.to_numpy(), values, rtol=1e-9).all(axis=1).sum() == 1
     draws[:3].to_csv(tmp_path / "draws.csv", index=False)
     files = tmp_path / "draws.csv", 3, tmp_path / "samples.csv"
     input_error(
-        "rows is 3; expected 16 or more", next_measurement.plausible_sets, *files
+        "rows is 3; expected 16 or more", next_measurement.draw_plausible_sets, *files
     )
 
 

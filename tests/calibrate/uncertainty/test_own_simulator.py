@@ -77,7 +77,7 @@ def test_the_start_repeats_its_samples(study):
 def test_the_answer_is_in_the_products_of_a_run(study, found, tmp_path, command):
     found.save(tmp_path)
     made = found.card
-    assert card.read(tmp_path / "card.json")["simulator"] == "EDEM 2024"
+    assert card.read_card(tmp_path / "card.json")["simulator"] == "EDEM 2024"
     assert made["met"] is None
     assert (
         made["reason"]
@@ -169,7 +169,7 @@ def test_a_calibration_ends_well_whatever_its_answer(
         "No parameter set is predicted inside both ranges; the answer was not simulated again."
         in first
     )
-    assert card.read(tmp_path / "card.json")["out_of_reach"] is True
+    assert card.read_card(tmp_path / "card.json")["out_of_reach"] is True
     text = (tmp_path / "report.html").read_text()
     says(
         text, "<b>Targets not checked yet.</b> angle_deg predicted ", "Other parameters"

@@ -2,16 +2,16 @@
 OWN_SOLUTIONS = [
     f"{number:03d}" for number in range(1, config["validation"]["solutions"] + 2)
 ]
-PUBLISHED_NAMES = to_simulate(
+PUBLISHED_NAMES = list_sets_to_simulate(
     config["validation"]["published"], STUDY.targets.responses, STUDY.parameters.names
 )
 PUBLISHED_SOLUTIONS = [f"{FIRST_PUBLISHED + k}" for k in range(len(PUBLISHED_NAMES))]
 STORED = config["validation"]["published_simulated"]
 # Whether the stored table of simulated published sets can be set beside this study.
 PUBLISHED_IS_STORED = bool(STORED) and bool(
-    stored_columns(
-        columns_of_stored(STORED),
-        names=STUDY.parameters.names,
+    find_response_columns(
+        read_column_names(STORED),
+        parameter_names=STUDY.parameters.names,
         targets=STUDY.targets,
         definition=STUDY.settings.measure.response,
     )

@@ -2,7 +2,7 @@
 # and scene, not with the study. A study shows those of a stored table, `validation.published_simulated`.
 rule published_solutions:
     input:
-        published=list(map(str, tables(config["validation"]["published"]))),
+        published=list(map(str, list_tables(config["validation"]["published"]))),
     output:
         solutions=f"{RESULTS}/validation/published_solutions.csv",
     log:

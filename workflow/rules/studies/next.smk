@@ -38,7 +38,7 @@ use rule pour as next_pour with:
         f"{RESULTS}/benchmarks/next/{{runs}}/{{sample}}.tsv"
     params:
         purpose="next",
-        seeds=SEEDS_OF_NEXT,
+        seeds=N_SEEDS_OF_PLAUSIBLE_SET,
         more=["--keep-runs"],
     message:
         "Plausible set {wildcards.sample}, {wildcards.runs}"
@@ -50,7 +50,7 @@ rule next:
         pours=expand(
             rules.next_pour.output.pours,
             runs=[runs for name, runs in RUN_FOLDERS.items() if config.get(name)],
-            sample=[f"{k:03d}" for k in range(1, SETS_OF_NEXT + 1)],
+            sample=[f"{k:03d}" for k in range(1, N_PLAUSIBLE_SETS + 1)],
         ),
     output:
         table=f"{NEXT}/next.csv",

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from repose.calibrate.responses import derived
 from repose.calibrate.targets import Target
 from repose.common.files import read_table
-from repose.stages.published import STALE, published_responses
+from repose.stages.published import STALE_WARNING, find_published_responses
 
 from . import panels, style
 from .registry import Inputs, StudyView
@@ -57,7 +57,9 @@ def validation(inputs: Inputs, study: StudyView) -> Figure:
     published = pd.DataFrame()
     if "published" in inputs:
         published = read_table(inputs["published"], ("solution",))
-    published_of_targets = published_responses(published.columns, targets.responses)
+    published_of_targets = find_published_responses(
+        published.columns, targets.responses
+    )
 
     # The right column has the published solutions, if there are any.
     widths = (1.15, 1) if published_of_targets else (1,)
@@ -115,7 +117,7 @@ def published_solutions(inputs: Inputs, study: StudyView) -> Figure:
         _draw_published_and_simulated(panel, table, target)
     style.name_panels(axes)
     if "stale" in table and table["stale"].any():
-        figure.suptitle(STALE, fontsize=style.SMALL_TEXT_PT, color=style.RED)
+        figure.suptitle(STALE_WARNING, fontsize=style.SMALL_TEXT_PT, color=style.RED)
     style.draw_legend(axes, loc="outside lower center", ncols=2)
     return figure
 

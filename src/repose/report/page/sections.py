@@ -41,7 +41,7 @@ from repose.report.page.verdict import (
     verdict_of,
 )
 from repose.report.study_view import parameter_ranges
-from repose.stages.card import read as read_card
+from repose.stages.card import read_card as read_card
 from repose.stages.dataset import describe_counts
 
 # The last step of a study whose runs another program made.

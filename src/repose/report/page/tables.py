@@ -7,7 +7,7 @@ from typing import Any
 import pandas as pd
 
 from repose.common.statuses import reword
-from repose.stages.published import STALE
+from repose.stages.published import STALE_WARNING
 
 # Columns of words, which the style sheet aligns to the left.
 TEXT_COLUMNS = ("reason", "warning", "status", "role", "line", "source", "wall")
@@ -47,7 +47,7 @@ class FoldedTable:
 def folded_table(title: str, frame: pd.DataFrame) -> FoldedTable:
     """Fold a table of a study behind a title that shows its number of rows."""
     if "stale" in frame and frame["stale"].any():
-        title = f"{title}, {STALE}"
+        title = f"{title}, {STALE_WARNING}"
     columns = [str(column) for column in frame.columns]
     if "reason" in frame:
         frame = frame.assign(reason=frame["reason"].map(reword, na_action="ignore"))
