@@ -74,9 +74,9 @@ def sample(
     npz = Path(npz)
     arrays = saved_pours.read_positions(npz)
     found = []
-    for record in saved_pours.read_pours(npz.with_name(npz.stem + saved_pours.POURS))[
-        "pours"
-    ]:
+    for record in saved_pours.read_pours(
+        npz.with_name(npz.stem + saved_pours.POURS_ENDING)
+    )["pours"]:
         if record["status"] == "ok":
             poured = saved_pours.select_pour(arrays, record["seed"], npz)
             try:

@@ -102,6 +102,6 @@ def _with(centres, quaternions, place, quaternion):
 
 def _first_good(npz: Path) -> dict[str, np.ndarray]:
     """Arrays of the first pour of a job that can be measured."""
-    job = saved_pours.read_pours(npz.with_name(npz.stem + saved_pours.POURS))
+    job = saved_pours.read_pours(npz.with_name(npz.stem + saved_pours.POURS_ENDING))
     seed = next(record["seed"] for record in job["pours"] if record["status"] == "ok")
     return saved_pours.select_pour(saved_pours.read_positions(npz), seed, npz)

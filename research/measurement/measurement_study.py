@@ -123,7 +123,7 @@ def measured_piles(
     A variant is the mean of all views; with " (view)" behind its name it is that of the first view.
     """
     npz = Path(npz)
-    job = saved_pours.read_pours(npz.with_name(npz.stem + saved_pours.POURS))
+    job = saved_pours.read_pours(npz.with_name(npz.stem + saved_pours.POURS_ENDING))
     rows = []
     arrays = saved_pours.read_positions(npz)
     for record in job["pours"]:

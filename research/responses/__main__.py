@@ -10,7 +10,7 @@ from repose.common.files import read_table, write_table
 from repose.grain.berry_files import read_grain
 from repose.grain.particle import Particle
 from repose.measure.angles import MEAN_KEYS
-from repose.measure.further_responses import MEASURED
+from repose.measure.further_responses import RESPONSE_NAMES
 from repose.measure.settings import MeasureSettings
 from research.responses import (
     further_runs,
@@ -61,7 +61,7 @@ def measure(args, config):
     particle = Particle.load(args.particle)
     berry = read_grain(args.berry)
     table = saved_piles.run(config, args.pours, args.runs, particle, berry, args.out)
-    return table[list(MEASURED)].describe().round(2).to_string()
+    return table[list(RESPONSE_NAMES)].describe().round(2).to_string()
 
 
 @script.part(
@@ -72,7 +72,7 @@ def measure(args, config):
 )
 def effects(args, config):
     """Fit each response of the pile linearly in the parameters, as it is and at equal packing."""
-    names = ("height_mm", *MEAN_KEYS.values(), *MEASURED)
+    names = ("height_mm", *MEAN_KEYS.values(), *RESPONSE_NAMES)
     runs = read_table(args.runs, ("sample", "status", *names))
     samples = read_table(args.dataset, ("sample", *PARAMETERS))
     both = [

@@ -11,7 +11,7 @@ from repose.common.errors import InputError, NoFlankError
 from repose.common.files import read_table, write_table
 from repose.grain.particle import Particle
 from repose.measure import pile, saved_pours
-from repose.measure.further_responses import BENCH, MEASURED, measure_pour
+from repose.measure.further_responses import BENCH, RESPONSE_NAMES, measure_pour
 from research.responses.offered import offered
 
 
@@ -51,7 +51,7 @@ def joined(
         for key, of_pile in zip(keys, _of_the_pile(runs), strict=True)
     ]
     return runs.assign(
-        **{name: [run.get(name, math.nan) for run in of_run] for name in MEASURED}
+        **{name: [run.get(name, math.nan) for run in of_run] for name in RESPONSE_NAMES}
     )
 
 
@@ -74,7 +74,7 @@ def run(
         "sample",
         "seed",
         "status",
-        *(name for name in known if name not in MEASURED),
+        *(name for name in known if name not in RESPONSE_NAMES),
     )
     runs = read_table(runs_csv, known)
     runs = runs[[column for column in runs if column in (*known, "apparatus")]]

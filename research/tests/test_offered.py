@@ -11,7 +11,7 @@ from research.responses.offered import offered
 def test_offered_are_all_definitions_but_the_calibrated_one(definition):
     found = offered(("aor_deg", "height_mm"), definition)
     others = [MEAN_KEYS[name] for name in DEFINITIONS if name != definition]
-    assert list(found) == [*others, *further_responses.MEASURED, "discharge_s"]
+    assert list(found) == [*others, *further_responses.RESPONSE_NAMES, "discharge_s"]
 
 
 @pytest.mark.parametrize(

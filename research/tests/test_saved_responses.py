@@ -38,7 +38,7 @@ def job(tmp_path):
         {"sample": 7, "seed": [1, 2, 3], "status": ["ok", "jammed", "ok"]}
     )
     for name in (response.name for response in responses_of("funnel")):
-        if name not in further_responses.MEASURED:
+        if name not in further_responses.RESPONSE_NAMES:
             runs[name] = 30.0
     runs["reason"] = ""
     runs.to_csv(tmp_path / "runs.csv", index=False)
@@ -75,8 +75,12 @@ def test_good_runs_of_a_job_are_measured_and_the_others_left_empty(job):
     )
     assert table["status"].tolist() == ["ok", "jammed", "ok"]
     good = table["status"] == "ok"
-    assert table.loc[good, list(further_responses.MEASURED)].notna().all(axis=None)
-    assert table.loc[~good, list(further_responses.MEASURED)].isna().all(axis=None)
+    assert (
+        table.loc[good, list(further_responses.RESPONSE_NAMES)].notna().all(axis=None)
+    )
+    assert (
+        table.loc[~good, list(further_responses.RESPONSE_NAMES)].isna().all(axis=None)
+    )
     assert table.loc[good, "loose_percent"].tolist() == [10.0, 10.0]
     expected = 90 * math.sqrt(0.9)
     assert table.loc[good, "radius_90_mm"].to_numpy() == pytest.approx(expected, abs=3)

@@ -14,7 +14,7 @@ from repose.calibrate.study import Study
 from repose.common.errors import InputError
 from repose.config.pipeline import PipelineConfig
 from repose.measure import pile
-from repose.measure.saved_piles import side_view
+from repose.measure.saved_piles import draw_side_view
 from repose.measure.settings import MeasureSettings
 from repose.stages import card_study, published
 from repose.stages.job import run_once
@@ -209,7 +209,9 @@ def test_a_small_pile_is_measured_as_that_of_the_funnel_and_as_a_picture_of_it()
     for name in ("aor_deg", "height_mm"):
         assert record[f"lifted_{name}"] == of_funnel[name]
     settings = MeasureSettings.with_defaults(**config()["measure"]).for_grain(BEAD)
-    picture = side_view(run.arrays, SPHERE, pile.with_grain_height(settings, SPHERE))
+    picture = draw_side_view(
+        run.arrays, SPHERE, pile.with_grain_height(settings, SPHERE)
+    )
     photographed = pile.measure_image(
         picture, settings.mm_per_pixel, settings, base_row=picture.shape[0] - 0.5
     )

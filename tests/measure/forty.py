@@ -243,7 +243,7 @@ class Scene:
     @property
     def left(self) -> float:
         """Left edge of the sheet."""
-        return -self.half - 20.0 - sheet.size_mm()[0] - self.d
+        return -self.half - 20.0 - sheet.compute_size_mm()[0] - self.d
 
     @property
     def eye(self) -> np.ndarray:
@@ -460,8 +460,8 @@ def photograph(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
         light_of(scene.exposed) / picture.mean(),
         240 / np.quantile(picture[::9, ::9], 0.995),
     )
-    page = sheet.draw()[0]
-    wide, tall = sheet.size_mm()
+    page = sheet.draw_sheet()[0]
+    wide, tall = sheet.compute_size_mm()
     turn = [np.cos(scene.yaw), np.sin(scene.yaw), 0]
     corners = np.array([scene.left, 0, 0]) + np.outer(
         [0, 1, 1, 0], np.multiply(wide, turn)
@@ -503,6 +503,6 @@ def outcome(
     path = sixty.saved(
         folder / f"{scene.seed}.jpg", lambda: photograph(scene)[0], focal, quality=92
     )
-    found = photographs.measure_all([path], settings, photographs.Scale())[0]
+    found = photographs.measure_photographs([path], settings, photographs.Scale())[0]
     sixty.show(found, path)
     return found, truth(scene, settings)

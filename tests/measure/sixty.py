@@ -14,7 +14,7 @@ from pinhole import Heap, Scene, Truth, photograph, truth
 
 from repose.measure.photographs import photograph as photographs
 from repose.measure.photographs import sheet
-from repose.measure.photographs.drawing import overlay, overlay_refused
+from repose.measure.photographs.drawing import draw_refused_overlay, overlay
 from repose.measure.settings import MeasureSettings
 
 NUMBER = 60
@@ -150,7 +150,7 @@ def show(found: photographs.Photograph, path: Path) -> None:
     shown = (
         overlay(found.view, seen)
         if seen is not None
-        else overlay_refused(found.view, found.pile)
+        else draw_refused_overlay(found.view, found.pile)
     )
     cv2.imwrite(str(path.with_name(f"{path.stem}_found.png")), shown)
 
@@ -162,9 +162,11 @@ def measured(
     settings = MeasureSettings.with_defaults(berry_height_mm=drawn.grain_mm)
     focal = drawn.focal / max(drawn.size) if focal_stated else None
     path = saved(
-        path, lambda: photograph(drawn, sheet.draw()[0], sheet.size_mm()), focal
+        path,
+        lambda: photograph(drawn, sheet.draw_sheet()[0], sheet.compute_size_mm()),
+        focal,
     )
-    return photographs.measure_all([path], settings, photographs.Scale())[0]
+    return photographs.measure_photographs([path], settings, photographs.Scale())[0]
 
 
 def outcome(number: int, folder: Path) -> Outcome:
@@ -182,7 +184,7 @@ def outcome(number: int, folder: Path) -> Outcome:
         missed = seen.aor_deg - true.angle, seen.height_mm - true.height
     show(found, folder / f"{number}.png")
     return Outcome(
-        number, trouble(number), plain(drawn), found.refused, found.remarks, *missed
+        number, trouble(number), plain(drawn), found.refusal_reason, found.remarks, *missed
     )
 
 

@@ -141,7 +141,7 @@ def slow_steepest(profile, low, high, rule):
             inside = (z >= low + below) & (z <= high - above)
             if (
                 inside.sum() >= profile_points.MIN_LEVELS
-                and u[inside].std() >= angles.WALL_SD
+                and u[inside].std() >= angles.SMALLEST_SD_PX
             ):
                 best = max(best, np.polyfit(u[inside], z[inside], 1)[0])
     return degrees(best)
@@ -162,7 +162,7 @@ def test_no_flank_is_steeper_than_its_steepest_stretch(rule, band):
 
 def slow_straightest(profile, smallest, rule):
     """Every window by itself, with numpy's own correlation and regression."""
-    u, z = profile_points.FLANK_RULES[rule](profile, angles.FOOT, profile[-1])
+    u, z = profile_points.FLANK_RULES[rule](profile, angles.FOOT_HEIGHT_PX, profile[-1])
     places = np.unique(
         np.linspace(0, u.size, min(u.size, angles.WINDOW_STEPS) + 1).round().astype(int)
     )
@@ -174,7 +174,7 @@ def slow_straightest(profile, smallest, rule):
         ]:
             x = u[first:last]
             y = z[first:last]
-            if x.std() < angles.WALL_SD or y.std() == 0:
+            if x.std() < angles.SMALLEST_SD_PX or y.std() == 0:
                 continue
             correlation = np.corrcoef(x, y)[0, 1]
             if correlation > best + 1e-12:

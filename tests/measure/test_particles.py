@@ -88,7 +88,7 @@ def test_every_format_gives_the_same_numbers(written):
     sphere = Particle.of_record(sphere_record())
     ours = measure_pile(Grains(centres, upright, sphere), SETTINGS)
     for path in written:
-        found = measure_particles(particle_files.read(path), SETTINGS)
+        found = measure_particles(particle_files.read_particles(path), SETTINGS)
         assert found.result.height_mm == pytest.approx(ours.height_mm, abs=0.01)
         for name, angles in ours.aor.items():
             np.testing.assert_allclose(
@@ -120,14 +120,14 @@ def test_gravity_and_base_are_found_and_change_no_number(up, tmp_path):
     path = tmp_path / "pile.csv"
     table = pd.DataFrame(1e3 * turned, columns=["x", "y", "z"])
     table.assign(radius=1e3 * RADIUS).to_csv(path, index=False)
-    particles = particle_files.read(path)
+    particles = particle_files.read_particles(path)
     assert find_up(particles) == up
     found = measure_particles(particles, SETTINGS, unit="mm")
     assert found.base == pytest.approx(300.0, abs=1e-6)
     upright = tmp_path / "upright.csv"
     table = pd.DataFrame(centres, columns=["x", "y", "z"])
     table.assign(radius=RADIUS).to_csv(upright, index=False)
-    expected = measure_particles(particle_files.read(upright), SETTINGS)
+    expected = measure_particles(particle_files.read_particles(upright), SETTINGS)
     assert found.result.height_mm == pytest.approx(expected.result.height_mm, abs=1e-6)
     assert found.result.aor_deg == pytest.approx(expected.result.aor_deg, abs=0.05)
 
@@ -137,11 +137,11 @@ def test_loose_grains_are_counted_and_leave_the_pile(tmp_path):
     loose = np.array([[0.3, 0.0, RADIUS], [0.0, -0.3, RADIUS], [0.3, 0.3, RADIUS]])
     path = tmp_path / "pile.dump"
     path.write_text(dump_text(np.vstack([centres, loose])))
-    found = measure_particles(particle_files.read(path), SETTINGS)
+    found = measure_particles(particle_files.read_particles(path), SETTINGS)
     percent = 100 * 3 / (len(centres) + 3)
     assert found.other_responses["loose_percent"] == pytest.approx(percent)
     path.write_text(dump_text(centres))
-    alone = measure_particles(particle_files.read(path), SETTINGS)
+    alone = measure_particles(particle_files.read_particles(path), SETTINGS)
     assert found.result.aor_deg == alone.result.aor_deg
     assert alone.other_responses["loose_percent"] == 0.0
 
@@ -150,7 +150,7 @@ def test_grains_that_fell_from_the_plate_do_not_move_the_base(tmp_path):
     fallen = np.array([[0.5, 0.1 * k, -0.4 + 0.03 * k] for k in range(5)])
     path = tmp_path / "pile.dump"
     path.write_text(dump_text(np.vstack([cone(), fallen])))
-    found = measure_particles(particle_files.read(path), SETTINGS)
+    found = measure_particles(particle_files.read_particles(path), SETTINGS)
     assert found.up == "z"
     assert found.base == pytest.approx(0.0, abs=1e-6)
 
@@ -180,7 +180,9 @@ def test_files_that_are_no_pile_of_particles_are_refused(tmp_path):
         path = tmp_path / name
         path.write_text(text)
         with pytest.raises(InputError, match=message) as fault:
-            measure_particles(particle_files.read(path), SETTINGS, source=path)
+            measure_particles(
+                particle_files.read_particles(path), SETTINGS, source=path
+            )
         assert str(path) in str(fault.value)
 
     whole = dump_text(centres)
@@ -210,7 +212,7 @@ def test_files_that_are_no_pile_of_particles_are_refused(tmp_path):
     no_text = tmp_path / "no_text.csv"
     no_text.write_bytes(b"x,y,z,r\n\xff")
     message = f"^{no_text}: file is 'no text'; expected text in UTF-8$"
-    input_error(message, particle_files.read, no_text)
+    input_error(message, particle_files.read_particles, no_text)
     in_mm = pd.DataFrame(1e3 * centres, columns=["x", "y", "z"]).assign(r=5.0)
     refused("is the unit of lengths another", "mm.csv", in_mm.to_csv(index=False))
     cloud = np.random.default_rng(1).uniform(0, 1, (200, 3))
@@ -238,7 +240,7 @@ def test_the_command_writes_a_table_and_refuses_pictures_beside(
     settings = MeasureSettings.with_defaults(
         mm_per_pixel=2e3 * RADIUS / 32, berry_height_mm=2e3 * RADIUS
     )
-    expected = measure_particles(particle_files.read(dump), settings)
+    expected = measure_particles(particle_files.read_particles(dump), settings)
     assert table["aor_deg"][0] == pytest.approx(expected.result.aor_deg)
     assert f"{dump}: {table['aor_deg'][0]:.2f} deg (whole side, columns)" in text
     error = command("measure", dump, "--unit", "inch", status=2).err
@@ -250,18 +252,18 @@ def test_the_command_writes_a_table_and_refuses_pictures_beside(
 
 
 def test_positions_alone_take_a_given_radius(written, tmp_path):
-    expected = measure_particles(particle_files.read(written[1]), SETTINGS)
+    expected = measure_particles(particle_files.read_particles(written[1]), SETTINGS)
     rows = pd.DataFrame(cone())
     for separator, header in ((",", False), (";", False), (" ", ["x", "y", "z"])):
         path = tmp_path / "positions.csv"
         rows.to_csv(path, index=False, header=header, sep=separator)
-        found = measure_particles(particle_files.read(path, RADIUS), SETTINGS)
+        found = measure_particles(particle_files.read_particles(path, RADIUS), SETTINGS)
         assert found.n_particles == len(rows)
         assert found.result.aor_deg == pytest.approx(expected.result.aor_deg)
         with pytest.raises(InputError):
-            particle_files.read(path)
+            particle_files.read_particles(path)
     with pytest.raises(InputError, match="column Diameter is 'found'; expected no"):
-        particle_files.read(written[1], RADIUS)
+        particle_files.read_particles(written[1], RADIUS)
 
 
 def test_the_command_puts_piles_beside_the_runs_of_a_design(tmp_path, command):

@@ -19,8 +19,8 @@ from repose.measure.settings import MeasureSettings
 
 
 def test_the_sheet_is_printed_in_its_size_and_found_by_its_corners(tmp_path):
-    picture, per_mm = sheet.draw(20.0, 8)
-    seen = sheet.find(
+    picture, per_mm = sheet.draw_sheet(20.0, 8)
+    seen = sheet.find_sheet(
         cv2.copyMakeBorder(picture, 50, 50, 50, 50, cv2.BORDER_CONSTANT, value=200)
     )
     assert len(seen.positions_mm) == (sheet.COLUMNS - 1) * (sheet.ROWS - 1)
@@ -36,7 +36,7 @@ def test_the_sheet_is_printed_in_its_size_and_found_by_its_corners(tmp_path):
     )
     assert width == pytest.approx(210 / 25.4 * 72, abs=0.01)
     assert height == pytest.approx(297 / 25.4 * 72, abs=0.01)
-    assert sheet.size_mm(20.0) == (140.0, 180.0)
+    assert sheet.compute_size_mm(20.0) == (140.0, 180.0)
 
 
 def views_of(lens, count, rng):
@@ -62,7 +62,7 @@ def views_of(lens, count, rng):
 
 
 def test_the_lens_and_the_angle_of_a_cone_seen_from_above():
-    found = camera.calibrate(
+    found = camera.calibrate_camera(
         views_of((-0.12, 0.03), 8, np.random.default_rng(1)), (1600, 1200)
     )
     assert found.note == ""
@@ -77,7 +77,9 @@ def test_the_lens_and_the_angle_of_a_cone_seen_from_above():
         + 2.0 * places * [1, -1]
         + np.random.default_rng(2).normal(0, 0.1, places.shape)
     )
-    found = camera.calibrate([sheet.SheetCorners(places, pixels)], (1600, 1200), 1111.0)
+    found = camera.calibrate_camera(
+        [sheet.SheetCorners(places, pixels)], (1600, 1200), 1111.0
+    )
     assert (
         "focal length as the camera states it: the sheet is seen in too few places"
         in found.note
@@ -147,7 +149,7 @@ def test_a_cone_seen_from_above_or_below_gets_its_angle_and_its_foot_back(above,
 def test_what_cannot_be_measured_is_refused_with_its_reason(tmp_path, change, reason):
     photograph = measured(tmp_path, Scene(**SMALL | change))
     assert photograph.measurement is None
-    assert reason in photograph.refused
+    assert reason in photograph.refusal_reason
 
 
 def test_what_floats_over_the_plate_or_in_a_deep_shadow_is_left_out(tmp_path):

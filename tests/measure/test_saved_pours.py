@@ -195,7 +195,7 @@ def test_a_picture_of_a_simulated_pile_is_measured_as_its_first_view(
     run = funnel.FunnelTest().measure(
         one_pour(1), poured, Scene.of(config(fit_from=fit_from), {}, AXES, PARTICLE)
     )
-    view = saved_piles.side_view(poured, PARTICLE, settings)
+    view = saved_piles.draw_side_view(poured, PARTICLE, settings)
     cv2.imwrite(
         str(tmp_path / "photo.png"),
         np.vstack([view, np.full((30, view.shape[1]), view.min(), np.uint8)]),
@@ -232,7 +232,7 @@ def test_the_lines_of_the_overlay_are_those_of_the_response_and_a_given_height_o
             **config(response=name)["measure"]
         ).for_grain(AXES)
         seen = pile.measure_image(
-            saved_piles.side_view(poured, PARTICLE, settings), 0.25, settings
+            saved_piles.draw_side_view(poured, PARTICLE, settings), 0.25, settings
         ).angle
         lines.add(seen.lines)
         for line, sign, angle in zip(

@@ -11,10 +11,10 @@ from refusals import raised
 from repose.common.errors import NoFlankError
 from repose.measure.photographs import finding, sheet
 from repose.measure.photographs import photograph as photographs
-from repose.measure.photographs.camera import Pose, calibrate
+from repose.measure.photographs.camera import Pose, calibrate_camera
 from repose.measure.photographs.doubts import list_doubts_of_pile
 from repose.measure.photographs.segmentation import Segmentation
-from repose.measure.photographs.tables import describe, make_tables
+from repose.measure.photographs.tables import describe_results, make_tables
 from repose.measure.pile import measure_segmented
 from repose.measure.settings import MeasureSettings
 
@@ -52,9 +52,9 @@ def test_white_rice_before_grey_is_measured_by_its_roughness(tmp_path, monkeypat
     photograph = rice.measured(8103, tmp_path)
     assert (np.abs(rice.errors(8103, photograph)) < sixty.WRONG).all()
     assert not photograph.doubts
-    find = finding.find
+    find = finding.find_pile
     monkeypatch.setattr(finding, "find", lambda view, _: find(view))  # by colour alone
-    assert "or the background is not plain" in rice.measured(8103, tmp_path).refused
+    assert "or the background is not plain" in rice.measured(8103, tmp_path).refusal_reason
 
 
 @pytest.mark.slow
@@ -120,7 +120,7 @@ def test_one_sheet_gives_the_camera_of_a_zoom():
         places, pixels + np.random.default_rng(1).normal(0, 0.03, pixels.shape)
     )
     assert np.linalg.norm(
-        Pose(calibrate([seen], (1000, 750)), seen, (1000, 750)).position_mm
+        Pose(calibrate_camera([seen], (1000, 750)), seen, (1000, 750)).position_mm
     ) == pytest.approx(away, rel=0.4)
 
 
@@ -171,7 +171,7 @@ def test_a_second_heap_beside_it_is_doubtful(tmp_path):
         cv2.imwrite(str(file), picture)
         settings = MeasureSettings.with_defaults(berry_height_mm=6.0)
         scale = photographs.Scale(mm_per_pixel=0.5)
-        (seen,) = photographs.measure_all([file], settings, scale)
+        (seen,) = photographs.measure_photographs([file], settings, scale)
         assert ("another heap stands beside it" in seen.remarks) == known
 
 
@@ -189,7 +189,7 @@ def test_a_doubt_is_printed_beside_its_photograph_and_a_layer_is_refused(tmp_pat
         note="lens not corrected",
         doubts=[doubt],
     )
-    text = describe(
+    text = describe_results(
         [photograph], make_tables([photograph], settings), settings, tmp_path
     )
     assert doubt in next(line for line in text.splitlines() if line.startswith("a.png"))

@@ -30,18 +30,20 @@ def test_without_pyvista_the_message_says_what_to_install(monkeypatch):
     monkeypatch.setitem(sys.modules, "pyvista", None)
     words = r"yade.vtu: file is 'VTK'; expected pyvista.*repose-dem\[vtk\]"
     with pytest.raises(InputError, match=words):
-        particle_files.read(FOLDER / "yade.vtu")
+        particle_files.read_particles(FOLDER / "yade.vtu")
 
 
 def test_every_file_gives_the_angles_of_the_dump():
     pytest.importorskip("pyvista")
     dump = measure_particles(
-        particle_files.read(FOLDER / "liggghts.dump"), SETTINGS, source="dump"
+        particle_files.read_particles(FOLDER / "liggghts.dump"), SETTINGS, source="dump"
     )
     assert dump.n_grains == 30
     assert not np.isnan(dump.result.aor_deg)
     for path in [FOLDER / "yade.txt", *FILES]:
-        pile = measure_particles(particle_files.read(path), SETTINGS, source=path)
+        pile = measure_particles(
+            particle_files.read_particles(path), SETTINGS, source=path
+        )
         assert pile.result.aor_deg == pytest.approx(dump.result.aor_deg, abs=0.05), path
         assert pile.result.height_mm == pytest.approx(dump.result.height_mm, abs=0.01)
         assert (pile.up, pile.n_grains, pile.n_particles) == ("z", 30, 30)
@@ -56,7 +58,7 @@ def test_files_of_vtk_without_particles_are_refused(tmp_path):
         path = tmp_path / name
         path.write_text(content)
         with pytest.raises(InputError, match=words) as fault:
-            particle_files.read(path)
+            particle_files.read_particles(path)
         assert str(path) in str(fault.value)
 
     refused(
@@ -75,5 +77,5 @@ def test_a_particle_outside_clumps_is_a_grain(tmp_path, alone):
     table["clumpId"] = [alone, 3, 3, alone, 0]
     path = tmp_path / "clumps.csv"
     table.to_csv(path, index=False)
-    grains = particle_files.read(path).grains
+    grains = particle_files.read_particles(path).grains
     assert grains.tolist() == [0, 1, 1, 2, 3]

@@ -126,7 +126,7 @@ def errors(folder, kept=range(30), of_the_sheet=8, draw=0):
         for crop in sorted({scene.crop for scene in chosen}):
             same = [scene for scene in chosen if scene.crop == crop]
             settings = MeasureSettings.with_defaults(berry_height_mm=same[0].berry_mm)
-            found = photographs.measure_all(
+            found = photographs.measure_photographs(
                 [paths[scene.seed] for scene in same],
                 settings,
                 photographs.Scale(),
@@ -135,7 +135,7 @@ def errors(folder, kept=range(30), of_the_sheet=8, draw=0):
             for scene, photograph_ in zip(same, found, strict=True):
                 seen = photograph_.measurement
                 if seen is None:
-                    missed[scene.seed % 1000] = photograph_.refused
+                    missed[scene.seed % 1000] = photograph_.refusal_reason
                     continue
                 true = truth(scene, settings)
                 missed[scene.seed % 1000] = (
@@ -199,7 +199,7 @@ BAD = (
 def measured(folder, scene, name="pile"):
     path = Path(folder) / f"{name}.png"
     cv2.imwrite(str(path), photograph(scene))
-    return photographs.measure_all(
+    return photographs.measure_photographs(
         [path],
         MeasureSettings.with_defaults(berry_height_mm=scene.berry_mm),
         photographs.Scale(),
@@ -229,8 +229,8 @@ def picture(path):
             photograph = measured(folder, Scene(**SMALL | change))
             axes[2, column].imshow(cv2.imread(str(photograph.path))[..., ::-1])
             axes[2, column].set_title(f"refused:\n{reason}", fontsize=7.5)
-            if reason not in photograph.refused:
-                raise AssertionError(f"{reason}: {photograph.refused}")
+            if reason not in photograph.refusal_reason:
+                raise AssertionError(f"{reason}: {photograph.refusal_reason}")
     for axis in axes.flat:
         axis.set_axis_off()
     canvas.savefig(path, dpi=144)

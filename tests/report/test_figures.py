@@ -19,7 +19,7 @@ from repose.grain.berry_files import read_grain
 from repose.grain.particle import Particle
 from repose.measure import pile, saved_pours
 from repose.measure.angles import DEFINITIONS
-from repose.measure.saved_piles import side_view
+from repose.measure.saved_piles import draw_side_view
 from repose.measure.settings import MeasureSettings
 from repose.report import figures
 from repose.report.figures import (
@@ -480,7 +480,7 @@ def test_the_angle_has_its_lines_in_figure_6(inputs, drawn):
     settings = MeasureSettings.with_defaults(**CONFIG["measure"]).for_grain(
         read_grain(files["berry"])
     )
-    image = side_view(
+    image = draw_side_view(
         saved_pours.read_first_pour(files["heap"]),
         Particle.load(files["particle"]),
         settings,

@@ -466,7 +466,10 @@ def test_the_pile_of_particles_is_measured_as_by_repose_measure(tmp_path):
     )["runs"][0]
     (tmp_path / "pile.dump").write_text(text)
     pile = measure_particles(
-        particle_files.read(tmp_path / "pile.dump"), SETTINGS, up="z", base=0.0
+        particle_files.read_particles(tmp_path / "pile.dump"),
+        SETTINGS,
+        up="z",
+        base=0.0,
     )
     assert result["aor_deg"] == pile.result.aor_deg
     assert result["height_mm"] == pile.result.height_mm
@@ -477,7 +480,7 @@ def test_the_pile_of_particles_is_measured_as_by_repose_measure(tmp_path):
     fine = simulated.measure_pile(folder, section, automatic)
     scale_mm = 2e3 * RADIUS / 32
     expected = measure_particles(
-        particle_files.read(tmp_path / "pile.dump"),
+        particle_files.read_particles(tmp_path / "pile.dump"),
         SETTINGS.with_scale(scale_mm),
         up="z",
         base=0.0,

@@ -229,7 +229,7 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
     # Measure each file as a row of the table.
     rows = []
     for name in args.pictures:
-        particles = particle_files.read(name, args.radius)
+        particles = particle_files.read_particles(name, args.radius)
         try:
             pile = measure_particles(
                 particles,
@@ -463,16 +463,18 @@ def _measure_piles(
     InputError
         If no photograph has a pile that can be measured.
     """
-    from repose.measure.photographs.photograph import measure_all
+    from repose.measure.photographs.photograph import measure_photographs
     from repose.measure.photographs.tables import (
         convert_to_records,
-        describe,
+        describe_results,
         make_tables,
         write_tables,
     )
 
     lens_pictures = [Path(name) for name in args.lens]
-    photographs = measure_all(pictures, settings, scale=scale, lens=lens_pictures)
+    photographs = measure_photographs(
+        pictures, settings, scale=scale, lens=lens_pictures
+    )
     _write_overlays(photographs, overlays)
     _require_measured_pile(photographs, overlays)
 
@@ -484,7 +486,7 @@ def _measure_piles(
     if args.json:
         print(json_text(convert_to_records(results)))
     else:
-        print(describe(photographs, results, settings=settings, out=out))
+        print(describe_results(photographs, results, settings=settings, out=out))
 
 
 def _write_overlays(
@@ -507,7 +509,7 @@ def _write_overlays(
 
     for photograph, path in zip(photographs, overlays, strict=True):
         if photograph.measurement is None:
-            image = drawing.overlay_refused(photograph.view, photograph.pile)
+            image = drawing.draw_refused_overlay(photograph.view, photograph.pile)
         else:
             image = drawing.overlay(photograph.view, photograph.measurement)
         write_image(path, image)
@@ -523,7 +525,7 @@ def _require_measured_pile(
         InputError(
             photograph.path,
             "pile",
-            photograph.refused,
+            photograph.refusal_reason,
             f"{TWO_FLANKS}; {overlay} shows the part taken for the pile",
         )
         for photograph, overlay in zip(photographs, overlays, strict=True)
@@ -654,8 +656,8 @@ def _compute_scale_of_length(args: argparse.Namespace) -> "Scale":
         If the line is too short or not level, or its scale is out of range.
     """
     from repose.measure.photographs.photograph import (
-        LEAST_LENGTH_PX,
-        MOST_LEVEL_DEG,
+        LARGEST_LEVEL_DEG,
+        SHORTEST_LENGTH_PX,
         Scale,
         measure_level_length,
     )
@@ -667,8 +669,8 @@ def _compute_scale_of_length(args: argparse.Namespace) -> "Scale":
             "command line",
             "--length",
             args.length,
-            f"ends at least {LEAST_LENGTH_PX} pixels apart, left first, level to "
-            f"{MOST_LEVEL_DEG:g} degrees",
+            f"ends at least {SHORTEST_LENGTH_PX} pixels apart, left first, level to "
+            f"{LARGEST_LEVEL_DEG:g} degrees",
         )
     mm_per_pixel, level_deg = result
     _require_between("--length", mm_per_pixel, *SCALES)
@@ -759,7 +761,7 @@ def marker(args: argparse.Namespace) -> None:
         args.out,
         "a file that ends with .pdf",
     )
-    write_bytes(args.out, sheet.pdf(args.square_mm))
+    write_bytes(args.out, sheet.make_pdf(args.square_mm))
     print(
         f"print {args.out} at 100 %, check its line of 100 mm, cut it out: "
         "`repose docs photographs`"
@@ -784,7 +786,7 @@ def silhouette(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.common.files import write_image
     from repose.grain.particle import Particle
-    from repose.measure.saved_piles import side_view
+    from repose.measure.saved_piles import draw_side_view
     from repose.measure.saved_pours import read_first_pour
 
     require_option(
@@ -793,7 +795,9 @@ def silhouette(args: argparse.Namespace, study: PipelineConfig) -> None:
     settings = study.settings.measure
     pile = read_first_pour(args.heap)
     particle = Particle.load(args.particle)
-    picture = side_view(pile, particle, settings=settings, azimuth_deg=args.azimuth)
+    picture = draw_side_view(
+        pile, particle, settings=settings, azimuth_deg=args.azimuth
+    )
     write_image(args.out, picture)
 
 

@@ -270,12 +270,12 @@ def measure_runs(args: argparse.Namespace, study: PipelineConfig) -> None:
     example: results/try/heap.pours.json --out results/try
     """
     from repose.bench import bench_of
-    from repose.measure.saved_pours import POURS
+    from repose.measure.saved_pours import POURS_ENDING
     from repose.stages.job import measure_job
 
     # Measuring needs the grain and the walls, but no contact parameters.
     scene = _make_scene(args, study, {})
-    for path in list_job_files(args.pours, args.samples, POURS):
+    for path in list_job_files(args.pours, args.samples, POURS_ENDING):
         result = measure_job(scene, path, out_dir=args.out, keep_runs=args.keep_runs)
         template = bench_of(result).summary
         for run in result["runs"]:

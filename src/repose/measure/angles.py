@@ -43,9 +43,11 @@ from repose.measure.profile_points import (
 )
 from repose.measure.settings import ONE_GRAIN, MeasureSettings
 
-WALL_SD = 0.5  # points whose distances scatter by less than this are a wall
-WALL = "too few boundary points on the flank, it is a wall"
-FOOT = 1.0  # height at which the whole side begins: a lower column shows no pile
+# Points whose distances have a smaller standard deviation are a wall.
+SMALLEST_SD_PX = 0.5
+WALL_REASON = "too few boundary points on the flank, it is a wall"
+# Height at which the whole side begins. A lower pixel column shows no pile.
+FOOT_HEIGHT_PX = 1.0
 # Windows of the straightest line begin and end at multiples of this part of the side.
 WINDOW_STEPS = 100
 
@@ -67,7 +69,8 @@ class PileAngle(NamedTuple):
     right: Line
 
 
-Measured = tuple[dict[str, PileAngle], dict[str, str]]
+# The angles by definition, and the reasons why the others were not measured.
+MeasuredAngles = tuple[dict[str, PileAngle], dict[str, str]]
 
 
 class _Moments(NamedTuple):
@@ -108,7 +111,7 @@ def fit_whole_side(profile: np.ndarray, rule: str = "columns") -> Line:
     The arguments are those of `fit_flank`. The band begins at the lowest pixel and ends
     at the crest.
     """
-    return fit_flank(profile, FOOT, float(profile[-1]), rule)
+    return fit_flank(profile, FOOT_HEIGHT_PX, float(profile[-1]), rule)
 
 
 def fit_steepest(
@@ -143,16 +146,16 @@ def fit_steepest(
             "needed"
         )
     if distance.size < MIN_LEVELS:
-        raise NoFlankError(WALL)
-    # A stretch is the band without some whole pixels at its lower and its upper end,
-    # together at most half of the band.
+        raise NoFlankError(WALL_REASON)
+    # A stretch is what remains of the band after whole pixels are cut off at its lower
+    # and its upper end, together at most half of the band.
     cuts = np.arange(math.floor(min_height) + 1)
     # Entry (i, j) cuts off cuts[i] pixels below and cuts[j] pixels above.
     is_long_enough = cuts[:, None] + cuts <= min_height
     lower_index, upper_index = np.nonzero(is_long_enough)
     lows = low + cuts[lower_index]
     highs = high - cuts[upper_index]
-    # Slopes of all stretches are fast to compute; only the steepest gets a line.
+    # The slopes of all stretches are fast to compute. Then fit a line to the steepest.
     best = _find_best_window(compute_window_slopes(distance, height, lows, highs))
     steepest_low = float(lows[best])
     steepest_high = float(highs[best])
@@ -161,20 +164,20 @@ def fit_steepest(
 
 
 def fit_straightest(
-    profile: np.ndarray, smallest: float, rule: str = "columns"
+    profile: np.ndarray, smallest_share: float, rule: str = "columns"
 ) -> Line:
     """Fit the definition "straightest": the window of the largest correlation.
 
     A window is a stretch of successive points of the side. Li et al. let windows grow
-    from the open end to the centre and take the angle of the one in which distance and
-    height correlate most; they do not give their smallest window.
+    from the open end to the centre. They use the angle of the window in which distance
+    and height correlate most. They do not state the size of their smallest window.
 
     Parameters
     ----------
     profile : ndarray
         Heights (M,) of one side in pixels, from outside the foot to the crest.
-    smallest : float
-        Share of the side's points that a window has at least.
+    smallest_share : float
+        Smallest share of the side's points in a window.
     rule : str
         The rule of `FLANK_RULES` that selects the points.
 
@@ -187,13 +190,13 @@ def fit_straightest(
     ----------
     Li, Ucgul, Lee, Saunders (2020). Comput. Electron. Agric. 172, 105356.
     """
-    distance, height = select_points(profile, FOOT, float(profile[-1]), rule)
+    distance, height = select_points(profile, FOOT_HEIGHT_PX, float(profile[-1]), rule)
     n_points = distance.size
-    min_points = max(MIN_LEVELS, math.ceil(smallest * n_points))
+    min_points = max(MIN_LEVELS, math.ceil(smallest_share * n_points))
     if n_points < min_points:
-        raise NoFlankError(WALL)
-    # Windows begin and end at a limited number of borders between points; each pair of
-    # borders that are far enough apart is a window.
+        raise NoFlankError(WALL_REASON)
+    # Windows begin and end at a limited number of borders between points. Each pair of
+    # borders with enough points between them is a window.
     n_steps = min(n_points, WINDOW_STEPS)
     borders = np.linspace(0, n_points, n_steps + 1).round().astype(int)
     # Entry (i, j) is the number of points between borders i and j.
@@ -228,7 +231,7 @@ def _find_best_window(values: np.ndarray) -> int:
         If all windows are walls, or if none rises.
     """
     if np.isnan(values).all():
-        raise NoFlankError(WALL)
+        raise NoFlankError(WALL_REASON)
     if not np.any(values > 0):
         raise NoFlankError("no stretch of the boundary rises towards the crest")
     return int(np.nanargmax(values))
@@ -255,7 +258,7 @@ def compute_window_correlations(
     x = distance - distance.mean()
     z = height - height.mean()
     moments = _compute_window_moments(x, z, first, last)
-    is_usable = (moments.xx >= moments.n * WALL_SD**2) & (moments.zz > 0)
+    is_usable = (moments.xx >= moments.n * SMALLEST_SD_PX**2) & (moments.zz > 0)
     # Windows that are not usable get a 1, to avoid a division by zero.
     squared_norm = np.where(is_usable, moments.xx * moments.zz, 1.0)
     return np.where(is_usable, moments.xz / np.sqrt(squared_norm), np.nan)
@@ -286,7 +289,7 @@ def compute_window_slopes(
     z = height[order] - height.mean()
     moments = _compute_window_moments(x, z, first, last)
     has_points = moments.n >= MIN_LEVELS
-    is_usable = has_points & (moments.xx >= moments.n * WALL_SD**2)
+    is_usable = has_points & (moments.xx >= moments.n * SMALLEST_SD_PX**2)
     # The slope is the covariance over the variance of the distance.
     divisor = np.where(is_usable, moments.xx, 1.0)
     return np.where(is_usable, moments.xz / divisor, np.nan)
@@ -338,10 +341,10 @@ def fit_line(distance: np.ndarray, height: np.ndarray, low: float, high: float) 
         If the points are too few or a wall, or if the line does not rise.
     """
     if distance.size < MIN_LEVELS:
-        raise NoFlankError(WALL)
+        raise NoFlankError(WALL_REASON)
     deviation = distance - distance.mean()
-    if deviation @ deviation < distance.size * WALL_SD**2:
-        raise NoFlankError(WALL)
+    if deviation @ deviation < distance.size * SMALLEST_SD_PX**2:
+        raise NoFlankError(WALL_REASON)
     # Least squares: the slope is the covariance over the variance of the distance.
     slope = float(deviation @ (height - height.mean()) / (deviation @ deviation))
     if slope <= 0:
@@ -353,7 +356,7 @@ def fit_line(distance: np.ndarray, height: np.ndarray, low: float, high: float) 
     return Line(math.degrees(math.atan(slope)), (lower_end, upper_end))
 
 
-def fit_secant(profile: np.ndarray, grain: float) -> Line:
+def fit_secant(profile: np.ndarray, grain_px: float) -> Line:
     """Fit the definition "secant" to one side: the line from its foot to the crest.
 
     The foot lies on the plate, below the outermost place that is as high as a grain.
@@ -362,7 +365,7 @@ def fit_secant(profile: np.ndarray, grain: float) -> Line:
     ----------
     profile : ndarray
         Heights (M,) of the side in pixels, from outside the foot to the crest.
-    grain : float
+    grain_px : float
         Height of a grain in pixels.
 
     Raises
@@ -372,11 +375,11 @@ def fit_secant(profile: np.ndarray, grain: float) -> Line:
     """
     crest = profile.size - 1
     height = float(profile[-1])
-    if not 0 < grain < height:
+    if not 0 < grain_px < height:
         raise NoFlankError("the pile is not higher than one grain")
-    if profile[0] >= grain:
+    if profile[0] >= grain_px:
         raise NoFlankError(NO_FOOT)
-    foot = float(find_outermost_crossing(profile, np.array([grain]))[0])
+    foot = float(find_outermost_crossing(profile, np.array([grain_px]))[0])
     angle_deg = math.degrees(math.atan2(height, crest - foot))
     return Line(angle_deg, ((foot, 0.0), (float(crest), height)))
 
@@ -398,7 +401,7 @@ def measure_sides(
     crest: int,
     settings: MeasureSettings,
     definitions: Sequence[str] = DEFINITIONS,
-) -> Measured:
+) -> MeasuredAngles:
     """Measure the angle of a pile by several definitions, as the mean of its sides.
 
     Parameters
@@ -406,7 +409,7 @@ def measure_sides(
     profile : ndarray
         Heights (W,) of both sides over the plate in pixels.
     crest : int
-        The column that divides the sides; it belongs to both.
+        The column that divides the sides. It belongs to both.
     settings : MeasureSettings
         Settings of the lines.
     definitions : sequence of str

@@ -46,7 +46,7 @@ class Slip:
     Attributes
     ----------
     begins : int
-        Row of the highest angle.
+        Row of the highest angle, at which the slip begins.
     detection : int
         Row at which the angle has fallen by enough to count as a slip.
     ends : int
@@ -75,7 +75,8 @@ def surface_of(
     mm_per_pixel : float
         Scale of the picture.
     fit_share : float
-        Share of the surface's width that is fitted; the wall lifts grains at its ends.
+        Share of the surface's width that is fitted, in its middle. The ends are left
+        out, because the wall lifts grains there.
 
     Returns
     -------
@@ -168,8 +169,8 @@ def surface_heights(
 ) -> np.ndarray:
     """Compute the mean surface of a bed in many frames, as heights over the drum's axis.
 
-    Upwards in a column, the share of the frames in which the bed covers a pixel falls.
-    The mean surface is where it falls to a given value.
+    The bed covers higher pixels of a column in fewer frames. The mean surface is where
+    the share of these frames falls to a given value.
 
     Parameters
     ----------
@@ -219,7 +220,7 @@ def to_drum_frame(centres_m: np.ndarray, turned_rad: float) -> np.ndarray:
     centres_m : ndarray
         Positions (..., 3) in the frame at rest.
     turned_rad : float
-        Angle by which the drum has turned about -y.
+        Angle by which the drum has turned about the negative y axis.
 
     Returns
     -------
@@ -237,7 +238,7 @@ def to_drum_frame(centres_m: np.ndarray, turned_rad: float) -> np.ndarray:
 def bed_angle(centres_m: np.ndarray) -> float:
     """Compute the angle of the bed's centre of mass about the axis in degrees.
 
-    It is counted from straight down towards +x.
+    The angle is 0 straight below the axis, and grows towards +x.
     """
     x, _, z = np.mean(centres_m, axis=0)
     return math.degrees(math.atan2(x, -z))
@@ -306,7 +307,8 @@ def find_slip(
     if len(slip_rows) == 0:
         return None
     detection = int(slip_rows[0])
-    # From there on, look for its end; its beginning is the highest angle before.
+    # The slip ends at the first calm row after its detection. It begins at the highest
+    # angle before its detection.
     calm_rows = np.flatnonzero(np.asarray(energy_j)[detection:] < calm_energy_j)
     if len(calm_rows) > 0:
         ends = detection + int(calm_rows[0])
@@ -387,7 +389,7 @@ def depth_profile(depth_m: np.ndarray, moved_m: np.ndarray, bin_m: float) -> np.
 def moved_share(moved_m: np.ndarray, particle: silhouette.ConvexBody) -> float:
     """Compute the share of grains that moved by more than the equivalent diameter.
 
-    A motion of NaN does not count; without any other the share is 0.
+    A motion of NaN does not count. If there is no other, the share is 0.
     """
     known = moved_m[np.isfinite(moved_m)]
     if len(known) == 0:

@@ -16,7 +16,8 @@ def largest_cluster(contacts: np.ndarray, allowed: np.ndarray) -> np.ndarray:
     Returns
     -------
     array
-        Mask (N,) of the set; of several sets of the same size the first.
+        Mask (N,) of the set. If several sets have the largest size, it is the first. No
+        body is marked if none is allowed.
     """
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components

@@ -42,7 +42,7 @@ from repose.measure.settings import MeasureSettings
 from repose.measure.silhouette import Grains, SolidBody
 
 BENCH = "funnel"  # the bench test whose piles have these responses
-MEASURED = (
+RESPONSE_NAMES = (
     "base_radius_mm",
     "lower_deg",
     "upper_deg",
@@ -151,7 +151,7 @@ def measure_silhouettes(
 
 
 def measure_scatter(
-    centres_m: np.ndarray, in_pile: ArrayLike, on_plate_mm: float
+    centres_m: np.ndarray, in_pile: ArrayLike, plate_radius_mm: float
 ) -> dict[str, float]:
     """Measure how far the grains on the plate lie scattered around the pile.
 
@@ -161,7 +161,7 @@ def measure_scatter(
         Positions (N, 3) of all grains.
     in_pile : array_like
         Mask (N,) of the grains that touch the pile.
-    on_plate_mm : float
+    plate_radius_mm : float
         Radius of the plate.
 
     Returns
@@ -175,7 +175,7 @@ def measure_scatter(
         If no grain lies on the plate.
     """
     distance_mm = 1e3 * np.hypot(centres_m[:, 0], centres_m[:, 1])
-    is_on_plate = (distance_mm <= on_plate_mm) & (centres_m[:, 2] > 0)
+    is_on_plate = (distance_mm <= plate_radius_mm) & (centres_m[:, 2] > 0)
     if not is_on_plate.any():
         raise NoFlankError("no grain lies on the plate")
     is_loose = is_on_plate & ~np.asarray(in_pile, bool)
@@ -187,9 +187,12 @@ def measure_scatter(
 
 
 def measure_pour(
-    arrays: Arrays, particle: SolidBody, settings: MeasureSettings, plate_mm: float
+    arrays: Arrays,
+    particle: SolidBody,
+    settings: MeasureSettings,
+    plate_diameter_mm: float,
 ) -> dict[str, float]:
-    """Measure all responses of `MEASURED` of one pour.
+    """Measure all responses of `RESPONSE_NAMES` of one pour.
 
     Parameters
     ----------
@@ -200,7 +203,7 @@ def measure_pour(
         The grains' body.
     settings : MeasureSettings
         Settings of the measurement.
-    plate_mm : float
+    plate_diameter_mm : float
         Diameter of the plate.
 
     Returns
@@ -229,5 +232,5 @@ def measure_pour(
         grain_mm=settings.berry_height_mm,
         grains_mm3=1e9 * particle.volume_m3 * relative_volume,
     )
-    scatter = measure_scatter(grains.centres_m, in_pile, plate_mm / 2)
+    scatter = measure_scatter(grains.centres_m, in_pile, plate_diameter_mm / 2)
     return shape | scatter

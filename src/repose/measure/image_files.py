@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 MIN_SIDE_PX = 20
 MAX_PIXELS = 200_000_000
-FORMATS = "PNG, JPEG, TIFF, BMP"
+PICTURE_FORMATS = "PNG, JPEG, TIFF, BMP"
 # Bytes 4 to 12 of a phone's HEIC file
 HEIC_BRANDS = tuple(
     b"ftyp" + brand
@@ -37,8 +37,8 @@ HEIC_BRANDS = tuple(
 def read_image(path: str | PathLike) -> np.ndarray:
     """Read a picture file, turned upright by its EXIF entry, with 8 bits a colour.
 
-    Of a deeper picture the upper eight of the bits that it uses are kept: a camera may
-    store 10 or 12 bits in 16.
+    A camera may store colours of 10 or 12 bits in 16 bits. Of such a picture, the upper
+    eight of the bits in use are kept.
 
     Returns
     -------
@@ -55,10 +55,10 @@ def read_image(path: str | PathLike) -> np.ndarray:
     path = Path(path)
     if not path.is_file():
         problem = "a folder" if path.is_dir() else "no such file"
-        allowed = f"an existing picture file ({FORMATS})"
+        allowed = f"an existing picture file ({PICTURE_FORMATS})"
         raise InputError(path, "picture", problem, allowed)
 
-    # The header is checked first, since decoding a huge picture takes all the memory.
+    # Check the header first, because decoding a huge picture could take all the memory.
     _check_header(path)
     content = np.frombuffer(path.read_bytes(), dtype=np.uint8)
     try:
@@ -67,7 +67,7 @@ def read_image(path: str | PathLike) -> np.ndarray:
         image = None
     if image is None:
         problem = "not a picture" if content.size else "an empty file"
-        allowed = f"a picture file ({FORMATS}), whole"
+        allowed = f"a picture file ({PICTURE_FORMATS}), whole"
         raise InputError(path, "picture", problem, allowed)
 
     if image.dtype == np.uint16:
@@ -83,7 +83,7 @@ def _keep_upper_bits(image: np.ndarray) -> np.ndarray:
 
     The upper eight of the bits that the picture uses are kept.
     """
-    # Not the maximum, which may be that of a single hot pixel
+    # The quantile ignores single hot pixels, which the maximum would not.
     peak = int(np.quantile(image[::8, ::8], 0.999))
     shift = max(peak.bit_length() - 8, 0)
     return np.minimum(np.right_shift(image, shift), 255).astype(np.uint8)

@@ -12,7 +12,8 @@ Yade
 VTK
     Points with values, by `repose.measure.vtk_files`.
 
-`COLUMNS` lists the names that a column may have. Lengths are in the unit of the file.
+`COLUMN_NAMES` lists the names that a column may have. Lengths are in the unit of the
+file.
 """
 
 import mimetypes
@@ -30,7 +31,7 @@ from repose.measure import vtk_files
 DUMP_ITEM = "ITEM:"  # begins each section of a dump
 YADE_FORMAT = "#format "  # begins the text of Yade
 # Names that a column may have, by the quantity, in the order in which they are preferred.
-COLUMNS = {
+COLUMN_NAMES = {
     "x": ("x", "xu"),
     "y": ("y", "yu"),
     "z": ("z", "zu"),
@@ -48,12 +49,12 @@ COLUMNS = {
     "qz": ("qz", "quatk", "c_quat[4]"),
     "grain": ("grain", "mol", "clump", "clumpid", "id_multisphere"),
 }
-NUMBER = "id"  # of a particle
+ID_COLUMN = "id"  # of a particle
 POSITION = ("x", "y", "z")
 SEMI_AXES = ("a", "b", "c")
 FULL_AXES = ("shapex", "shapey", "shapez")
 QUATERNION = ("qw", "qx", "qy", "qz")
-SIZES = "radius, diameter, or a, b, c with qw, qx, qy, qz"
+SIZE_COLUMNS = "radius, diameter, or a, b, c with qw, qx, qy, qz"
 
 
 class Particles(NamedTuple):
@@ -87,10 +88,7 @@ class Particles(NamedTuple):
 
 
 def is_particle_file(path: Path_) -> bool:
-    """Return whether a file may hold particles.
-
-    It is one of VTK, or it is text and its name no picture's.
-    """
+    """Tell whether a file may hold particles: a VTK file, or text that is no picture."""
     kind, _ = mimetypes.guess_type(path)
     if kind is not None and kind.startswith("image/"):
         return False
@@ -101,7 +99,7 @@ def is_particle_file(path: Path_) -> bool:
     return b"\0" not in start and start.isascii()
 
 
-def read(path: Path_, radius: float | None = None) -> Particles:
+def read_particles(path: Path_, radius: float | None = None) -> Particles:
     """Read the particles of a file.
 
     Parameters
@@ -115,8 +113,8 @@ def read(path: Path_, radius: float | None = None) -> Particles:
     Raises
     ------
     InputError
-        If a column is missing, a number is no number or not allowed, or both the file
-        and `radius` give sizes.
+        If a column is missing, if a cell is no number or has an impossible value, or if
+        both the file and `radius` give sizes.
     """
     if radius is None:
         table = _read_table(Path(path))
@@ -131,7 +129,7 @@ def read(path: Path_, radius: float | None = None) -> Particles:
     _require_columns(path, table, columns, POSITION)
     centres = _read_numbers(path, table, columns, POSITION)
     semi_axes = _read_semi_axes(path, table, columns)
-    # Without an orientation the axes of a particle are those of the file.
+    # Without columns of an orientation, the axes of a particle are those of the file.
     quaternions = np.tile([1.0, 0.0, 0.0, 0.0], (len(table), 1))
     if "qw" in columns:
         _require_columns(path, table, columns, QUATERNION)
@@ -142,8 +140,8 @@ def read(path: Path_, radius: float | None = None) -> Particles:
 def _find_grains(table: pd.DataFrame, columns: dict[str, str]) -> np.ndarray:
     """Find the grain to which each particle belongs.
 
-    Without the number of a clump each particle is a grain of its own, and so is one
-    whose number is negative: Yade and LIGGGHTS mark a particle outside clumps by -1.
+    A particle is a separate grain if the file has no numbers of clumps, or if its number
+    is negative. Yade and LIGGGHTS mark a particle outside clumps by -1.
 
     Parameters
     ----------
@@ -162,9 +160,9 @@ def _find_grains(table: pd.DataFrame, columns: dict[str, str]) -> np.ndarray:
         return rows
     clumps = table[columns["grain"]]
     is_alone = pd.to_numeric(clumps, errors="coerce") < 0
-    # A name that no clump has makes such a particle a grain of its own.
-    alone = [f"alone {row}" for row in rows]
-    return pd.factorize(np.where(is_alone, alone, clumps.astype(str)))[0]
+    # Give each single particle a name that no clump has, and then number all names.
+    single_names = [f"alone {row}" for row in rows]
+    return pd.factorize(np.where(is_alone, single_names, clumps.astype(str)))[0]
 
 
 # --- formats --------------------------------------------------------------------------
@@ -222,7 +220,7 @@ def _is_number(text: bytes) -> bool:
 
 
 def _refuse_sizes(path: Path_, table: pd.DataFrame) -> None:
-    """Raise InputError for a table that has sizes, beside a given radius."""
+    """Raise InputError for a table that has sizes although the user gave a radius."""
     sizes = {"radius", "diameter", *SEMI_AXES, *FULL_AXES}
     columns = _find_columns(table)
     for quantity, column in columns.items():
@@ -246,7 +244,8 @@ def _read_dump(path: Path, text: str) -> pd.DataFrame:
     InputError
         If the dump has no particles, or if its last time step is not whole.
     """
-    # Each time step has a line before its number of particles, and a header of its rows.
+    # Each time step has a line before its number of particles, and a header before its
+    # rows. Note the numbers of these lines.
     lines = text.splitlines()
     header_lines = []
     count_lines = []
@@ -262,7 +261,7 @@ def _read_dump(path: Path, text: str) -> pd.DataFrame:
     last_header = header_lines[-1]
     names = lines[last_header].split()[2:]
     rows = lines[last_header + 1 :]
-    # The number of particles stands below its own header, which comes first.
+    # The number of particles is on the line after "ITEM: NUMBER OF ATOMS".
     count = lines[count_lines[-1] + 1].strip() if count_lines else "missing"
     if not count.isdecimal():
         allowed = "the number of particles, a whole number"
@@ -291,17 +290,17 @@ def _split_rows(path: Path, names: list[str], rows: list[str]) -> pd.DataFrame:
 
 
 def _find_columns(table: pd.DataFrame) -> dict[str, str]:
-    """Find the column of each quantity by its names; case does not count.
+    """Find the column of each quantity by its possible names, in any letter case.
 
     Returns
     -------
     dict
-        The name of the column in the file, by quantity of `COLUMNS`. Quantities that
-        the file lacks are left out.
+        The name of the column in the file, by quantity of `COLUMN_NAMES`. The quantities
+        that the file lacks are left out.
     """
     column_by_name = {str(name).strip().lower(): name for name in table.columns}
     columns = {}
-    for quantity, names in COLUMNS.items():
+    for quantity, names in COLUMN_NAMES.items():
         # The first name that the file has is preferred.
         for name in names:
             if name in column_by_name:
@@ -311,7 +310,10 @@ def _find_columns(table: pd.DataFrame) -> dict[str, str]:
 
 
 def _require_columns(
-    path: Path_, table: pd.DataFrame, columns: dict[str, str], needed: tuple[str, ...]
+    path: Path_,
+    table: pd.DataFrame,
+    columns: dict[str, str],
+    quantities: tuple[str, ...],
 ) -> None:
     """Raise InputError for a table without one of the needed quantities.
 
@@ -323,19 +325,21 @@ def _require_columns(
         Its table.
     columns : dict
         Column of each quantity in the table, from `_find_columns`.
-    needed : tuple of str
-        Quantities of `COLUMNS`.
+    quantities : tuple of str
+        Quantities of `COLUMN_NAMES`.
     """
-    for quantity in needed:
+    for quantity in quantities:
         if quantity not in columns:
             found = ", ".join(map(str, table.columns))
-            allowed = f"a column named {' or '.join(COLUMNS[quantity])}; found: {found}"
+            allowed = (
+                f"a column named {' or '.join(COLUMN_NAMES[quantity])}; found: {found}"
+            )
             raise InputError(path, f"column {quantity}", "missing", allowed)
 
 
 def _require_unique_ids(path: Path_, table: pd.DataFrame) -> None:
     """Raise InputError for a table in which two particles have the same number."""
-    names = [name for name in table.columns if str(name).strip().lower() == NUMBER]
+    names = [name for name in table.columns if str(name).strip().lower() == ID_COLUMN]
     for name in names:
         is_repeated = table[name].duplicated()
         if is_repeated.any():
@@ -345,7 +349,10 @@ def _require_unique_ids(path: Path_, table: pd.DataFrame) -> None:
 
 
 def _read_numbers(
-    path: Path_, table: pd.DataFrame, columns: dict[str, str], names: tuple[str, ...]
+    path: Path_,
+    table: pd.DataFrame,
+    columns: dict[str, str],
+    quantities: tuple[str, ...],
 ) -> np.ndarray:
     """Read the numbers of several quantities from their columns of the table.
 
@@ -357,7 +364,7 @@ def _read_numbers(
         Its table of N rows.
     columns : dict
         Column of each quantity in the table, from `_find_columns`.
-    names : tuple of str
+    quantities : tuple of str
         The K quantities.
 
     Returns
@@ -370,8 +377,8 @@ def _read_numbers(
     InputError
         For the first value that is no finite number.
     """
-    numbers = np.empty((len(table), len(names)))
-    for k, name in enumerate(names):
+    numbers = np.empty((len(table), len(quantities)))
+    for k, name in enumerate(quantities):
         cells = table[columns[name]]
         # Text that is no number becomes NaN.
         numbers[:, k] = pd.to_numeric(cells, errors="coerce")
@@ -405,15 +412,15 @@ def _read_semi_axes(
     Raises
     ------
     InputError
-        Without a size, for a size that is not positive, and for particles that are no
-        spheres and have no orientation.
+        If there is no size, if a size is not positive, or if particles that are no
+        spheres lack an orientation.
     """
     has_semi_axes = set(SEMI_AXES) <= set(columns)
     has_full_axes = set(FULL_AXES) <= set(columns)
     if has_semi_axes:
         semi_axes = _read_numbers(path, table, columns, SEMI_AXES)
     elif has_full_axes:
-        # LAMMPS gives the diameters along the axes, and 0 for a point
+        # LAMMPS writes the full diameters along the axes, and 0 for a point particle.
         semi_axes = 0.5 * _read_numbers(path, table, columns, FULL_AXES)
     elif "radius" in columns:
         radii = _read_numbers(path, table, columns, ("radius",))
@@ -423,7 +430,9 @@ def _read_semi_axes(
         semi_axes = np.repeat(0.5 * diameters, 3, axis=1)
     else:
         found = ", ".join(map(str, table.columns))
-        raise InputError(path, "size", "missing", f"columns {SIZES}; found: {found}")
+        raise InputError(
+            path, "size", "missing", f"columns {SIZE_COLUMNS}; found: {found}"
+        )
 
     is_bad = (semi_axes <= 0).any(axis=1)
     if is_bad.any():

@@ -34,16 +34,16 @@ RADII_M = (1e-6, 1.0)
 # Pixels across a grain of the file, where the settings leave the scale to the program.
 PIXELS_PER_GRAIN = 32
 # Grains lie on the base if their lowest points differ by less than this share of a radius.
-LAYER = 0.2
+LAYER_RADII = 0.2
 # The base has this many times as many grains as a plane across any other direction.
-CLEARLY_MORE = 2.0
+SMALLEST_COUNT_RATIO = 2.0
 # Gap [radii] up to which spheres count as touching: positions are rounded when written.
-TOUCHING = 1e-3
+CONTACT_GAP_RADII = 1e-3
 
 
 @dataclass
 class Ellipsoids(Grains):
-    """N ellipsoids of their own semi-axes (N, 3) in m; `particle` is not read."""
+    """N ellipsoids with different semi-axes (N, 3) in m. `particle` is not used."""
 
     semi_axes_m: Any = None
 
@@ -65,7 +65,7 @@ class Ellipsoids(Grains):
 
 
 class _UnitSphere:
-    """A sphere of radius 1 m, which each grain scales by its own radius."""
+    """A sphere of radius 1 m. A grain's scale is then its radius in m."""
 
     spheres_m = np.array([[0.0, 0.0, 0.0, 1.0]])
 
@@ -116,17 +116,16 @@ def measure_particles(
     particles : Particles
         N bodies.
     settings : MeasureSettings, optional
-        Those of a photograph. A missing height of a grain is the diameter of a sphere of
-        the grains' mean volume. A scale that is `auto`, as by default, shows a grain by
-        `PIXELS_PER_GRAIN` pixels.
+        Settings as for a photograph. If they lack the height of a grain, it is the
+        diameter of a sphere of the grains' mean volume. If the scale is `auto`, which is
+        the default, a grain is `PIXELS_PER_GRAIN` pixels wide.
     unit : str
         Unit of lengths in the file, one of `UNITS`.
     up : str, optional
-        Direction against gravity, one of `DIRECTIONS`. Without it, it is that across
-        which most grains lie on one plane.
+        Direction against gravity, one of `DIRECTIONS`. By default, `find_up` finds it.
     base : float, optional
-        Height of the plate along `up`, in the unit of the file. Without it, it is that
-        of the lowest points of the grains of the lowest layer.
+        Height of the plate along `up`, in the unit of the file. By default, it is the
+        median height of the lowest points of the grains in the lowest layer.
     source : path
         For messages.
 
@@ -137,11 +136,11 @@ def measure_particles(
     NoFlankError
         If there is no pile.
     """
-    # A radius that no grain has shows that the unit of lengths is wrong.
+    # An impossible radius shows that the unit of lengths is wrong.
     radius = particles.mean_radius
-    metres = UNITS[unit]
+    metres_per_unit = UNITS[unit]
     low, high = RADII_M
-    if not low <= radius * metres <= high:
+    if not low <= radius * metres_per_unit <= high:
         raise InputError(
             source,
             "radius",
@@ -154,7 +153,7 @@ def measure_particles(
         up = find_up(particles, source)
     bottoms = _find_lowest_points(particles, np.array(DIRECTIONS[up]))
     if base is None:
-        base = _find_base(bottoms, LAYER * radius)
+        base = _find_base(bottoms, LAYER_RADII * radius)
 
     rotation = _make_rotation_to_z(np.array(DIRECTIONS[up]))
     centres = particles.centres @ rotation.T
@@ -163,24 +162,26 @@ def measure_particles(
         allowed = f"a height of the plate below all grains, at most {rounded(highest)}"
         raise InputError(source, "base", base, allowed)
     centres[:, 2] -= base
-    grains = _make_grains(particles, centres * metres, rotation, metres)
+    grains = _make_grains(
+        particles, centres * metres_per_unit, rotation, metres_per_unit
+    )
 
-    # Contacts, which tell the pile from loose grains, are known of spheres only.
+    # Contacts tell the pile from loose grains. They are known only between spheres.
     in_pile = None
     if particles.are_spheres:
         in_pile = _mark_pile(particles, centres)
 
     settings = settings or MeasureSettings.with_defaults(mm_per_pixel=AUTO)
     if settings.mm_per_pixel == AUTO:
-        settings = settings.with_scale(_choose_scale(2e3 * radius * metres))
-    settings = _complete_grain_height(settings, particles, metres)
+        settings = settings.with_scale(_choose_scale(2e3 * radius * metres_per_unit))
+    settings = _complete_grain_height(settings, particles, metres_per_unit)
     height_m, views = pile.draw_views(grains, settings, in_pile)
     profiles = [pile.find_profile(view) for view in views]
     shape = _measure_shape(
         [profile for profile, _ in profiles],
         height_m,
         settings,
-        _compute_pile_volume(particles, in_pile, metres),
+        _compute_pile_volume(particles, in_pile, metres_per_unit),
     )
     scatter = {} if in_pile is None else _measure_scatter(grains, in_pile)
     return ParticlePile(
@@ -197,9 +198,10 @@ def measure_particles(
 
 
 def find_up(particles: Particles, source: object = "particles") -> str:
-    """Find the direction against gravity: that across which most grains lie on a plane.
+    """Find the direction against gravity from the plane on which most grains lie.
 
-    The plane is the plate, on which the lowest layer of the pile lies.
+    The plane is the plate, on which the lowest layer of the pile lies. The direction is
+    perpendicular to it.
 
     Parameters
     ----------
@@ -216,19 +218,19 @@ def find_up(particles: Particles, source: object = "particles") -> str:
     Raises
     ------
     InputError
-        If no direction has clearly most.
+        If no direction has clearly more grains on its plane than all others.
     """
     radius = particles.mean_radius
     counts = {}
     for name, direction in DIRECTIONS.items():
         bottoms = _find_lowest_points(particles, np.array(direction))
-        base = _find_base(bottoms, LAYER * radius)
-        is_on_base = np.abs(bottoms - base) < LAYER * radius
+        base = _find_base(bottoms, LAYER_RADII * radius)
+        is_on_base = np.abs(bottoms - base) < LAYER_RADII * radius
         # No grain of a pile lies below the plate on which the pile stands.
-        is_below = bottoms < base - LAYER * radius
+        is_below = bottoms < base - LAYER_RADII * radius
         counts[name] = int(is_on_base.sum()) - int(is_below.sum())
     first, second = sorted(counts, key=lambda name: -counts[name])[:2]
-    if counts[first] < CLEARLY_MORE * max(counts[second], 1):
+    if counts[first] < SMALLEST_COUNT_RATIO * max(counts[second], 1):
         raise InputError(
             source,
             "direction of gravity",
@@ -261,22 +263,22 @@ def _find_lowest_points(particles: Particles, up: np.ndarray) -> np.ndarray:
     return particles.centres @ up - reach
 
 
-def _find_base(bottoms: np.ndarray, layer: float) -> float:
-    """Find the height of the plate: the median of the lowest layer of grains.
+def _find_base(bottoms: np.ndarray, layer_thickness: float) -> float:
+    """Find the height of the plate, as the median of the lowest layer of grains.
 
-    It is the densest layer of that thickness, so that grains that fell from the plate
-    do not count. Of several equal ones it is the lowest.
+    This layer is the densest one of a given thickness, so that grains that fell from the
+    plate do not count. If several layers are equally dense, it is the lowest.
 
     Parameters
     ----------
     bottoms : ndarray
         Heights (N,) of the lowest points of the bodies.
-    layer : float
+    layer_thickness : float
         Thickness of the layer, in the same unit.
     """
-    # Let a layer begin at each bottom, and count the bottoms up to its thickness above.
+    # Let a layer begin at each bottom, and count the bottoms within its thickness.
     ordered = np.sort(bottoms)
-    ends = np.searchsorted(ordered, ordered + layer, side="right")
+    ends = np.searchsorted(ordered, ordered + layer_thickness, side="right")
     counts = ends - np.arange(len(ordered))
     first = int(np.argmax(counts))
     return float(np.median(ordered[first : ends[first]]))
@@ -309,9 +311,12 @@ def _make_rotation_to_z(up: np.ndarray) -> np.ndarray:
 
 
 def _make_grains(
-    particles: Particles, centres_m: np.ndarray, rotation: np.ndarray, metres: float
+    particles: Particles,
+    centres_m: np.ndarray,
+    rotation: np.ndarray,
+    metres_per_unit: float,
 ) -> Grains:
-    """Make the bodies that the silhouettes show, in their new positions and units.
+    """Make the bodies that the silhouettes show, in the new frame and in metres.
 
     Parameters
     ----------
@@ -321,23 +326,23 @@ def _make_grains(
         Their centres (N, 3) in the new frame, in m.
     rotation : ndarray
         Rotation (3, 3) from the file's frame to the new one.
-    metres : float
+    metres_per_unit : float
         Metres in a unit of length of the file.
     """
     from scipy.spatial.transform import Rotation
 
     if particles.are_spheres:
         # A sphere looks the same in any orientation.
-        no_rotation = np.tile([1.0, 0.0, 0.0, 0.0], (len(centres_m), 1))
-        radii_m = particles.semi_axes[:, 0] * metres
-        return Grains(centres_m, no_rotation, _UnitSphere(), radii_m)
+        identity_quaternions = np.tile([1.0, 0.0, 0.0, 0.0], (len(centres_m), 1))
+        radii_m = particles.semi_axes[:, 0] * metres_per_unit
+        return Grains(centres_m, identity_quaternions, _UnitSphere(), radii_m)
     orientations = Rotation.from_quat(particles.quaternions, scalar_first=True)
-    turned_orientations = Rotation.from_matrix(rotation) * orientations
+    new_orientations = Rotation.from_matrix(rotation) * orientations
     return Ellipsoids(
         centres_m,
-        turned_orientations.as_quat(scalar_first=True),
+        new_orientations.as_quat(scalar_first=True),
         _UnitSphere(),
-        semi_axes_m=particles.semi_axes * metres,
+        semi_axes_m=particles.semi_axes * metres_per_unit,
     )
 
 
@@ -361,16 +366,16 @@ def _mark_pile(particles: Particles, centres: np.ndarray) -> np.ndarray:
     """
     from scipy.spatial import cKDTree
 
-    # Search pairs of spheres that may touch, and keep those that do.
+    # Find the pairs of spheres that are near enough to touch, and keep those that do.
     radii = particles.semi_axes[:, 0]
-    gap = TOUCHING * float(radii.mean())
+    gap = CONTACT_GAP_RADII * float(radii.mean())
     largest_distance = 2 * float(radii.max()) + gap
     pairs = cKDTree(centres).query_pairs(largest_distance, output_type="ndarray")
     first, second = pairs.T
     distances = np.linalg.norm(centres[first] - centres[second], axis=1)
     is_touching = distances <= radii[first] + radii[second] + gap
 
-    # Contacts of spheres are contacts of their grains.
+    # A contact of two spheres is a contact of their grains.
     grains = particles.grains
     contacts = grains[pairs[is_touching]]
     n_grains = int(grains.max()) + 1
@@ -388,7 +393,7 @@ def _choose_scale(diameter_mm: float) -> float:
 
 
 def _complete_grain_height(
-    settings: MeasureSettings, particles: Particles, metres: float
+    settings: MeasureSettings, particles: Particles, metres_per_unit: float
 ) -> MeasureSettings:
     """Complete the settings with the height of a grain, if it is missing.
 
@@ -400,12 +405,12 @@ def _complete_grain_height(
         Settings with or without the height of a grain.
     particles : Particles
         The bodies.
-    metres : float
+    metres_per_unit : float
         Metres in a unit of length of the file.
     """
     if settings.berry_height_mm is not None:
         return settings
-    volume_m3 = _compute_volumes(particles).sum() * metres**3
+    volume_m3 = _compute_volumes(particles).sum() * metres_per_unit**3
     n_grains = len(np.unique(particles.grains))
     diameter_mm = 1e3 * (6 / math.pi * volume_m3 / n_grains) ** (1 / 3)
     return settings.with_grain_height(diameter_mm)
@@ -417,7 +422,7 @@ def _compute_volumes(particles: Particles) -> np.ndarray:
 
 
 def _compute_pile_volume(
-    particles: Particles, in_pile: np.ndarray | None, metres: float
+    particles: Particles, in_pile: np.ndarray | None, metres_per_unit: float
 ) -> float | None:
     """Compute the volume of the particles in the pile in m³.
 
@@ -427,7 +432,7 @@ def _compute_pile_volume(
         N bodies.
     in_pile : ndarray or None
         Mask (N,) of the bodies in the pile; None counts all bodies.
-    metres : float
+    metres_per_unit : float
         Metres in a unit of length of the file.
 
     Returns
@@ -439,7 +444,7 @@ def _compute_pile_volume(
     if n_grains < len(particles.grains):
         return None
     is_counted = np.ones(len(particles.grains), bool) if in_pile is None else in_pile
-    volumes_m3 = _compute_volumes(particles)[is_counted] * metres**3
+    volumes_m3 = _compute_volumes(particles)[is_counted] * metres_per_unit**3
     return float(volumes_m3.sum())
 
 
@@ -486,8 +491,8 @@ def _measure_shape(
 def _measure_scatter(grains: Grains, in_pile: np.ndarray) -> dict[str, float]:
     """Measure how the grains lie scattered around the middle of the pile.
 
-    `in_pile` is the mask (N,) of the grains in the pile. The plate has no edge: the
-    file does not tell its radius.
+    `in_pile` is the mask (N,) of the grains in the pile. The plate counts as infinite,
+    because the file does not tell its radius.
     """
     middle = grains.centres_m[in_pile].mean(axis=0) * [1.0, 1.0, 0.0]
     return measure_scatter(grains.centres_m - middle, in_pile, math.inf)

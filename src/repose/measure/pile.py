@@ -31,7 +31,7 @@ from repose.measure.silhouette import (
     compute_outlines,
     find_extent,
     find_top,
-    paint,
+    paint_outlines,
 )
 
 if TYPE_CHECKING:
@@ -85,10 +85,10 @@ def measure_image(
 
 
 def with_response(measurement: Measurement) -> Measurement:
-    """Return a measurement that has its response; raise NoFlankError for any other.
+    """Return a measurement unchanged if it has its response; raise NoFlankError if not.
 
-    The response is the angle by the definition that the settings name. The error has
-    the reason why it could not be measured.
+    The response is the angle by the definition that the settings name. The error states
+    the reason why this angle could not be measured.
     """
     if measurement.response not in measurement.angles:
         raise NoFlankError(measurement.reasons[measurement.response])
@@ -124,8 +124,8 @@ def find_profile(pile: "Segmentation") -> tuple[np.ndarray, int]:
 def measure_segmented(pile: "Segmentation", settings: MeasureSettings) -> Measurement:
     """Measure a picture that is split into pile and background.
 
-    An angle that cannot be measured is left out of the result, which has the reason.
-    The response may be such an angle: then `with_response` raises an error.
+    The result lacks an angle that cannot be measured, and has the reason instead. If the
+    response is such an angle, `with_response` raises an error.
 
     Parameters
     ----------
@@ -235,7 +235,7 @@ def measure_profiles(
         measured, reasons = measure_sides(profile, crest, settings)
         for name, angle in measured.items():
             angles[name][view] = angle.angle_deg
-        # The reason of the first view counts.
+        # Keep the reason of the first view in which an angle was not measured.
         first_reasons = reasons | first_reasons
     return PileResult(
         response=settings.response,
@@ -319,9 +319,9 @@ def _draw_silhouettes(
 
     scale = settings.mm_per_pixel
     azimuths_deg = np.arange(settings.views) * 180.0 / settings.views
-    # OpenCV fills half a pixel too many all around, so the outlines are moved inwards.
+    # OpenCV fills half a pixel too many all around, so move the outlines inwards by it.
     for polygons in compute_outlines(grains, azimuths_deg, inset_m=scale * 0.5e-3):
-        image = paint(polygons, scale, find_extent(polygons, scale))
+        image = paint_outlines(polygons, scale, find_extent(polygons, scale))
         if min(image.shape) < MIN_SIDE_PX:
             rows, columns = image.shape
             raise NoFlankError(

@@ -59,7 +59,7 @@ def pile_responses(
             reasons[MEAN_KEYS[definition]] = reason
         if settings.response in result.reasons:
             reasons[CALIBRATED_ANGLE] = result.reasons[settings.response]
-    # Measure the other responses that are asked for.
+    # Measure the other responses only if the caller names some of them.
     if extra_names:
         from repose.measure import further_responses
 
@@ -74,7 +74,7 @@ def pile_responses(
     return responses, reasons
 
 
-def side_view(
+def draw_side_view(
     arrays: Arrays,
     particle: ConvexBody,
     settings: MeasureSettings,

@@ -15,11 +15,11 @@ import numpy as np
 from repose.common.errors import InputError
 from repose.common.files import read_json, read_npz
 
-POURS = ".pours.json"  # ending of the file, after the job's name
-KINDS = ("position", "quaternion", "in_pile")
-COLUMNS = {"position": 3, "quaternion": 4}
-ONE_A_GRAIN = ("in_pile", "scale")
-WHAT = f"NAME{POURS} as the verb pour writes it"
+POURS_ENDING = ".pours.json"  # ending of the file, after the job's name
+REQUIRED_ARRAYS = ("position", "quaternion", "in_pile")
+N_COLUMNS = {"position": 3, "quaternion": 4}
+NUMBERS_PER_GRAIN = ("in_pile", "scale")
+EXPECTED_FILE = f"NAME{POURS_ENDING} as the verb pour writes it"
 
 Arrays = Mapping[str, np.ndarray]  # of a pour, by name
 
@@ -43,11 +43,11 @@ def read_pours(path: str | PathLike) -> dict[str, Any]:
     InputError
         For any other file.
     """
-    job = read_json(path, what=WHAT)
+    job = read_json(path, what=EXPECTED_FILE)
     # Another file of the program has no list of pours, or another name.
     pours = job.get("pours")
-    if not str(path).endswith(POURS) or not isinstance(pours, list) or not pours:
-        raise InputError(path, "pours", pours, WHAT)
+    if not str(path).endswith(POURS_ENDING) or not isinstance(pours, list) or not pours:
+        raise InputError(path, "pours", pours, EXPECTED_FILE)
     for pour in pours:
         _check_pour(pour, path)
     seeds = [pour["seed"] for pour in pours]
@@ -88,7 +88,10 @@ def read_positions(path: str | PathLike) -> dict[str, np.ndarray]:
 
 
 def select_pour(
-    arrays: Arrays, seed: object, source: object, kinds: Iterable[str] = KINDS
+    arrays: Arrays,
+    seed: object,
+    source: object,
+    required_arrays: Iterable[str] = REQUIRED_ARRAYS,
 ) -> dict[str, np.ndarray]:
     """Select the arrays of one pour from those of its job, and check them.
 
@@ -100,7 +103,7 @@ def select_pour(
         The pour's seed.
     source : object
         The file, for messages.
-    kinds : iterable of str
+    required_arrays : iterable of str
         Names of the arrays that are needed.
 
     Returns
@@ -119,11 +122,11 @@ def select_pour(
     for key, values in arrays.items():
         if key.endswith(ending):
             selected[key.removesuffix(ending)] = values
-    for kind in kinds:
+    for kind in required_arrays:
         if kind not in selected:
             allowed = "an array in the .npz file beside it"
             raise InputError(source, f"{kind}{ending}", None, allowed)
-    if "position" in kinds:
+    if "position" in required_arrays:
         _check_grains(selected, source, ending)
     return selected
 
@@ -139,17 +142,17 @@ def _check_grains(arrays: Arrays, source: object, ending: str) -> None:
     source : object
         The file, for messages.
     ending : str
-        What follows the name of an array in the file, for messages.
+        The text after the name of an array in the file, for messages.
     """
-    # The shape (N,) of an array with a number for each of the N grains of `position`;
-    # it is empty if that is no table of positions.
+    # The shape (N,) of an array with one number for each of the N grains of `position`.
+    # It is empty if `position` has too few dimensions.
     per_grain = arrays["position"].shape[-2:-1]
-    for kind in (*COLUMNS, *ONE_A_GRAIN):
+    for kind in (*N_COLUMNS, *NUMBERS_PER_GRAIN):
         if kind not in arrays:
             continue
         values = arrays[kind]
         key = f"{kind}{ending}"
-        shape = (*per_grain, COLUMNS[kind]) if kind in COLUMNS else per_grain
+        shape = (*per_grain, N_COLUMNS[kind]) if kind in N_COLUMNS else per_grain
         # Booleans, floats and integers of either kind
         is_numeric = values.dtype.kind in "bfiu"
         # A first axis of times is allowed.
@@ -193,6 +196,6 @@ def _find_first_seed(arrays: Mapping[str, np.ndarray], path: str | PathLike) -> 
 
 
 def positions_file(pours_json: str | PathLike) -> Path:
-    """Name the .npz file that belongs to a NAME.pours.json."""
+    """Return the path of the .npz file beside a NAME.pours.json."""
     path = Path(pours_json)
-    return path.with_name(path.name.removesuffix(POURS) + ".npz")
+    return path.with_name(path.name.removesuffix(POURS_ENDING) + ".npz")

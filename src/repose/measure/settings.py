@@ -12,9 +12,9 @@ from repose.measure.definitions import CALIBRATED_ANGLE, DEFINITIONS, MEAN_KEYS
 from repose.measure.profile_points import FLANK_RULES
 
 ONE_GRAIN = "berry"  # value of `fit_from` and `fit_to` for the height of a grain
-AXES = ("long_mm", "major_mm", "minor_mm")
+AXIS_KEYS = ("long_mm", "major_mm", "minor_mm")
 # Scale of a silhouette whose grain is not known.
-MM_PER_PIXEL = 0.25
+DEFAULT_MM_PER_PIXEL = 0.25
 FINEST_MM_PER_PIXEL = 0.02
 COARSEST_MM_PER_PIXEL = 5.0
 
@@ -73,7 +73,7 @@ class MeasureSettings(Section):
 
     @classmethod
     def with_defaults(
-        cls, mm_per_pixel: float | str = MM_PER_PIXEL, **keys: Any
+        cls, mm_per_pixel: float | str = DEFAULT_MM_PER_PIXEL, **keys: Any
     ) -> Self:
         """Make settings with the values of config/method.yaml for the keys left out."""
         keys["mm_per_pixel"] = mm_per_pixel
@@ -107,9 +107,9 @@ class MeasureSettings(Section):
             ``long_mm``, ``major_mm`` and ``minor_mm``; without them the settings stay
             as they are.
         """
-        if any(grain.get(axis) is None for axis in AXES):
+        if any(grain.get(axis) is None for axis in AXIS_KEYS):
             return self
-        diameter_mm = math.prod(grain[axis] for axis in AXES) ** (1 / 3)
+        diameter_mm = math.prod(grain[axis] for axis in AXIS_KEYS) ** (1 / 3)
         return self.with_grain_height(diameter_mm)
 
 

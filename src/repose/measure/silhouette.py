@@ -18,8 +18,10 @@ from repose.measure.saved_pours import Arrays
 
 # Vertices of a grain's outline: the polygon lies at most 0.03 mm inside the smooth one.
 OUTLINE_DIRECTIONS = 64
+# OpenCV takes coordinates in units of 1/256 of a pixel.
 SUBPIXEL_BITS = 8
 MARGIN_PX = 8
+# Dark grains before a white background, as in a photograph.
 PILE_TONE = 40
 BACKGROUND_TONE = 255
 MAX_PIXELS = 1e9
@@ -72,9 +74,9 @@ class Grains:
 
     @classmethod
     def of(cls, arrays: Arrays, particle: ConvexBody) -> "Grains":
-        """Take the grains of a pour from its arrays.
+        """Make the grains of a pour from its saved arrays.
 
-        These are ``position``, ``quaternion`` and, if sizes differ, ``scale``.
+        The arrays are ``position``, ``quaternion`` and, if sizes differ, ``scale``.
         """
         scales = arrays.get("scale", 1.0)
         return cls(arrays["position"], arrays["quaternion"], particle, scales)
@@ -184,7 +186,8 @@ def _compute_convex_outlines(
     # The axes of the picture in the frame of each body
     body_right = np.einsum("nij,i->nj", rotations, right)
     body_up = rotations[:, 2, :]
-    # A point of the outline is where a plane across a direction of the picture touches.
+    # Each point of the outline is where a plane, normal to a direction of the picture,
+    # touches the body.
     half_circle = circle[: OUTLINE_DIRECTIONS // 2]
     cos, sin = np.split(half_circle, 2, axis=1)
     normals = cos * body_right[:, None, :] + sin * body_up[:, None, :]
@@ -227,8 +230,10 @@ def find_top(grains: Grains) -> float:
     return float((grains.centres_m[:, 2] + grains.scales * support).max())
 
 
-def paint(polygons_m: np.ndarray, mm_per_pixel: float, extent: Extent) -> np.ndarray:
-    """Paint the bodies of one view into a picture, dark on light.
+def paint_outlines(
+    polygons_m: np.ndarray, mm_per_pixel: float, extent: Extent
+) -> np.ndarray:
+    """Paint the outlines of the bodies in one view into a picture, dark on light.
 
     OpenCV fills every pixel that an outline touches, half a pixel too many all around,
     so the outlines must lie half a pixel inside the body. A filled disc then has its
@@ -318,8 +323,8 @@ def draw_silhouette(
     ndarray
         The picture (H, W), dark on light.
     """
-    inset_m = mm_per_pixel * 0.5e-3  # half a pixel, see `paint`
+    inset_m = mm_per_pixel * 0.5e-3  # half a pixel, see `paint_outlines`
     polygons = compute_outlines(grains, [azimuth_deg], inset_m)[0]
     if extent is None:
         extent = find_extent(polygons, mm_per_pixel)
-    return paint(polygons, mm_per_pixel, extent)
+    return paint_outlines(polygons, mm_per_pixel, extent)

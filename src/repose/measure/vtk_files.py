@@ -12,18 +12,18 @@ import pandas as pd
 
 from repose.common.errors import InputError
 
-LEGACY = b"# vtk DataFile"
+LEGACY_START = b"# vtk DataFile"
 # The root of a file in XML; its type is the kind of data.
-XML = re.compile(rb"<VTKFile\s[^>]*?\btype=\"(\w+)\"")
+XML_ROOT = re.compile(rb"<VTKFile\s[^>]*?\btype=\"(\w+)\"")
 # Kinds of data that hold particles, with the ending by which pyvista knows them.
-ENDINGS = {"UnstructuredGrid": ".vtu", "PolyData": ".vtp"}
+ENDING_OF_KIND = {"UnstructuredGrid": ".vtu", "PolyData": ".vtp"}
 START_BYTES = 4096
-EXTRA = "pip install 'repose-dem[vtk]'"
+INSTALL_COMMAND = "pip install 'repose-dem[vtk]'"
 
 
 def is_vtk(start: bytes) -> bool:
-    """Return whether a file that begins with these bytes is one of VTK."""
-    return start.startswith(LEGACY) or XML.search(start) is not None
+    """Tell whether a file that begins with these bytes is a VTK file."""
+    return start.startswith(LEGACY_START) or XML_ROOT.search(start) is not None
 
 
 def read_table(path: Path) -> pd.DataFrame:
@@ -43,9 +43,12 @@ def read_table(path: Path) -> pd.DataFrame:
     try:
         import pyvista
     except ModuleNotFoundError as error:
-        needed = f"pyvista, which reads it: {EXTRA}; or a dump, CSV or Yade's text"
+        needed = (
+            f"pyvista, which reads it: {INSTALL_COMMAND}; or a dump, CSV or Yade's text"
+        )
         raise InputError(path, "file", "VTK", needed) from error
-    # The content decides: LIGGGHTS writes XML into files that end in .vtk, too.
+    # The content decides on the format, because LIGGGHTS also writes XML into files that
+    # end in .vtk.
     try:
         grid = pyvista.get_reader(path, force_ext=ending).read()
         columns = dict(zip("xyz", np.asarray(grid.points, dtype=float).T, strict=True))
@@ -61,16 +64,18 @@ def read_table(path: Path) -> pd.DataFrame:
 def _find_ending(path: Path) -> str:
     """Find the ending by which pyvista knows the format of a file.
 
-    The name of the file may have another one. Raises InputError for a kind of data that
-    holds no particles.
+    The name of the file may have another ending. InputError is raised for a kind of data
+    that holds no particles.
     """
     with path.open("rb") as file:
         start = file.read(START_BYTES)
-    if start.startswith(LEGACY):
+    if start.startswith(LEGACY_START):
         return ".vtk"
-    kind = XML.search(start)
+    kind = XML_ROOT.search(start)
     assert kind is not None
     name = kind[1].decode()
-    if name not in ENDINGS:
-        raise InputError(path, "VTKFile type", name, f"one of {', '.join(ENDINGS)}")
-    return ENDINGS[name]
+    if name not in ENDING_OF_KIND:
+        raise InputError(
+            path, "VTKFile type", name, f"one of {', '.join(ENDING_OF_KIND)}"
+        )
+    return ENDING_OF_KIND[name]

@@ -23,7 +23,7 @@ from repose.common.errors import InputError
 from repose.common.files import write_json, write_npz
 from repose.common.ledger import check_replaceable
 from repose.measure.saved_pours import (
-    POURS,
+    POURS_ENDING,
     positions_file,
     read_positions,
     read_pours,
@@ -111,7 +111,7 @@ def run_job(
     out = Path(out_dir)
     seeds = list(seeds)
     # Refuse to replace files of other programs before minutes of simulation.
-    names = [f"{name}.npz", f"{name}{POURS}"]
+    names = [f"{name}.npz", f"{name}{POURS_ENDING}"]
     if interval_s is not None:
         names += [_name_trajectory_file(name, seed) for seed in seeds]
     for file in names:
@@ -142,7 +142,7 @@ def run_job(
     if wall_s:
         write_timings(out, name, wall_s)
     write_npz(out / f"{name}.npz", arrays)
-    path = out / f"{name}{POURS}"
+    path = out / f"{name}{POURS_ENDING}"
     write_json(path, description | {"pours": records})
     return path
 
@@ -188,7 +188,7 @@ def measure_job(
         if keep_runs:
             write_measurement(path, result)
     out = path.parent if out_dir is None else Path(out_dir)
-    write_json(out / f"{path.name.removesuffix(POURS)}.json", result)
+    write_json(out / f"{path.name.removesuffix(POURS_ENDING)}.json", result)
     return result
 
 
@@ -225,7 +225,9 @@ def measure_runs(scene: Scene, path: Path) -> dict[str, Any]:
     for pour in pours:
         # The arrays of a failed run may be incomplete, so none is required.
         needed = test.required_arrays if pour["status"] == "ok" else ()
-        arrays = select_pour(positions, pour["seed"], source=path, kinds=needed)
+        arrays = select_pour(
+            positions, pour["seed"], source=path, required_arrays=needed
+        )
         runs.append(test.result(pour, arrays, scene))
     # Summarise the responses of the targets first, then those always recorded.
     targets = test.target_responses(scene.settings.config)

@@ -20,7 +20,7 @@ from repose.common.errors import InputError
 from repose.common.files import json_text, read_json, read_npz, write_json, write_npz
 from repose.common.ledger import is_own_file
 from repose.common.source_code import code_hash
-from repose.measure.saved_pours import POURS, positions_file
+from repose.measure.saved_pours import POURS_ENDING, positions_file
 
 RUNS_FOLDER = "runs"
 # Name of the array that holds job and record as JSON.
@@ -110,7 +110,7 @@ def write_measurement(pours: Path, result: Mapping[str, Any]) -> None:
 
 def _measurement_file(pours: Path) -> Path:
     """Return the file that keeps the measurement of a saved job."""
-    return pours.parent / RUNS_FOLDER / f"{pours.name.removesuffix(POURS)}.json"
+    return pours.parent / RUNS_FOLDER / f"{pours.name.removesuffix(POURS_ENDING)}.json"
 
 
 def _hash_sources(pours: Path) -> dict[str, str]:

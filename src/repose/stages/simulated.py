@@ -205,7 +205,7 @@ def measure_pile(
     assert section is not None
     path = folder / section.file
     pile = measure_particles(
-        particle_files.read(path),
+        particle_files.read_particles(path),
         measure,
         unit=section.unit,
         up=section.up,

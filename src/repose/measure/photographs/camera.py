@@ -15,14 +15,17 @@ import cv2
 import numpy as np
 
 from repose.common.errors import NoFlankError
-from repose.measure.photographs.sheet import SheetCorners, size_mm
+from repose.measure.photographs.sheet import SheetCorners, compute_size_mm
 
 # Notes on a camera whose photographs have too few corners for a calibration
 NO_DISTORTION = "lens not corrected: the sheet is seen in too few places"
 NO_FOCAL_LENGTH = (
     "lens not corrected, focal length {origin}: the sheet is seen in too few places"
 )
-PHONE_ASSUMED = "assumed (with a zoom from 5 m the angle reads 0.3 degrees too steep)"
+# Origin of the focal length if neither the corners nor the camera tell it
+PHONE_FOCAL_ORIGIN = (
+    "assumed (with a zoom from 5 m the angle reads 0.3 degrees too steep)"
+)
 
 # Focal lengths, in units of the picture's longer side
 PHONE_FOCAL = 0.75  # the main camera of most phones
@@ -42,8 +45,9 @@ LARGEST_RESIDUAL = 1.5e-3  # rms distance of the corners from a flat sheet, long
 LARGEST_TILT_DEG = 25.0
 LARGEST_LOOK_DOWN_DEG = 8.0
 
-BELOW_MM = 3.0  # height of the strip below the plate in a side view
-SHEET_EDGE = 0.02  # margin around the sheet that is hidden, too, in widths of the sheet
+STRIP_BELOW_PLATE_MM = 3.0  # height of the strip below the plate in a side view
+# Width of a strip around the sheet that counts as hidden, too, in widths of the sheet
+SHEET_MARGIN_SHARE = 0.02
 # OpenCV solves for a sheet in the plane of its first two axes: (x, y, z) of the world
 # is (x, z, -y) there.
 WORLD_TO_SHEET = np.array([[1.0, 0, 0], [0, 0, 1], [0, -1, 0]])
@@ -103,16 +107,16 @@ class _LensFit(NamedTuple):
     k2_error: float
 
 
-def calibrate(
+def calibrate_camera(
     views: Sequence[SheetCorners], size: tuple[int, int], focal_px: float | None = None
 ) -> Camera:
     """Estimate focal length and distortion of a camera from photographs of the sheet.
 
     The lens is centred on the picture, pixels are square, and the distortion is radial.
     The model has as many coefficients of distortion (two, one or none) as the corners
-    determine: the standard error of each moves a point at half the picture's longer
-    side by less than 0.4 % of that distance. If the corners do not even determine the
-    focal length, it is `focal_px`, unless they rule that value out.
+    determine. A coefficient is determined if its standard error moves a point at half
+    the picture's longer side by less than 0.4 % of that distance. If the corners do not
+    determine the focal length either, it is `focal_px`, unless they rule out that value.
 
     Parameters
     ----------
@@ -132,10 +136,10 @@ def calibrate(
     focal = _estimate_focal(views, assumed_focal, size)
     guess = _make_camera_matrix(focal, size)
     # Fit two coefficients of distortion, then one, then none, until the fit is reliable.
-    for fixed in (0, cv2.CALIB_FIX_K2, cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2):
-        fit = _fit_lens(views, size, guess, fixed)
+    for fixed_flags in (0, cv2.CALIB_FIX_K2, cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2):
+        fit = _fit_lens(views, size, guess, fixed_flags)
         if fit is not None and _is_reliable(fit, focal, longer_side):
-            note = NO_DISTORTION if fixed & cv2.CALIB_FIX_K1 else ""
+            note = NO_DISTORTION if fixed_flags & cv2.CALIB_FIX_K1 else ""
             return Camera(fit.matrix, fit.distortion, note)
 
     # The corners do not determine the focal length.
@@ -144,12 +148,15 @@ def calibrate(
     elif focal_px is not None:
         origin = "as the camera states it"
     else:
-        origin = PHONE_ASSUMED
+        origin = PHONE_FOCAL_ORIGIN
     return Camera(guess, np.zeros(5), NO_FOCAL_LENGTH.format(origin=origin))
 
 
 def _fit_lens(
-    views: Sequence[SheetCorners], size: tuple[int, int], guess: np.ndarray, fixed: int
+    views: Sequence[SheetCorners],
+    size: tuple[int, int],
+    guess: np.ndarray,
+    fixed_flags: int,
 ) -> _LensFit | None:
     """Fit the focal length and some coefficients of distortion to views of the sheet.
 
@@ -161,13 +168,13 @@ def _fit_lens(
         Width and height of the photographs in pixels.
     guess : ndarray
         Camera matrix (3, 3) from which the fit begins.
-    fixed : int
+    fixed_flags : int
         OpenCV's flags of the coefficients that stay 0.
 
     Returns
     -------
     _LensFit or None
-        None if there are too few corners for the number of unknowns.
+        The fit, or None if there are fewer corners than the unknowns need.
     """
     object_points = [view.object_points_mm.astype(np.float32) for view in views]
     image_points = [view.pixels.astype(np.float32) for view in views]
@@ -177,7 +184,7 @@ def _fit_lens(
         | cv2.CALIB_FIX_ASPECT_RATIO
         | cv2.CALIB_ZERO_TANGENT_DIST
         | cv2.CALIB_FIX_K3
-        | fixed
+        | fixed_flags
     )
     try:
         _, matrix, distortion, _, _, errors, *_ = cv2.calibrateCameraExtended(
@@ -238,8 +245,8 @@ def _estimate_focal(
 ) -> float:
     """Estimate the focal length [px] of a lens without distortion.
 
-    It is that of several trial values which fits the views best. The assumed focal
-    length is kept if it lies within three standard errors of the best.
+    Several trial values are compared, and the one that fits the views best is chosen.
+    The assumed focal length is kept if it lies within three standard errors of the best.
 
     Parameters
     ----------
@@ -291,7 +298,7 @@ def _sum_squared_residuals(views: Sequence[SheetCorners], matrix: np.ndarray) ->
     total = 0.0
     no_distortion = np.zeros(5)
     for view in views:
-        # A flat sheet may have two poses; the better one counts.
+        # Two poses of a flat sheet may fit its corners. The better one counts.
         residuals = []
         for rotation, translation in _find_poses(view, matrix, no_distortion):
             projected, _ = cv2.projectPoints(
@@ -307,7 +314,7 @@ def _find_poses(
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Find the two poses of a flat sheet that fit its corners.
 
-    From a distance both are nearly alike.
+    Seen from a distance, the two poses look nearly alike.
 
     Parameters
     ----------
@@ -360,7 +367,7 @@ class Pose:
         """Find the pose that fits the corners of the sheet best; see the class."""
         self.camera = camera
         self.size = size
-        self.paper_mm = size_mm(sheet.square_mm)
+        self.paper_mm = compute_size_mm(sheet.square_mm)
         rotation, translation = _find_poses(sheet, camera.matrix, camera.distortion)[0]
         self.rotation = cv2.Rodrigues(rotation)[0] @ WORLD_TO_SHEET
         self.translation = translation
@@ -435,11 +442,11 @@ class Pose:
         return max(abs(roll), abs(pitch))
 
 
-def side_view(
+def draw_side_view(
     image: np.ndarray,
     pose: Pose,
     axis_mm: float | None,
-    longest: int,
+    longest_side_px: int,
     crop: Extent | None = None,
 ) -> SideView:
     """Draw the upright view of the plane through the pile's axis.
@@ -453,7 +460,7 @@ def side_view(
     axis_mm : float or None
         Distance of the axis from the sheet's lower left corner. None means the plane of
         the sheet; the axis is that corner then.
-    longest : int
+    longest_side_px : int
         Largest number of pixels of a side.
     crop : Extent, optional
         The part that is drawn; the default is all that the photograph shows.
@@ -486,15 +493,17 @@ def side_view(
             top=min(extent.top, crop.top),
         )
 
-    # As fine as the photograph, unless that gives more pixels than asked for
+    # The view is as fine as the photograph, but has at most `longest_side_px` pixels.
     width_mm = extent.right - extent.left
-    height_mm = extent.top + BELOW_MM
+    height_mm = extent.top + STRIP_BELOW_PLATE_MM
     one_mm = plane.origin + np.outer([0, 1.0], plane.right)
     pixels_per_mm = float(np.linalg.norm(np.diff(pose.project(one_mm), axis=0)))
-    scale = float(max(1 / pixels_per_mm, width_mm / longest, height_mm / longest))
+    scale = float(
+        max(1 / pixels_per_mm, width_mm / longest_side_px, height_mm / longest_side_px)
+    )
     columns = math.ceil(width_mm / scale)
     rows = math.ceil(height_mm / scale)
-    base_row = rows - 1 - BELOW_MM / scale
+    base_row = rows - 1 - STRIP_BELOW_PLATE_MM / scale
 
     # Find the place in the photograph of each pixel of the view, and take its colour.
     along = extent.left + scale * np.arange(columns)
@@ -549,7 +558,7 @@ def _find_outline_of_sheet(pose: Pose, plane: Plane) -> np.ndarray:
         Corners (4, 2) of that part in mm, along the plane and up.
     """
     width, height = pose.paper_mm
-    margin = SHEET_EDGE * width
+    margin = SHEET_MARGIN_SHARE * width
     left = -margin
     right = width + margin
     bottom = -2 * margin

@@ -1,8 +1,8 @@
 """List doubts about a measured photograph: signs that it does not show a single heap.
 
-A sign that leaves the measurement possible is a doubt: a sentence for the reader, with
-which the photograph does not count. Others raise NoFlankError, which refuses the
-photograph.
+A sign that leaves the measurement possible is a doubt. A doubt is a sentence for the
+user, and the photograph then does not count in the mean. Other signs raise NoFlankError,
+which refuses the photograph.
 """
 
 import math
@@ -18,11 +18,11 @@ from repose.measure.pile import find_profile
 from repose.measure.results import Measurement
 
 DOUBT = "doubtful"  # begins each doubt
-BASE_ROW = "give --base-row, the row of the plate, or show the printed sheet"
-LOW_BASE = (
+BASE_ROW_ADVICE = "give --base-row, the row of the plate, or show the printed sheet"
+LOW_BASE_REASON = (
     "its lowest row lies {depth:.1%} of its height below its {part}: a shadow at the "
     "foot, or the camera looks down on it or is rolled (--length makes a line level); "
-    f"{BASE_ROW}"
+    f"{BASE_ROW_ADVICE}"
 )
 
 MIN_HEIGHT_PX = 80  # of a pile: with fewer pixels its angle is off by up to 1.5 degrees
@@ -70,7 +70,7 @@ def estimate_grain_mm(height_mm: float) -> float:
 def list_doubts_of_pile(
     pile: Segmentation, measurement: Measurement, grain_mm: float, mm_per_pixel: float
 ) -> list[str]:
-    """List the doubts whether a pile is a single heap of enough pixels.
+    """List the doubts that a pile is a single heap and has enough pixels.
 
     Parameters
     ----------
@@ -259,9 +259,9 @@ def _compute_meeting_height(lines: tuple, base_row: float) -> float:
 def require_foot(
     image: np.ndarray, pile: Segmentation, grain_mm: float | None, mm_per_pixel: float
 ) -> None:
-    """Check that the lowest rows of a pile are its foot, where no sheet shows the plate.
+    """Check that the lowest rows of a pile are its foot, if no sheet shows the plate.
 
-    They may be a shadow, or the near rim of a pile that is seen from above.
+    They may instead be a shadow, or the near rim of a pile that is seen from above.
 
     Parameters
     ----------
@@ -293,7 +293,9 @@ def require_foot(
     shadow_rows = finding.count_shadow_rows(image, pile.mask)
     if shadow_rows > LARGEST_SHADOW_GRAINS * grain_px:
         part = "grains, with the colour of the background"
-        raise NoFlankError(LOW_BASE.format(depth=shadow_rows / rows.size, part=part))
+        raise NoFlankError(
+            LOW_BASE_REASON.format(depth=shadow_rows / rows.size, part=part)
+        )
 
     # From above, the foot is widest some rows over its lowest one.
     is_widest = widths[rows] >= 0.99 * widths.max()
@@ -301,13 +303,13 @@ def require_foot(
     underside_rows = rows[-1] - widest_row
     if underside_rows > LARGEST_UNDERSIDE_GRAINS * grain_px:
         depth = underside_rows / rows.size
-        raise NoFlankError(LOW_BASE.format(depth=depth, part="widest row"))
+        raise NoFlankError(LOW_BASE_REASON.format(depth=depth, part="widest row"))
 
 
 def list_doubts_of_base(
     image: np.ndarray, pile: Segmentation, grain_px: float
 ) -> list[str]:
-    """List the doubts whether a base and flanks found without the sheet are the pile's.
+    """List the doubts about a base and flanks that were found without the sheet.
 
     Parameters
     ----------
@@ -336,13 +338,13 @@ def list_doubts_of_base(
     if upright_px > max(LARGEST_UPRIGHT_GRAINS * grain_px, LARGEST_UPRIGHT_PX):
         doubts.append(
             f"{DOUBT}: an end of its foot is upright over {upright_px} pixels, as of a "
-            f"plate or a ruler: {BASE_ROW}"
+            f"plate or a ruler: {BASE_ROW_ADVICE}"
         )
 
     if _continues_below(image, pile, foot, grain_px):
         doubts.append(
             f"{DOUBT}: below its base the picture has the pile's colour and no "
-            f"plate's: {BASE_ROW}"
+            f"plate's: {BASE_ROW_ADVICE}"
         )
 
     shadow_share = finding.compute_shadow_share(image, pile.mask)
@@ -355,9 +357,9 @@ def list_doubts_of_base(
 
 
 def _count_upright_rows(distance: np.ndarray) -> int:
-    """Count the rows in which one side of a pile is as far out as anywhere.
+    """Count the rows in which one side of a pile is at most 2 pixels from its outermost.
 
-    Two pixels less count, too. Many such rows are an upright edge.
+    Many such rows are an upright edge, which grains do not have.
 
     Parameters
     ----------
@@ -370,10 +372,10 @@ def _count_upright_rows(distance: np.ndarray) -> int:
 def _continues_below(
     image: np.ndarray, pile: Segmentation, foot: _Foot, grain_px: float
 ) -> bool:
-    """Return whether the picture below the base has the pile's colour.
+    """Tell whether the picture below the base has the pile's colour.
 
-    Three colours are compared: that of the grains, that below the middle of the foot,
-    and that beside the foot, as low.
+    The colour below the middle of the foot is compared with two others: the colour of
+    the grains, and the colour in the same rows beside the foot.
 
     Parameters
     ----------

@@ -55,16 +55,15 @@ def overlay(image: np.ndarray, measurement: Measurement) -> np.ndarray:
     return picture
 
 
-def overlay_refused(image: np.ndarray, pile: Segmentation | None) -> np.ndarray:
-    """Draw what was taken for the pile into a refused picture: boundary and base.
+def draw_refused_overlay(image: np.ndarray, pile: Segmentation | None) -> np.ndarray:
+    """Draw boundary and base of a supposed pile into a refused picture.
 
     Parameters
     ----------
     image : ndarray
         The picture, (H, W) or BGR (H, W, 3).
     pile : Segmentation or None
-        What was taken for the pile; None if nothing was found, and then nothing is
-        drawn.
+        The supposed pile. If it is None, because none was found, nothing is drawn.
 
     Returns
     -------
@@ -137,7 +136,7 @@ def draw_line(
 
 
 def _convert_to_fixed_point(point: tuple) -> tuple[int, ...]:
-    """Convert a place to whole numbers of 1/256 pixel, as OpenCV takes them."""
+    """Convert a place to the units of 1/256 of a pixel in which OpenCV draws."""
     limit = LARGEST_COORDINATE
     return tuple(round(256 * min(max(value, -limit), limit)) for value in point)
 

@@ -32,12 +32,13 @@ from repose.measure.photographs.segmentation import (
 # Features of a pixel
 COLOUR_GAIN = 110.0
 BRIGHTNESS_GAIN = 45.0
-DARK = 14.0  # tones added to each channel: noise of darker pixels has no colour
+# Tones that are added to each channel, so that the noise of dark pixels has no colour
+ADDED_TONES = 14.0
 FULL_BRIGHTNESS = np.array([1, 1, COLOUR_GAIN / BRIGHTNESS_GAIN], np.float32)
 
 # Background
-SIDES = 0.25  # share of the width, on either side, that shows mostly background
-LARGEST_TEXTURE = 30.0  # a larger difference from the background stands out of it
+SIDE_SHARE = 0.25  # share of the width, on either side, that shows mostly background
+LARGEST_TEXTURE = 30.0  # difference of the features; a larger one is not background
 SMALLEST_LEVEL = 6.0  # of the difference that separates the first guess
 
 # Shadows
@@ -49,16 +50,19 @@ COMPARED_PX = 1200  # longer side of the picture in which shadows are looked for
 
 # The boundary in the fine view; lengths are in heights of a grain
 N_ROUNDS = 4  # of GrabCut, and of moving the boundary
-NEAR = 0.25  # radius of the neighbourhood that gives the colours of both sides
+NEIGHBOURHOOD_GRAINS = (
+    0.25  # radius of the neighbourhood that gives the colours of both sides
+)
 CERTAIN_SHARE = 0.75  # share of a side in a pixel's colour that makes it one of it
 LIGHT_PX = 2  # distance within which the boundary is moved by light, in pixels
 TONE_CURVE = 2.2  # exponent from tones to light
 PENUMBRA_SHARE = 0.6  # share of the background's ratios in a penumbra, at least
-PENUMBRA_HEIGHT = 0.2
-PENUMBRA_WIDTH = 0.8
-NECK = 0.3  # half the width of the neck between a loose grain and the pile
-GAP = 0.4  # a part with more background below it does not stand on the plate
-FAINT = 10.0  # difference of features that texture and noise have, too
+PENUMBRA_HEIGHT_GRAINS = 0.2
+PENUMBRA_WIDTH_GRAINS = 0.8
+NECK_GRAINS = 0.3  # half the width of the neck between a loose grain and the pile
+GAP_GRAINS = 0.4  # a part with more background below it does not stand on the plate
+# Difference of features that texture and noise can also have
+FAINT_DIFFERENCE = 10.0
 
 # Roughness
 ROUGHNESS_GAIN = 3.0  # difference of features for one scatter of the background
@@ -73,10 +77,10 @@ NO_PILE = (
 
 
 class NotPlainError(NoFlankError):
-    """The colours of pile and background do not differ enough."""
+    """Raised if the colours of pile and background do not differ enough."""
 
 
-class Refined(NamedTuple):
+class RefinedPile(NamedTuple):
     """The pile in a fine view."""
 
     pile: Segmentation
@@ -99,7 +103,7 @@ class _SideComparison(NamedTuple):
     difference: np.ndarray  # (H, W, 3), of the features
 
 
-def find(view: SideView, by_roughness: bool = False) -> tuple[np.ndarray, bool]:
+def find_pile(view: SideView, by_roughness: bool = False) -> tuple[np.ndarray, bool]:
     """Find the pile in a coarse view.
 
     Parameters
@@ -128,8 +132,7 @@ def find(view: SideView, by_roughness: bool = False) -> tuple[np.ndarray, bool]:
     )
     scatter = _compute_local_scatter(features[..., 2])
 
-    # The background is fitted twice, the second time without the pile of the first
-    # guess.
+    # Fit the background twice, the second time without the pile of the first guess.
     not_background = hidden
     for _ in range(2):
         background = _fit_background(features, not_background)
@@ -137,7 +140,7 @@ def find(view: SideView, by_roughness: bool = False) -> tuple[np.ndarray, bool]:
         pile = cv2.dilate(guess.pile.astype(np.uint8), np.ones((9, 9), np.uint8))
         not_background = hidden | (pile > 0)
 
-    # Other objects are painted over, and GrabCut separates the pile.
+    # Paint over other objects with background, and let GrabCut separate the pile.
     painted = np.where(guess.others[..., None], background, features)
     mask = _apply_grab_cut(painted, _make_coarse_marks(guess, hidden))
     mask = _remove_shadow(mask, painted - background, scatter)
@@ -169,9 +172,9 @@ def _make_coarse_marks(guess: _Guess, hidden: np.ndarray) -> np.ndarray:
     return marks
 
 
-def refine(
+def refine_pile(
     view: SideView, coarse: np.ndarray, grain_px: float, by_roughness: bool
-) -> Refined:
+) -> RefinedPile:
     """Find the boundary of a pile in a finer view.
 
     Parameters
@@ -203,7 +206,7 @@ def refine(
     features = _compute_view_features(
         view, n_rows, grain_px if by_roughness else None, coarse_mask
     )
-    near_px = NEAR * grain_px
+    near_px = NEIGHBOURHOOD_GRAINS * grain_px
 
     # Decide the pixels near the coarse boundary
     reach = max(4, round((1.0 if by_roughness else 0.4) * grain_px))
@@ -229,8 +232,8 @@ def refine(
     )
 
     # Remove loose grains
-    mask = _remove_floating(_keep_largest_part(mask), GAP * grain_px)
-    mask = _keep_largest_part(_remove_touching(mask, round(NECK * grain_px)))
+    mask = _remove_floating(_keep_largest_part(mask), GAP_GRAINS * grain_px)
+    mask = _keep_largest_part(_remove_touching(mask, round(NECK_GRAINS * grain_px)))
     require_upright(mask)
 
     grey = cv2.cvtColor(view.image[:n_rows], cv2.COLOR_BGR2GRAY)
@@ -246,7 +249,7 @@ def refine(
         pile_is="darker" if is_darker else "brighter",
     )
     weights = np.ones(3, np.float32) if by_roughness else FULL_BRIGHTNESS
-    return Refined(pile, _compute_faint_share(features, mask, near_px, weights))
+    return RefinedPile(pile, _compute_faint_share(features, mask, near_px, weights))
 
 
 def _make_fine_marks(coarse: np.ndarray, hidden: np.ndarray, reach: int) -> np.ndarray:
@@ -294,7 +297,7 @@ def _compute_faint_share(
     columns = np.flatnonzero(mask.any(axis=0))
     rows = mask.argmax(axis=0)[columns]
     contrast = np.linalg.norm(difference[rows, columns] * weights, axis=1)
-    return float((contrast < FAINT).mean())
+    return float((contrast < FAINT_DIFFERENCE).mean())
 
 
 def _compute_light(view: SideView, n_rows: int) -> np.ndarray:
@@ -418,8 +421,8 @@ def _remove_penumbra(
     )
 
     # Smaller patches than a shadow are gaps between grains, and stay.
-    height = max(3, round(PENUMBRA_HEIGHT * grain_px))
-    width = max(3, round(PENUMBRA_WIDTH * grain_px))
+    height = max(3, round(PENUMBRA_HEIGHT_GRAINS * grain_px))
+    width = max(3, round(PENUMBRA_WIDTH_GRAINS * grain_px))
     smallest_patch = np.ones([height, width], np.uint8)
     shadow = cv2.morphologyEx(
         is_shadow.astype(np.uint8), cv2.MORPH_OPEN, smallest_patch
@@ -516,7 +519,7 @@ def compute_features(image: np.ndarray) -> np.ndarray:
     ndarray
         Features (H, W, 3), float32. They are logarithms, scaled to lie around 128.
     """
-    smooth = cv2.GaussianBlur(image, (0, 0), 0.8).astype(np.float32) + DARK
+    smooth = cv2.GaussianBlur(image, (0, 0), 0.8).astype(np.float32) + ADDED_TONES
     blue, green, red = cv2.split(smooth)
     red_ratio = COLOUR_GAIN * np.log(red / green)
     blue_ratio = COLOUR_GAIN * np.log(blue / green)
@@ -564,9 +567,9 @@ def _compute_roughness(
 ) -> np.ndarray:
     """Compute the roughness of a picture as a feature around 128.
 
-    Roughness is the smallest gradient over all directions (Shi and Tomasi 1994): a
-    straight edge, such as that of a table, has none. It is counted from that of the
-    row's background, in units of the background's scatter.
+    Roughness is the smallest gradient over all directions (Shi and Tomasi 1994). A
+    straight edge, such as that of a table, has none. The roughness of the row's
+    background is subtracted, and its scatter is the unit.
 
     Parameters
     ----------
@@ -587,7 +590,7 @@ def _compute_roughness(
     smallest_gradient = cv2.cornerMinEigenVal(
         np.ascontiguousarray(brightness), WINDOW_PX
     )
-    # Close the gaps between grains, and take back what the window adds around them.
+    # Close the gaps between grains, and remove the margin that the window adds.
     radius = max(1, round(0.25 * grain_px))
     gradient_root = np.sqrt(np.maximum(smallest_gradient, 0))
     closed = cv2.dilate(gradient_root, _make_disc(radius))
@@ -596,9 +599,9 @@ def _compute_roughness(
     not_background = hidden
     if pile is not None:
         not_background = hidden | (cv2.dilate(pile, _make_disc(radius)) > 0)
-    # A quantile below the median: the pile may fill half of a row.
+    # Use a quantile below the median, because the pile may fill half of a row.
     background = _hide_excluded(rough, not_background)
-    roughness = rough - np.nanquantile(background, SIDES, axis=1, keepdims=True)
+    roughness = rough - np.nanquantile(background, SIDE_SHARE, axis=1, keepdims=True)
     # The factor turns a median deviation into a standard deviation.
     scatter = 1.4826 * np.median(np.abs(roughness[~not_background]))
     scaled = ROUGHNESS_GAIN * roughness / max(scatter, SMALLEST_SCATTER)
@@ -640,12 +643,12 @@ def _fill_hidden(colours: np.ndarray, hidden: np.ndarray) -> np.ndarray:
     """
     columns = np.arange(hidden.shape[1])
     # The last visible column up to each pixel, and the first from it on
-    beyond = 10**6  # stands for a column that does not exist
+    beyond = 10**6  # number of a column that does not exist
     left = np.maximum.accumulate(np.where(hidden, -1, columns), axis=1)
     from_right = np.where(hidden, beyond, columns)[:, ::-1]
     right = np.minimum.accumulate(from_right, axis=1)[:, ::-1]
 
-    # Of both, the nearer one gives its colour.
+    # The nearer one of the two gives its colour.
     left_distance = np.where(left >= 0, columns - left, beyond)
     right_distance = right - columns
     nearest = np.where(left_distance <= right_distance, left, right)
@@ -657,8 +660,9 @@ def _fill_hidden(colours: np.ndarray, hidden: np.ndarray) -> np.ndarray:
 def _fit_background(features: np.ndarray, excluded: np.ndarray) -> np.ndarray:
     """Estimate the features of the background by a line through each row of a picture.
 
-    The first estimate is the median of the row's outer parts. Three times a line is
-    fitted to the pixels near the estimate before, and becomes the next estimate.
+    The first estimate is the median of the row's outer parts. Then a line is fitted to
+    the pixels near the last estimate, and becomes the next estimate. This is done three
+    times.
 
     Parameters
     ----------
@@ -675,7 +679,7 @@ def _fit_background(features: np.ndarray, excluded: np.ndarray) -> np.ndarray:
     width = excluded.shape[1]
     is_allowed = ~excluded[..., None]
     x = np.linspace(-1, 1, width, dtype=np.float32)[None, :, None]
-    is_outer = (np.abs(x) > 1 - 2 * SIDES) & is_allowed
+    is_outer = (np.abs(x) > 1 - 2 * SIDE_SHARE) & is_allowed
     # A row whose outer parts are excluded takes the median of all its pixels.
     has_no_outer = ~is_outer.any(axis=1, keepdims=True)
     outer = np.where(is_outer | has_no_outer, features, np.nan)
@@ -743,9 +747,9 @@ def _compute_local_scatter(brightness: np.ndarray) -> np.ndarray:
 def _guess_pile(
     difference: np.ndarray, scatter: np.ndarray, hidden: np.ndarray
 ) -> _Guess:
-    """Guess where the pile is: the largest part that stands on the plate.
+    """Guess where the pile is, from the difference between picture and background.
 
-    It differs from the background and is wider than high.
+    The pile is the largest part that stands on the plate and is wider than high.
 
     Parameters
     ----------
@@ -766,8 +770,8 @@ def _guess_pile(
     NotPlainError
         If there is no such part.
     """
-    # The strength of the difference, in colour, brightness and scatter. The scatter is
-    # compared with its row: an edge of the table is rough, too.
+    # The strength of the difference, in colour, brightness and scatter. The median
+    # scatter of each row is subtracted, because the edge of a table is rough, too.
     row_scatter = np.nanmedian(_hide_excluded(scatter, hidden), axis=1, keepdims=True)
     squares = (
         (difference[..., :2] ** 2).sum(-1)
@@ -782,8 +786,8 @@ def _guess_pile(
         1,
         cv2.THRESH_BINARY | cv2.THRESH_OTSU,
     )
-    # The plate may be closer to the grains' colour than the wall is: then the foot of
-    # the pile needs a lower level.
+    # If the plate's colour is nearer to that of the grains than the wall's is, the foot
+    # of the pile needs a lower level.
     for lower_level in (level, level / 2, level / 4):
         if lower_level < SMALLEST_LEVEL:
             break
@@ -882,8 +886,8 @@ def _remove_shadow(
 def _mark_shadow(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
     """Mark the pixels of a pile that look like a shadow on the background.
 
-    They have the background's colour and are darker. None are marked if the upper part
-    of the pile is like that, too: then the grains have the background's colour.
+    They have the background's colour and are darker. If the upper part of the pile has
+    such pixels, too, then the grains have the background's colour, and none are marked.
 
     Parameters
     ----------
@@ -903,7 +907,7 @@ def _mark_shadow(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
 
 
 def _mark_darker_background(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
-    """Mark pixels of a pile with the background's colour that are darker than it.
+    """Mark pixels of a pile that have the background's colour but are darker.
 
     The arguments are those of `_mark_shadow`.
     """
@@ -920,8 +924,8 @@ def _mark_darker_background(mask: np.ndarray, difference: np.ndarray) -> np.ndar
 def _remove_floating(mask: np.ndarray, gap_px: float) -> np.ndarray:
     """Remove parts that float above background, such as a loose grain behind the pile.
 
-    The foot of the pile is the lowest row at least half as wide as the widest: seen
-    from the side, round grains end a little above the plate's row.
+    The foot of the pile is the lowest row that is at least half as wide as the widest
+    row. It is not the row of the plate, because round grains end a little above it.
 
     Parameters
     ----------
@@ -945,7 +949,7 @@ def _remove_floating(mask: np.ndarray, gap_px: float) -> np.ndarray:
 def _remove_touching(mask: np.ndarray, radius: int) -> np.ndarray:
     """Remove loose grains that touch the foot of a pile.
 
-    They are low parts of the mask that only a neck connects with the rest.
+    They are low parts of the mask that only a narrow neck connects with the rest.
 
     Parameters
     ----------

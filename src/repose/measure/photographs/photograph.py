@@ -36,8 +36,8 @@ from repose.measure.results import Measurement
 from repose.measure.settings import MeasureSettings
 
 # A length that gives the scale
-LEAST_LENGTH_PX = 10
-MOST_LEVEL_DEG = 25.0
+SHORTEST_LENGTH_PX = 10
+LARGEST_LEVEL_DEG = 25.0
 
 # Longer sides of pictures, in pixels
 LARGEST_PX = 4000  # of a photograph; a larger one is reduced
@@ -51,11 +51,11 @@ LARGEST_FAINT_SHARE = 0.2  # of the upper boundary
 SIDE_MARGIN = 1.3  # half the width of the fine view over the pile's
 TOP_MARGIN = 1.6  # height of the fine view over the pile's
 
-NO_SHEET = (
+NO_SHEET_REASON = (
     "the printed sheet is not seen; without one the scale is given by --mm-per-pixel "
     "or --length"
 )
-NO_LENGTH = (
+NO_LENGTH_NOTE = (
     "no length is known, so there are angles alone, without Height and secant; the "
     "printed sheet, --mm-per-pixel or --length gives one. The photograph must be level"
 )
@@ -75,7 +75,8 @@ class Scale:
     Attributes
     ----------
     square_mm : float
-        Side of a square of the printed sheet; the other fields do not count with it.
+        Side of a square of the printed sheet. A photograph with the sheet ignores the
+        other fields.
     mm_per_pixel : float, optional
         Scale without the sheet; None means that the sheet gives it, or nothing.
     base_row : float, optional
@@ -108,7 +109,7 @@ class Photograph:
         The part taken for the pile; None if nothing was found.
     measurement : Measurement, optional
         None if the photograph was refused.
-    refused : str
+    refusal_reason : str
         The reason why it was refused; empty if it was not.
     geometry : dict
         Its ``mm_per_pixel``, if it is known; with a sheet also ``tilt_deg`` and
@@ -123,7 +124,7 @@ class Photograph:
     view: np.ndarray
     pile: Segmentation | None = None
     measurement: Measurement | None = None
-    refused: str = ""
+    refusal_reason: str = ""
     geometry: dict[str, float] = field(default_factory=dict)
     note: str = ""
     doubts: Sequence[str] = ()
@@ -151,7 +152,7 @@ class _Location(NamedTuple):
 def measure_level_length(
     length_mm: float, x1: float, y1: float, x2: float, y2: float
 ) -> tuple[float, float] | None:
-    """Compute scale and slope of a photograph from a length that is level in reality.
+    """Compute scale and slope of a photograph from a known length of a level line.
 
     Parameters
     ----------
@@ -168,7 +169,7 @@ def measure_level_length(
     """
     length_px = math.hypot(x2 - x1, y2 - y1)
     level_deg = math.degrees(math.atan2(y1 - y2, x2 - x1))
-    if length_px < LEAST_LENGTH_PX or abs(level_deg) > MOST_LEVEL_DEG:
+    if length_px < SHORTEST_LENGTH_PX or abs(level_deg) > LARGEST_LEVEL_DEG:
         return None
     return length_mm / length_px, level_deg
 
@@ -244,7 +245,7 @@ def calibrate_cameras(
     for path in paths:
         image, _ = read_photograph(path)
         size = (image.shape[1], image.shape[0])
-        corners = sheet.find(image, square_mm)
+        corners = sheet.find_sheet(image, square_mm)
         sheets[path] = corners
         if corners is not None:
             views_by_size.setdefault(size, []).append(corners)
@@ -252,13 +253,13 @@ def calibrate_cameras(
             if size not in focal_by_size:
                 focal_by_size[size] = _read_focal(path, max(size))
     cameras = {
-        size: camera.calibrate(views, size, focal_by_size[size])
+        size: camera.calibrate_camera(views, size, focal_by_size[size])
         for size, views in views_by_size.items()
     }
     return sheets, cameras
 
 
-def measure_all(
+def measure_photographs(
     paths: Paths, settings: MeasureSettings, scale: Scale, lens: Paths = ()
 ) -> list[Photograph]:
     """Measure photographs of piles, with or without the printed sheet.
@@ -273,7 +274,7 @@ def measure_all(
     settings : MeasureSettings
         Settings of the measurement.
     scale : Scale
-        What the user tells of their scale.
+        What the user states about their scale.
     lens : sequence of Path
         Photographs of the sheet alone, by the same camera.
 
@@ -289,7 +290,7 @@ def measure_all(
         is given beside a sheet.
     """
     if scale.mm_per_pixel is not None:
-        return [measure_plain(path, settings, scale) for path in paths]
+        return [measure_without_sheet(path, settings, scale) for path in paths]
 
     sheets, cameras = calibrate_cameras([*paths, *lens], scale.square_mm)
     for path in lens:
@@ -299,7 +300,7 @@ def measure_all(
 
     # Without a camera no photograph shows the sheet.
     if not cameras:
-        return [measure_plain(path, settings, scale) for path in paths]
+        return [measure_without_sheet(path, settings, scale) for path in paths]
     if scale.base_row is not None:
         allowed = "nothing, as the printed sheet shows the plate"
         raise InputError("command line", "--base-row", scale.base_row, allowed)
@@ -308,7 +309,7 @@ def measure_all(
         image, _ = read_photograph(path)
         corners = sheets[path]
         if corners is None:
-            result = Photograph(path, image, refused=NO_SHEET)
+            result = Photograph(path, image, refusal_reason=NO_SHEET_REASON)
         else:
             size = (image.shape[1], image.shape[0])
             result = _measure_with_sheet(path, image, corners, cameras[size], settings)
@@ -325,8 +326,8 @@ def _measure_with_sheet(
 ) -> Photograph:
     """Measure a photograph that shows the sheet.
 
-    The pile is found by its colour. If the background has nearly the same colours, it
-    is found by its roughness, which counts only without a doubt.
+    The pile is found by its colour. If the background has nearly the same colours, the
+    pile is found by its roughness, but this result counts only if it has no doubts.
 
     Parameters
     ----------
@@ -342,16 +343,16 @@ def _measure_with_sheet(
     try:
         pose = camera.Pose(lens, corners, (image.shape[1], image.shape[0]))
     except NoFlankError as error:
-        return Photograph(path, image, refused=error.reason)
+        return Photograph(path, image, refusal_reason=error.reason)
 
     by_colour = Photograph(path, image, note=lens.note)
     try:
         _measure_in_pose(by_colour, pose, settings, by_roughness=False)
         return by_colour
     except finding.NotPlainError as error:
-        by_colour.refused = error.reason
+        by_colour.refusal_reason = error.reason
     except NoFlankError as error:
-        by_colour.refused = error.reason
+        by_colour.refusal_reason = error.reason
         return by_colour
 
     # The background was not plain, so try the roughness.
@@ -375,8 +376,8 @@ def _measure_in_pose(
     Parameters
     ----------
     photograph : Photograph
-        The photograph, which is completed step by step: if the measurement ends with
-        NoFlankError, it shows what was found before.
+        The photograph, whose attributes are changed step by step. If the measurement
+        ends with NoFlankError, they have what was found before.
     pose : Pose
         Position and direction of its camera.
     settings : MeasureSettings
@@ -393,13 +394,13 @@ def _measure_in_pose(
     image = photograph.view
 
     # Find the pile in the plane of the sheet
-    coarse = camera.side_view(image, pose, None, COARSE_PX)
+    coarse = camera.draw_side_view(image, pose, None, COARSE_PX)
     photograph.view = coarse.image
     photograph.geometry = {
         "mm_per_pixel": coarse.mm_per_pixel,
         "tilt_deg": pose.tilt_deg,
     }
-    coarse_mask, has_neighbour = finding.find(coarse, by_roughness)
+    coarse_mask, has_neighbour = finding.find_pile(coarse, by_roughness)
     location = _locate_pile(coarse_mask, coarse)
     look_down_deg = pose.look_down_deg(location.crest_mm, location.height_mm)
     photograph.geometry["look_down_deg"] = look_down_deg
@@ -413,7 +414,7 @@ def _measure_in_pose(
     photograph.geometry["mm_per_pixel"] = fine.mm_per_pixel
     fine_mask = _transfer_mask(coarse_mask, coarse, fine, location.crest_mm)
     grain_px = grain_mm / fine.mm_per_pixel
-    pile, faint_share = finding.refine(fine, fine_mask, grain_px, by_roughness)
+    pile, faint_share = finding.refine_pile(fine, fine_mask, grain_px, by_roughness)
     photograph.pile = pile
     if abs(look_down_deg) > camera.LARGEST_LOOK_DOWN_DEG:
         raise NoFlankError(
@@ -453,7 +454,7 @@ def _remove_perspective(
 ) -> None:
     """Redraw view and pile as a camera at the plate's height sees them from far away.
 
-    That depends on the angles of both sides, which are measured first.
+    The new view depends on the angles of both sides, which are measured first.
 
     Parameters
     ----------
@@ -513,17 +514,17 @@ def _draw_fine_view(
     location : _Location
         Crest, height and width of the pile.
     grain_mm : float or None
-        Height of a grain, where roughness is measured: then grains must be small enough
-        in pixels. None draws the finest view.
+        Height of a grain, if roughness is measured, because grains must then be small
+        enough in pixels. None draws the finest view.
     """
     top_mm = TOP_MARGIN * location.height_mm
     longest_side_px = FINE_PX
     if grain_mm is not None:
         longest_side_mm = max(2 * location.side_mm, top_mm)
-        rough_px = round(LARGEST_ROUGH_GRAIN_PX * longest_side_mm / grain_mm)
-        longest_side_px = min(FINE_PX, rough_px)
+        largest_side_px = round(LARGEST_ROUGH_GRAIN_PX * longest_side_mm / grain_mm)
+        longest_side_px = min(FINE_PX, largest_side_px)
     crop = camera.Extent(left=-location.side_mm, right=location.side_mm, top=top_mm)
-    return camera.side_view(image, pose, location.crest_mm, longest_side_px, crop)
+    return camera.draw_side_view(image, pose, location.crest_mm, longest_side_px, crop)
 
 
 def _measure_view(photograph: Photograph, settings: MeasureSettings) -> Measurement:
@@ -601,7 +602,9 @@ def _require_complete(mask: np.ndarray, hidden: np.ndarray) -> None:
         )
 
 
-def measure_plain(path: Path, settings: MeasureSettings, scale: Scale) -> Photograph:
+def measure_without_sheet(
+    path: Path, settings: MeasureSettings, scale: Scale
+) -> Photograph:
     """Measure a photograph without a sheet, or a silhouette.
 
     Parameters
@@ -611,8 +614,8 @@ def measure_plain(path: Path, settings: MeasureSettings, scale: Scale) -> Photog
     settings : MeasureSettings
         Settings of the measurement.
     scale : Scale
-        What the user tells of its scale. Without `mm_per_pixel`, only the angles that
-        need no length are measured.
+        What the user states about its scale. Without `mm_per_pixel`, only the angles
+        that need no length are measured.
 
     Returns
     -------
@@ -626,19 +629,19 @@ def measure_plain(path: Path, settings: MeasureSettings, scale: Scale) -> Photog
     level_image, level_row = _level_photograph(image, scale.level_deg, reduced_row)
     photograph = Photograph(path, level_image)
     if scale.mm_per_pixel is None:
-        # Lengths are in pixels now, and that of a grain is not known in them.
+        # Lengths are in pixels now, so the height of a grain in mm cannot be used.
         settings = settings.model_copy(update={"berry_height_mm": None})
-        photograph.note = NO_LENGTH
+        photograph.note = NO_LENGTH_NOTE
     else:
         photograph.geometry["mm_per_pixel"] = scale.mm_per_pixel * reduction
     try:
         _require_ends_inside(scale.ends, size)
         _measure_level_photograph(photograph, settings, level_row)
     except (NoFlankError, InputError) as error:  # such as a base below the picture
-        photograph.refused = str(error)
+        photograph.refusal_reason = str(error)
         if scale.mm_per_pixel is None:
-            photograph.refused += f"; {NO_SHEET}"
-    # Without a scale a Height in pixels would be taken for one in mm.
+            photograph.refusal_reason += f"; {NO_SHEET_REASON}"
+    # Without a scale, the Height is in pixels, and readers would mistake it for mm.
     if photograph.measurement is not None and scale.mm_per_pixel is None:
         photograph.measurement = replace(photograph.measurement, height_mm=math.nan)
     return photograph
@@ -738,7 +741,7 @@ def _level_photograph(
     )
     if base_row is None:
         return level_image, None
-    # The distance of the plate's row from the middle shrinks by the turn.
+    # The turn shortens the distance of the plate's row from the middle.
     distance = base_row - middle_row
     level_row = middle_row + distance * math.cos(math.radians(level_deg))
     return level_image, level_row

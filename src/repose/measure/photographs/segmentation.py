@@ -19,7 +19,7 @@ cv2.setNumThreads(1)
 MIN_SIDE_PX = 20  # smallest height and width of a picture
 MIN_PEAK = 8  # contrast in tones that a pile reaches somewhere
 BORDER_SHARE = 0.03  # width of the border strip over the picture's shorter side
-SECOND_HEAP = 0.4  # height of another heap over that of the largest part
+SECOND_HEAP_SHARE = 0.4  # height of another heap over that of the largest part
 # Height of a pile's centroid over its own height; a rectangle has 0.5
 HIGHEST_CENTROID = 0.55
 SMALLEST_PART = 0.01  # area of a part of the pile over that of the largest part
@@ -263,8 +263,9 @@ def _compute_quadratic_terms(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 def _fit_without_outliers(terms: np.ndarray, tones: np.ndarray) -> np.ndarray:
     """Fit the coefficients of a surface to the tones of the border strip.
 
-    A plate or a stray grain in the strip is a minority: the fit begins at the median
-    tone, and four times leaves out what lies more than three standard deviations away.
+    A plate or a stray grain covers only a small part of the strip. Therefore the fit
+    begins at the median tone. It is repeated four times, each time without the pixels
+    more than three standard deviations away from the last fit.
 
     Parameters
     ----------
@@ -332,8 +333,8 @@ def threshold(contrast: np.ndarray) -> tuple[float, np.ndarray]:
 def find_plate_row(mask: np.ndarray) -> float | None:
     """Find the upper edge of a plate that has the tone of the pile.
 
-    A plate covers the mask from border to border, and above it the mask narrows
-    abruptly; above the foot of a pile that the picture cuts off it does not.
+    A plate covers the mask from border to border, and above the plate the mask narrows
+    abruptly. It does not do so above the foot of a pile that the picture cuts off.
 
     Parameters
     ----------
@@ -401,9 +402,10 @@ def _find_contours(mask: np.ndarray) -> Sequence[np.ndarray]:
 
 
 def has_another_heap(mask: np.ndarray) -> bool:
-    """Return whether a second heap stands beside the largest part of a mask.
+    """Tell whether a second heap stands beside the largest part of a mask.
 
-    It stands as low, is wider than high, and at least `SECOND_HEAP` times as high.
+    A second heap stands as low as the largest part, is wider than high, and is at least
+    `SECOND_HEAP_SHARE` times as high as the largest part.
 
     Parameters
     ----------
@@ -418,14 +420,14 @@ def has_another_heap(mask: np.ndarray) -> bool:
     largest = int(areas.argmax())
     bottoms = tops + heights
     stands_as_low = np.abs(bottoms - bottoms[largest]) <= 0.1 * heights[largest]
-    is_high = heights >= SECOND_HEAP * heights[largest]
+    is_high = heights >= SECOND_HEAP_SHARE * heights[largest]
     is_heap = stands_as_low & (widths > heights) & is_high
     # The largest part counts itself.
     return bool(is_heap.sum() > 1)
 
 
 def require_upright(mask: np.ndarray) -> None:
-    """Raise NoFlankError if the pile touches the upper border or stands on its top.
+    """Raise NoFlankError if the pile touches the upper border or is upside down.
 
     The centroid of a pile that widens downwards lies below the middle of its height.
 

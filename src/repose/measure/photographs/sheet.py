@@ -31,19 +31,19 @@ class SheetCorners:
 
     @property
     def object_points_mm(self) -> np.ndarray:
-        """The corners as OpenCV takes them: (N, 3), with the third coordinate 0."""
+        """The corners (N, 3) in the form of OpenCV, with the third coordinate 0."""
         third = np.zeros(len(self.positions_mm))
         return np.column_stack([self.positions_mm, third])
 
 
-def size_mm(square_mm: float = SQUARE_MM) -> tuple[float, float]:
+def compute_size_mm(square_mm: float = SQUARE_MM) -> tuple[float, float]:
     """Compute width and height of the sheet, cut out, from the side of its squares."""
     width = (COLUMNS + 2 * MARGIN_SHARE) * square_mm
     height = (ROWS + 2 * MARGIN_SHARE) * square_mm
     return width, height
 
 
-def find(image: np.ndarray, square_mm: float = SQUARE_MM) -> SheetCorners | None:
+def find_sheet(image: np.ndarray, square_mm: float = SQUARE_MM) -> SheetCorners | None:
     """Find the sheet in a photograph.
 
     Parameters
@@ -79,7 +79,7 @@ def find(image: np.ndarray, square_mm: float = SQUARE_MM) -> SheetCorners | None
     return SheetCorners(np.column_stack([x, z]), pixels, square_mm)
 
 
-def draw(
+def draw_sheet(
     square_mm: float = SQUARE_MM, pixels_per_mm: int = 8
 ) -> tuple[np.ndarray, int]:
     """Draw the sheet with its margin as a grey picture.
@@ -99,7 +99,7 @@ def draw(
         Its resolution.
     """
     # All lengths in pixels
-    width_mm, height_mm = size_mm(square_mm)
+    width_mm, height_mm = compute_size_mm(square_mm)
     width = round(width_mm * pixels_per_mm)
     height = round(height_mm * pixels_per_mm)
     margin = round(MARGIN_SHARE * square_mm * pixels_per_mm)
@@ -111,7 +111,7 @@ def draw(
     return picture, pixels_per_mm
 
 
-def pdf(square_mm: float = SQUARE_MM) -> bytes:
+def make_pdf(square_mm: float = SQUARE_MM) -> bytes:
     """Draw the sheet as a PDF page (A4) with a cutting line and a line of known length.
 
     Parameters
@@ -130,7 +130,7 @@ def pdf(square_mm: float = SQUARE_MM) -> bytes:
     from matplotlib.patches import Rectangle
 
     page_width, page_height = PAGE_MM
-    width, height = size_mm(square_mm)
+    width, height = compute_size_mm(square_mm)
     left = (page_width - width) / 2
     bottom = 60.0
     top = bottom + height
@@ -139,7 +139,7 @@ def pdf(square_mm: float = SQUARE_MM) -> bytes:
     axes.axis("off")
 
     # The sheet itself, in millimetres of the page
-    picture, _ = draw(square_mm)
+    picture, _ = draw_sheet(square_mm)
     axes.imshow(
         picture,
         extent=(left, left + width, bottom, top),

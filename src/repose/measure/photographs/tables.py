@@ -18,10 +18,10 @@ from repose.measure.photographs.photograph import Photograph
 from repose.measure.results import Measurement
 from repose.measure.settings import MeasureSettings, line_of
 
-TARGETED = ("aor_deg", "height_mm")  # numbers that become targets
+TARGETED_NUMBERS = ("aor_deg", "height_mm")  # numbers that become targets
 # Settings of the line that are written beside the targets
 LINE_SETTINGS = ("response", "fit_from", "fit_to", "flank", "smallest_window")
-NO_SCATTER = (
+NO_SCATTER_NOTE = (
     "one pile gives no scatter: photograph more piles, or fill in sd and range in "
     "targets.yaml yourself"
 )
@@ -65,7 +65,7 @@ def make_tables(
     if not doubtful:
         has_no_doubt = [not photograph.doubts for photograph in measured]
         counted_rows = table[has_no_doubt]
-    summary = summarise_columns(counted_rows, (*TARGETED, *MEAN_KEYS.values()))
+    summary = summarise_columns(counted_rows, (*TARGETED_NUMBERS, *MEAN_KEYS.values()))
     return Tables(table, summary, doubtful)
 
 
@@ -85,7 +85,7 @@ def _make_row(photograph: Photograph, settings: MeasureSettings) -> dict[str, An
     for name, value in photograph.geometry.items():
         row[name] = round(value, 5)
     row["grain_mm"] = settings.berry_height_mm
-    row["refused"] = photograph.refused
+    row["refused"] = photograph.refusal_reason
     row["note"] = photograph.remarks
     return row
 
@@ -144,13 +144,13 @@ def write_tables(
     if results.summary.empty:
         targets_yaml.unlink(missing_ok=True)
     else:
-        write_text(targets_yaml, write_targets(results, settings, bench, responses))
+        write_text(targets_yaml, format_targets(results, settings, bench, responses))
 
 
-def write_targets(
+def format_targets(
     results: Tables, settings: MeasureSettings, bench: str, responses: Mapping[str, str]
 ) -> str:
-    """Write the measured responses as targets in the YAML of a configuration.
+    """Format the measured responses as targets in the YAML of a configuration.
 
     A range is the mean with two standard errors to each side, at least 1 % of the mean.
     A single pile has no scatter: its standard deviation and range are null, and a study
@@ -187,7 +187,7 @@ def write_targets(
 
 
 def _format_target(row: Any, bench: str, response: str) -> list[str]:
-    """Write a row of the summary as the entry of a target, in lines of YAML.
+    """Format a row of the summary as the entry of a target, in lines of YAML.
 
     Parameters
     ----------
@@ -231,13 +231,13 @@ def _list_rows(table: pd.DataFrame) -> list[dict]:
     ]
 
 
-def describe(
+def describe_results(
     photographs: Sequence[Photograph],
     results: Tables,
     settings: MeasureSettings,
     out: Path,
 ) -> str:
-    """Write the text that the command prints after a measurement.
+    """Describe the results of photographs in the text that the command prints.
 
     It has a line for each photograph, the means, notes and what to look at next.
 
@@ -260,7 +260,7 @@ def describe(
     grain = "not known" if grain_mm is None else f"{grain_mm:.2f} mm"
     lines.append(f"height of a grain: {grain}")
     if results.summary["sd"].isna().any():
-        lines.append(NO_SCATTER)
+        lines.append(NO_SCATTER_NOTE)
 
     # Notes, each once, and doubts
     notes = {photograph.note for photograph in photographs if photograph.note}
@@ -283,12 +283,15 @@ def describe(
 
 
 def _describe_photographs(photographs: Sequence[Photograph]) -> list[str]:
-    """Describe each photograph in a line: its numbers, or why it was refused."""
+    """Describe each photograph in a line: its numbers, or why it was refused.
+
+    There must be at least one photograph. The names are padded to the longest one.
+    """
     name_width = max(len(photograph.path.name) for photograph in photographs)
     lines = []
     for photograph in photographs:
         if photograph.measurement is None:
-            text = f"refused: {photograph.refused}"
+            text = f"refused: {photograph.refusal_reason}"
         else:
             numbers = _describe_measurement(photograph.measurement)
             text = "; ".join([*numbers, *photograph.doubts])

@@ -8,7 +8,7 @@ from repose.grain.berry_files import read_grain
 from repose.grain.particle import Particle
 from repose.measure import pile
 from repose.measure.angles import DEFINITIONS
-from repose.measure.saved_piles import side_view
+from repose.measure.saved_piles import draw_side_view
 from repose.measure.saved_pours import read_first_pour, read_first_seed
 from repose.measure.settings import MeasureSettings
 from repose.measure.silhouette import Grains
@@ -47,7 +47,9 @@ def definitions(inputs: Inputs, study: StudyView) -> Figure:
     particle = Particle.load(inputs["particle"])
     figure = style.new_figure(style.PAGE, 4.9)
     above, below = figure.subplots(2, 1, height_ratios=(1.5, 1))
-    first_view = _draw_first_view(above, side_view(pour, particle, settings), settings)
+    first_view = _draw_first_view(
+        above, draw_side_view(pour, particle, settings), settings
+    )
     above.set_title(f"a  one view of one pile, seed {read_first_seed(inputs['heap'])}")
     all_views = pile.measure_pile(Grains.of(pour, particle), settings, pour["in_pile"])
     _draw_all_views(below, all_views, first_view)

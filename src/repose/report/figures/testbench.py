@@ -13,7 +13,7 @@ from repose.common.files import read_npz
 from repose.grain.berry_files import read_grain
 from repose.grain.particle import Particle
 from repose.measure import pile
-from repose.measure.saved_piles import side_view
+from repose.measure.saved_piles import draw_side_view
 from repose.measure.saved_pours import read_first_pour
 from repose.measure.settings import MeasureSettings
 from repose.measure.silhouette import Grains, compute_outlines
@@ -103,7 +103,7 @@ def measurement(inputs: Inputs, study: StudyView) -> Figure:
 
     settings = study.settings.measure.for_grain(read_grain(inputs["berry"]))
     particle = Particle.load(inputs["particle"])
-    image = side_view(read_first_pour(inputs["heap"]), particle, settings)
+    image = draw_side_view(read_first_pour(inputs["heap"]), particle, settings)
     scale = settings.mm_per_pixel
     base_row = image.shape[0] - 0.5
     steps = drawing.draw_steps(image, scale, settings, base_row=base_row)
