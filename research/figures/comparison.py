@@ -47,7 +47,7 @@ def accuracy(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
         "explainable_bar",
     )
     table = read_table(inputs["accuracy"], columns)
-    responses = style.targets_of(config).responses
+    responses = style.read_targets(config).responses
     figure = style.new_figure(style.PAGE, 4.4)
     panels = figure.subplots(
         2, len(responses), sharex=True, sharey="row", squeeze=False
@@ -120,7 +120,7 @@ def surrogates(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
             "explainable_se",
         ),
     )
-    responses = style.targets_of(config).responses
+    responses = style.read_targets(config).responses
     figure = style.new_figure(style.PAGE, 3.5)
     panels = figure.subplots(1, len(responses), sharey=True, squeeze=False)[0]
     for panel, response in zip(panels, responses, strict=True):
@@ -159,7 +159,7 @@ def sampling(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     table = read_table(inputs["sampling"], (*keys, "explainable", "explainable_se"))
     designs = table[(table["comparison"] == "designs") & (table["fit"] == "network")]
     trades = table[table["comparison"] == "points against seeds"]
-    responses = style.targets_of(config).responses
+    responses = style.read_targets(config).responses
     figure = style.new_figure(style.PAGE, 5.8)
     halves = figure.subfigures(2, 1)
     panels = np.array(

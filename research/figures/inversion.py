@@ -170,7 +170,7 @@ def whole(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
 
     Input: ``whole`` of the script comparison.
     """
-    responses = style.targets_of(config).responses
+    responses = style.read_targets(config).responses
     error_columns = [derived(response.name, "off") for response in responses]
     columns = [column for key in error_columns for column in (key, f"{key}_se")]
     table = read_table(inputs["whole"], ("data", "method", "simulations", *columns))

@@ -33,7 +33,7 @@ def study(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     sets = read_table(inputs["sets"], ("kind", "definition", "set"))
     shown = [
         target
-        for target in style.targets_of(config)
+        for target in style.read_targets(config)
         if derived(target.name, "difference") in combinations
     ][:2]
     published = _published(sets, shown)

@@ -24,7 +24,7 @@ def what_to_measure_next(
     Every panel shows an exact simulator and one with a discrepancy. Inputs: ``responses``, ``information``,
     ``narrowing`` and ``ways`` of the script responses.
     """
-    base_name = base_label(style.targets_of(config).responses)
+    base_name = base_label(style.read_targets(config).responses)
     information = read_table(
         inputs["information"], ("discrepancy_percent", "set", "gain_bits")
     )

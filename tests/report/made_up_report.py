@@ -33,7 +33,7 @@ SETTINGS = {
 
 
 def made_up_study(folder, targets, surrogate="network", fixed=(), runs=12):
-    """Files of a study in a folder; returns configuration, jobs and files as `page.write` takes them."""
+    """Files of a study in a folder; returns configuration, jobs and files as `page.write_report` takes them."""
     rng = np.random.default_rng(5)
     parameters = {
         name: {"fixed": ANSWER[name]} if name in fixed else RANGES[name]

@@ -221,12 +221,12 @@ def drawn_texts(draw, files):
 
 
 def test_a_figure_of_sizes_says_where_they_are_a_reconstruction(inputs, tmp_path):
-    text = drawn_texts(berries.sizes_and_sphericity, {"sizes": inputs["sizes"]})
-    assert berries.RECONSTRUCTED in text
+    text = drawn_texts(berries.draw_sizes_and_sphericity, {"sizes": inputs["sizes"]})
+    assert berries.RECONSTRUCTION_NOTE in text
     measured = tmp_path / "sizes.csv"
     measured.write_text(inputs["sizes"].read_text().replace("# reconstruction\n", ""))
-    text = drawn_texts(berries.sizes_and_sphericity, {"sizes": measured})
-    assert berries.RECONSTRUCTED not in text
+    text = drawn_texts(berries.draw_sizes_and_sphericity, {"sizes": measured})
+    assert berries.RECONSTRUCTION_NOTE not in text
 
 
 def test_a_search_without_a_feasible_set_says_how_near_it_came(inputs, tmp_path):
@@ -236,7 +236,7 @@ def test_a_search_without_a_feasible_set_says_how_near_it_came(inputs, tmp_path)
     )
     files = {"feasible": inputs["feasible"], "summary": summary}
     says(
-        drawn_texts(search.feasible_solutions, files),
+        drawn_texts(search.draw_feasible_solutions, files),
         "no set is predicted inside all ranges: the ",
         "nearest: 3.1 deg short",
     )
@@ -244,7 +244,7 @@ def test_a_search_without_a_feasible_set_says_how_near_it_came(inputs, tmp_path)
 
 def test_failed_samples_are_counted(inputs):
     files = {"dataset": inputs["dataset"]}
-    texts = drawn_texts(samples.responses_over_parameters, files)
+    texts = drawn_texts(samples.draw_responses_over_parameters, files)
     says(
         " ".join(texts.split()),
         "3 of 150 samples gave no result",
@@ -261,7 +261,7 @@ def test_a_drum_that_never_slips_is_shown_at_the_report(inputs, tmp_path, monkey
         }
     np.savez(states, **arrays)
     files = {"states": states, "particle": inputs["particle"]}
-    says(drawn_texts(rotation.states, files), "NO SLIP", "at the report")
+    says(drawn_texts(rotation.draw_states, files), "NO SLIP", "at the report")
 
 
 def test_the_drum_names_the_run_that_it_shows(inputs, monkeypatch, tmp_path):
@@ -279,7 +279,7 @@ def test_the_drum_names_the_run_that_it_shows(inputs, monkeypatch, tmp_path):
     assert choose_median_run(runs) == 15
     runs.to_csv(tmp_path / "runs.csv", index=False)
     files = {key: inputs[key] for key in ("states", "particle")}
-    text = drawn_texts(rotation.states, files | {"runs": tmp_path / "runs.csv"})
+    text = drawn_texts(rotation.draw_states, files | {"runs": tmp_path / "runs.csv"})
     says(text, "Run 5 of 5, whose slip angle is the median")
 
 
@@ -310,7 +310,7 @@ def test_the_accuracy_of_a_surrogate_stands_beside_that_of_a_perfect_model(tmp_p
     # errors of the network: R2 = 1 - 4 * 1 / 20. A perfect model is off by the standard
     # errors: R2 = 1 - 4 * 0.25 / 20, and for the height 1 - 4 * 2.25 / 20
     says(
-        drawn_texts(surrogate.predicted_against_simulated, files),
+        drawn_texts(surrogate.draw_predicted_against_simulated, files),
         "test, 4 sets: R² 0.80, RMSE 1.00 deg\n"
         "a perfect model on them: R² 0.95, RMSE 0.50 deg",
         "test, 4 sets: R² 0.80, RMSE 1.00 mm\n"
@@ -323,7 +323,7 @@ def test_the_accuracy_of_a_surrogate_stands_beside_that_of_a_perfect_model(tmp_p
     noisier = pd.DataFrame({"sample": [4, 5], "aor_se_deg": 1.0, "height_se_mm": 1.5})
     pd.concat([dataset, noisier]).to_csv(files["dataset"])
     says(
-        drawn_texts(surrogate.predicted_against_simulated, files),
+        drawn_texts(surrogate.draw_predicted_against_simulated, files),
         "a perfect model on them: R² 0.90, RMSE 0.71 deg",
     )
 
@@ -338,7 +338,7 @@ def test_errors_of_the_validation_are_percent_of_the_simulated_value(tmp_path):
     }
     table4 = tmp_path / "table4.csv"
     pd.DataFrame([row]).to_csv(table4, index=False)
-    text = drawn_texts(checks.validation, {"table4": table4})
+    text = drawn_texts(checks.draw_validation, {"table4": table4})
     assert "| 10.0 % |" in text
     assert "published" not in text
 
@@ -356,7 +356,7 @@ def test_percentages_of_the_validation_stand_below_the_error_bars(tmp_path):
     table4 = tmp_path / "table4.csv"
     pd.DataFrame([row]).to_csv(table4, index=False)
     with style.applied():
-        figure = checks.validation({"table4": table4}, StudyView(CONFIG))
+        figure = checks.draw_validation({"table4": table4}, StudyView(CONFIG))
     places = [
         text.xy[1]
         for panel in figure.axes
@@ -372,7 +372,7 @@ def test_credible_intervals_show_the_answer(inputs):
     solutions = pd.read_csv(files["feasible"])
     (answer,) = solutions[solutions["representative"]].to_dict("records")
     with style.applied():
-        figure = posterior.intervals(files, study := StudyView(CONFIG))
+        figure = posterior.draw_credible_intervals(files, study := StudyView(CONFIG))
     diamonds = [line for line in figure.axes[0].lines if line.get_marker() == "D"]
     names = pd.read_csv(files["posterior"])["parameter"]
     for name, diamond in zip(names, diamonds, strict=True):
@@ -411,7 +411,7 @@ def test_sizes_have_an_axis_of_whole_numbers(drawn):
 
 def test_the_legend_of_the_plane_says_what_bars_and_line_are(drawn):
     title = drawn("plane")[0].legends[0].get_title().get_text()
-    assert title.startswith(plane.BARS)
+    assert title.startswith(plane.BARS_NOTE)
     assert LINE in title.replace("\n", " ")
 
 
@@ -507,7 +507,7 @@ def test_a_search_without_result_has_its_axes(inputs, tmp_path):
     history["feasible_found"] = 0
     history.assign(mean_objective=2.2).to_csv(tmp_path / "history.csv", index=False)
     with style.applied():
-        figure = search.convergence(
+        figure = search.draw_convergence(
             {"history": tmp_path / "history.csv"}, StudyView(CONFIG)
         )
         figure.draw_without_rendering()
@@ -525,7 +525,9 @@ def test_predicted_and_simulated_responses_have_equal_axes(fresh, inputs, drawn)
             for key in ("predictions", "dataset")
         }
         with style.applied():
-            figure = surrogate.predicted_against_simulated(files, StudyView(CONFIG))
+            figure = surrogate.draw_predicted_against_simulated(
+                files, StudyView(CONFIG)
+            )
             figure.draw_without_rendering()
     for panel in figure.axes:
         assert panel.get_xlim() == panel.get_ylim()
@@ -544,7 +546,7 @@ def test_the_error_of_the_surrogate_is_drawn_in_units_of_the_objective(
     (tmp_path / "summary.json").write_text(json.dumps(summary))
     files = {"history": inputs["history"], "summary": tmp_path / "summary.json"}
     with style.applied():
-        figure = search.convergence(files, StudyView(CONFIG))
+        figure = search.draw_convergence(files, StudyView(CONFIG))
     line = next(line for line in figure.axes[0].lines if line.get_ls() == "--")
     targets = {entry["response"]: entry for entry in CONFIG["targets"]}
     expected = sum(
@@ -566,7 +568,7 @@ def test_weights_that_cancel_draw_no_long_bars(tmp_path):
     path = tmp_path / "network.json"
     write_network(path, ["aor_deg", "height_mm"], W1, W2)
     with style.applied():
-        figure = surrogate.network_structure({"network": path}, StudyView(CONFIG))
+        figure = surrogate.draw_network_structure({"network": path}, StudyView(CONFIG))
     network, bars = figure.axes
     assert len({line.get_linewidth() for line in network.lines}) == 1
     lengths = np.array([bar.get_width() for bar in bars.containers[0]])

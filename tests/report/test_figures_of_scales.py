@@ -9,7 +9,7 @@ from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.surrogates import make, on_scale
 from repose.report.figures import panels, posterior, region
 from repose.report.page import prediction
-from repose.report.study_view import cell_edges
+from repose.report.study_view import compute_cell_edges
 
 SPACE = ParameterSpace.of(
     {"gamma": {"range": [1e-4, 1.0], "scale": "log"}, "mu": [0.1, 0.9]}
@@ -17,16 +17,18 @@ SPACE = ParameterSpace.of(
 
 
 def test_cells_are_equal_parts_of_the_logarithm():
-    edges = cell_edges(SPACE, "gamma", 4)
+    edges = compute_cell_edges(SPACE, "gamma", 4)
     assert edges == pytest.approx([1e-4, 1e-3, 1e-2, 1e-1, 1.0])
-    assert cell_edges(SPACE, "mu", 4).tolist() == np.linspace(0.1, 0.9, 5).tolist()
+    assert (
+        compute_cell_edges(SPACE, "mu", 4).tolist() == np.linspace(0.1, 0.9, 5).tolist()
+    )
     assert region._compute_cell_edges(SPACE, 4)[0] == pytest.approx(edges)
 
 
 def test_axes_of_the_parameter_are_logarithmic_with_room_at_both_ends():
     figure = Figure()
-    pairs = panels.panels_of_pairs(figure, SPACE)
-    panels.finish_pairs(pairs, SPACE, margin=0.25)
+    pairs = panels.add_pair_panels(figure, SPACE)
+    panels.finish_pair_panels(pairs, SPACE, margin=0.25)
     for axes, across, _ in pairs:
         assert axes.get_xscale() == ("log" if across == "gamma" else "linear")
     assert pairs[0].axes.get_xlim() == pytest.approx((1e-5, 10.0))
@@ -41,7 +43,7 @@ def test_the_density_of_a_histogram_is_that_along_the_scale():
     posterior._draw_marginal(panel, pd.Series(gamma, name="gamma"), SPACE, row)
     heights = [bar.get_height() for bar in panel.patches]
     density = 1 / np.log(1e4)
-    assert heights == pytest.approx([density] * posterior.BINS, rel=0.02)
+    assert heights == pytest.approx([density] * posterior.N_BINS, rel=0.02)
     prior_values, prior = posterior._compute_prior_density(SPACE, "gamma")
     assert prior == pytest.approx(np.full(201, density))
     assert prior_values[100] == pytest.approx(1e-2)
@@ -69,6 +71,8 @@ def test_the_page_has_curves_even_along_the_scale():
     sets = SPACE.values(random.random((30, 2)))
     Y = np.column_stack([np.log10(sets[:, 0]) + sets[:, 1]])
     model = on_scale(make("quadratic"), SPACE.scale).describe(SPACE.names, ("y",))
-    content = prediction.for_page(model.fit(sets, Y), SPACE, np.array([1e-2, 0.5]))
+    content = prediction.describe_surrogate(
+        model.fit(sets, Y), SPACE, np.array([1e-2, 0.5])
+    )
     curve = np.array(content["curves"]["gamma"]["mean"])[:, 0]
     assert curve == pytest.approx(np.linspace(-3.5, 0.5, prediction.CURVE_POINTS))

@@ -481,7 +481,7 @@ def test_cells_of_a_pair_show_the_posterior_over_the_prior():
             (draws[draws["e_gg"] < 0.5], 2.0, 1 / posterior.LARGEST_RATIO),
         ):
             mesh = posterior._draw_ratio(panel, part["e_gg"], part["mus_gg"], space)
-            values = np.reshape(mesh.get_array(), (posterior.PAIR_CELLS, -1))
-            half = posterior.PAIR_CELLS // 2
+            values = np.reshape(mesh.get_array(), (posterior.N_PAIR_CELLS, -1))
+            half = posterior.N_PAIR_CELLS // 2
             np.testing.assert_allclose(values[:, :half], low)
             np.testing.assert_allclose(values[:, half:], high)

@@ -16,8 +16,8 @@ from repose.report.renderer import film, raster, render, shading
 from repose.report.renderer.scenery import (
     Frustum,
     find_frame_points,
-    funnel_walls,
     look_at,
+    make_funnel_walls,
 )
 
 UPRIGHT = np.array([[1.0, 0.0, 0.0, 0.0]])
@@ -223,7 +223,7 @@ def test_the_same_input_gives_the_same_picture():
 
 
 def test_the_walls_of_a_funnel_are_drawn_where_they_are():
-    tube, cone = funnel_walls(HEAP)
+    tube, cone = make_funnel_walls(HEAP)
     assert tube.z_low_m == pytest.approx(0.1)
     assert tube.z_high_m == pytest.approx(0.12)
     assert tube.r_low_m == tube.r_high_m == 0.016
@@ -232,7 +232,7 @@ def test_the_walls_of_a_funnel_are_drawn_where_they_are():
     slope = (cone.z_high_m - cone.z_low_m) / (cone.r_high_m - cone.r_low_m)
     assert np.degrees(np.arctan(slope)) == pytest.approx(60)
     assert abs(cone.r_low_m - 0.016) < 0.001
-    assert len(funnel_walls(replace(HEAP, tube_length_m=0.0))) == 1
+    assert len(make_funnel_walls(replace(HEAP, tube_length_m=0.0))) == 1
 
 
 @pytest.mark.slow
@@ -278,7 +278,7 @@ def test_animation_has_its_frames_and_its_size(
 ):
     out = tmp_path / f"pour.{ending}"
     film.animate_pour(
-        trajectory, BALL, out, funnel_walls(HEAP), frames=6, width=80, height=100
+        trajectory, BALL, out, make_funnel_walls(HEAP), frames=6, width=80, height=100
     )
     with Image.open(out) as shown:
         assert shown.n_frames == 6

@@ -56,7 +56,7 @@ def browser():
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
     config, jobs, files = made_up_study(folder, TARGETS, fixed=("e_gp",))
-    page.write(
+    page.write_report(
         config,
         jobs,
         files | pictures(folder),
@@ -155,7 +155,7 @@ def test_javascript_predicts_what_python_predicts_with_several_networks(opened):
     model = make("network_ensemble", settings).fit(X, Y)
     assert len(model.members_) > 1
     space = contact_space({name: [0.0, 1.0] for name in PARAMETERS})
-    content = prediction.for_page(model, space, X[0])
+    content = prediction.describe_surrogate(model, space, X[0])
     code = "([model, X]) => X.map(networkPredictor(model))"
     found = opened.evaluate(code, [content, X[:10].tolist()])
     check_predictions(found, model, X[:10])
@@ -259,7 +259,9 @@ def test_many_targets_and_sets_are_printed_on_one_page(browser, tmp_path):
         "message": 5 * "Nothing met in these ranges, and something else, too. ",
     }
     files["summary"].write_text(json.dumps(message))
-    page.write(config, jobs, files | pictures(tmp_path), {}, tmp_path / "report.html")
+    page.write_report(
+        config, jobs, files | pictures(tmp_path), {}, tmp_path / "report.html"
+    )
     with page_in(browser, tmp_path) as tab:
         paper = tab.pdf(prefer_css_page_size=True)
     assert len(re.findall(rb"/Type\s*/Page\b", paper)) == 1
@@ -335,7 +337,7 @@ def test_the_pile_is_beside_the_photograph_and_below_it_on_a_phone(browser, fold
 
 
 def test_a_surrogate_of_curves_moves_two_parameters_together(browser, tmp_path):
-    page.write(
+    page.write_report(
         *made_up_study(tmp_path, TARGETS[:1], "quadratic"), {}, tmp_path / "report.html"
     )
     surrogate = load(tmp_path / "network.json")
@@ -368,7 +370,7 @@ def test_the_sliders_predict_nothing_that_a_constraint_forbids(
     rule = "e_gp >= 0.5 * mus_gg"
     assert 0.5 * 0.75 > ANSWER["e_gp"] > 0.5 * ANSWER["mus_gg"]
     constrained = config | {"constraints": [rule]}
-    page.write(constrained, jobs, files, {}, tmp_path / "report.html")
+    page.write_report(constrained, jobs, files, {}, tmp_path / "report.html")
     with page_in(browser, tmp_path) as tab:
         at_answer = tab.text_content("#predicted-aor_deg")
         assert tab.locator("#forbidden").count() == 0
@@ -383,7 +385,7 @@ def test_the_sliders_predict_nothing_that_a_constraint_forbids(
         assert tab.locator("#predicted-aor_deg").count() == 1
         tab.click("#home")
         assert tab.text_content("#predicted-aor_deg") == at_answer
-    page.write(config, jobs, files, {}, tmp_path / "report.html")
+    page.write_report(config, jobs, files, {}, tmp_path / "report.html")
     with page_in(browser, tmp_path) as tab:
         move(tab, "slide-mus_gg", 0.75)
         assert tab.locator("#predicted-aor_deg").count() == 1
@@ -406,7 +408,7 @@ def test_the_sliders_show_the_probability_less_the_expected_optimism(browser, tm
     table4["aor_optimism_deg"] = 0.4
     table4["aor_optimism_se_deg"] = 0.1
     table4.to_csv(files["table4"], index=False)
-    page.write(config, jobs, files, {}, tmp_path / "report.html")
+    page.write_report(config, jobs, files, {}, tmp_path / "report.html")
     point = np.array([[ANSWER[name] for name in PARAMETERS]])
     mean, std = load(tmp_path / "network.json").predict(
         point, return_std=True, noise=False

@@ -24,7 +24,7 @@ from repose.calibrate.targets import Targets
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.settings import MeasureSettings, line_of
 from repose.report.page import page, prediction, scene, three
-from repose.report.page.templates import asset
+from repose.report.page.templates import read_asset
 from repose.stages.published import STALE_WARNING
 
 BOTH = Targets.of(TARGETS)
@@ -35,9 +35,9 @@ def test_positions_are_kept_within_half_a_step():
     positions = np.random.default_rng(1).uniform(-300, 300, (4, 50, 3))
     positions[0, :20] = np.nan
     whole, low, step = scene.quantise(positions)
-    assert (whole[0, :20] == scene.ABSENT).all()
+    assert (whole[0, :20] == scene.ABSENT_POSITION).all()
     present = np.isfinite(positions).all(axis=2)
-    assert (whole[present] <= scene.STEPS).all()
+    assert (whole[present] <= scene.POSITION_STEPS).all()
     error = np.abs(low + step * whole[present] - positions[present]).max()
     assert error <= 0.5001 * step.max()
     assert 0.5001 * step.max() < 0.005
@@ -69,12 +69,12 @@ def test_frames_hold_both_ends_and_keep_to_the_size(frames, count):
     assert shown[0] == 0
     assert shown[-1] == frames - 1
     assert len(shown) * count * scene.BYTES_PER_GRAIN <= scene.MAX_BYTES
-    assert len(shown) == min(frames, scene.FRAMES) or count == 20_000
+    assert len(shown) == min(frames, scene.MAX_FRAMES) or count == 20_000
 
 
 def written(study, folder, tables=()):
     """The text of the page of a study, as it is written into a folder."""
-    page.write(*study, dict(tables), folder / "report.html")
+    page.write_report(*study, dict(tables), folder / "report.html")
     return (folder / "report.html").read_text()
 
 
@@ -169,12 +169,12 @@ def test_a_surrogate_that_is_no_network_is_shown_along_each_parameter(tmp_path):
 
 
 def test_planes_of_many_parameters_keep_the_page_small():
-    assert prediction.choose_plane_points(15, 2) == prediction.PLANE_POINTS
+    assert prediction.choose_plane_points(15, 2) == prediction.MAX_PLANE_POINTS
     for n_pairs in (45, 190, 400):
         count = prediction.choose_plane_points(n_pairs, 2)
         numbers = 2 * 2 * n_pairs * count**2
-        is_least = count == prediction.LEAST_PLANE_POINTS
-        assert is_least or numbers <= prediction.MOST_PLANE_NUMBERS
+        is_least = count == prediction.MIN_PLANE_POINTS
+        assert is_least or numbers <= prediction.MAX_PLANE_NUMBERS
 
 
 NOT_MET = r"targets NOT met\.</b> Angle of repose .* No parameter set is predicted inside both ranges; "
@@ -279,9 +279,9 @@ def test_a_row_of_the_answer_tells_bounds(tmp_path):
 
 
 def test_three_js_keeps_its_licence_has_the_used_classes_and_ends_no_script():
-    script = three.library()
+    script = three.read_library()
     assert "Copyright 2010-2021 Three.js Authors" in script[:100]
-    used_classes = set(re.findall(r"THREE\.(\w+)", asset("view.js")))
+    used_classes = set(re.findall(r"THREE\.(\w+)", read_asset("view.js")))
     assert "InstancedMesh" in used_classes
     for name in used_classes:
         assert re.search(rf"\.{name}\b", script), name

@@ -33,7 +33,7 @@ def test_the_probability_is_that_of_all_targets(n_targets, beginning):
         probability={"all": 0.83},
         probability_within={},
         targets=[None] * n_targets,
-        number=lambda _name: 12.0,
+        get_number=lambda _name: 12.0,
     )
     text = describe_probability(study)
     assert text.startswith(beginning)

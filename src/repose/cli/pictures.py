@@ -68,7 +68,7 @@ def film(args: argparse.Namespace, study: PipelineConfig) -> None:
             args.trajectory,
             particle,
             args.out,
-            scenery.funnel_walls(settings.funnel.funnel),
+            scenery.make_funnel_walls(settings.funnel.funnel),
             frames=frames,
             colour=settings.colour,
         )
@@ -105,4 +105,6 @@ def report(args: argparse.Namespace, study: PipelineConfig) -> None:
 
     files = split_pairs(args.input, "--input")
     tables = split_pairs(args.table, "--table")
-    page.write(study.config, args.jobs, files=files, tables=tables, out_path=args.out)
+    page.write_report(
+        study.config, args.jobs, files=files, tables=tables, out_path=args.out
+    )

@@ -43,10 +43,10 @@ def read_table(path: Path) -> pd.DataFrame:
     try:
         import pyvista
     except ModuleNotFoundError as error:
-        needed = (
+        expected = (
             f"pyvista, which reads it: {INSTALL_COMMAND}; or a dump, CSV or Yade's text"
         )
-        raise InputError(path, "file", "VTK", needed) from error
+        raise InputError(path, "file", "VTK", expected) from error
     # The content decides on the format, because LIGGGHTS also writes XML into files that
     # end in .vtk.
     try:

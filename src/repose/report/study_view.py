@@ -80,7 +80,7 @@ class StudyView:
         )
 
 
-def cell_edges(parameters: ParameterSpace, name: str, count: int) -> np.ndarray:
+def compute_cell_edges(parameters: ParameterSpace, name: str, count: int) -> np.ndarray:
     """Divide the range of a free parameter into equal cells, along its scale.
 
     Parameters

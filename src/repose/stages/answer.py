@@ -84,8 +84,8 @@ def read_answer(  # noqa: PLR0913  (each describes the study of the answer)
     small_run : bool, optional
         Whether the study is too small for a calibration.
     parameter_names : sequence of str, optional
-        Parameters of a study that another program simulates. None stands for a study
-        of repose, whose parameters are the contact parameters in the table.
+        Names of the parameters, if another program simulates the study. With None,
+        repose simulates it, and its contact parameters in the table are meant.
 
     Returns
     -------
@@ -179,8 +179,8 @@ def _read_parameters(
     summary_json : path
         The file that they are from, for messages.
     parameter_names : sequence of str or None
-        Parameters of a study that another program simulates. None stands for a study of
-        repose. Its contact parameters must lie within their physical limits.
+        Names of the parameters, if another program simulates the study. With None,
+        repose simulates it, and its contact parameters must be within physical limits.
 
     Raises
     ------

@@ -55,8 +55,8 @@ def run_propose(
     definitions : mapping
         How the configuration defines the responses.
     parameter_names : sequence of str, optional
-        Parameters of a study that another program simulates. None stands for a study
-        of repose, whose parameters are the contact parameters in the table.
+        Names of the parameters, if another program simulates the study. With None,
+        repose simulates it, and its contact parameters in the table are meant.
     source : object, optional
         File of the configuration, for error messages.
 
@@ -75,9 +75,9 @@ def run_propose(
         require_same_definitions(
             batch_definitions, path, expected=definitions, source=source
         )
-    data = read_runs_of_batches(folders, study.targets, parameter_names)
+    runs = read_runs_of_batches(folders, study.targets, parameter_names)
     try:
-        proposal = strategy(strategy_name).propose(study, data)
+        proposal = strategy(strategy_name).propose(study, runs)
     except InputError as error:
         # The strategy knows no files. Raise its error again with the folder of the last
         # batch as the source. Before the first batch, the strategy itself is the source.
@@ -88,7 +88,7 @@ def run_propose(
     content = {
         "answer": False,
         "why": proposal.notes.get("why", ""),
-        "pours": len(data),
+        "pours": len(runs),
         "notes": proposal.notes,
     }
     if isinstance(proposal, Answer):
@@ -127,8 +127,8 @@ def run_conclude(
     measure : MeasureSettings or None
         The section `measure`, which defines the angles of piles.
     parameter_names : sequence of str, optional
-        Parameters of a study that another program simulates. None stands for a study
-        of repose, whose parameters are the contact parameters in the table.
+        Names of the parameters, if another program simulates the study. With None,
+        repose simulates it, and its contact parameters in the table are meant.
 
     Returns
     -------
@@ -436,8 +436,8 @@ def read_runs_of_batches(
         The batches in order, each with dataset.csv and runs.csv.
     targets : Targets
     parameter_names : sequence of str, optional
-        Parameters of a study that another program simulates. None stands for a study of
-        repose, whose parameters are the contact parameters in the table.
+        Names of the parameters, if another program simulates the study. With None,
+        repose simulates it, and its contact parameters in the table are meant.
 
     Returns
     -------
@@ -480,8 +480,8 @@ def read_tables(
         The batches, each with dataset.csv and runs.csv.
     targets : Targets
     parameter_names : sequence of str, optional
-        Parameters of a study that another program simulates. None stands for a study of
-        repose, whose parameters are the contact parameters in the table.
+        Names of the parameters, if another program simulates the study. With None,
+        repose simulates it, and its contact parameters in the table are meant.
 
     Returns
     -------

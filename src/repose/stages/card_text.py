@@ -312,7 +312,7 @@ def _describe_differences(first: Card, second: Card) -> Iterator[str]:
 def _describe_different_definitions(first: Card, second: Card) -> Iterator[str]:
     """Describe each response that two cards define or measure differently.
 
-    Only responses of both cards are compared.
+    Only responses that both cards have are compared.
 
     Parameters
     ----------

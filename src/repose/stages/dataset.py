@@ -53,8 +53,8 @@ def make_tables(
         The measured jobs by bench test, and then by number of the sample.
     targets : Targets
     parameter_names : sequence of str, optional
-        Parameters of a study that another program simulates. None stands for a study
-        of repose, whose parameters are the contact parameters in the table.
+        Names of the parameters, if another program simulates the study. With None,
+        repose simulates it, and its contact parameters in the table are meant.
 
     Returns
     -------
@@ -181,8 +181,8 @@ def run(
     prefix : str, optional
         Before the names of the files.
     parameter_names : sequence of str, optional
-        Parameters of a study that another program simulates. None stands for a study
-        of repose, whose parameters are the contact parameters in the table.
+        Names of the parameters, if another program simulates the study. With None,
+        repose simulates it, and its contact parameters in the table are meant.
 
     Returns
     -------
@@ -223,8 +223,8 @@ def read_jobs(
     samples : pandas.DataFrame
     targets : Targets
     parameter_names : sequence of str, optional
-        Parameters of a study that another program simulates. None stands for a study
-        of repose, whose parameters are the contact parameters in the table.
+        Names of the parameters, if another program simulates the study. With None,
+        repose simulates it, and its contact parameters in the table are meant.
 
     Returns
     -------
@@ -254,14 +254,14 @@ def read_jobs(
         path_of_job[apparatus, sample] = path
 
     for name, jobs_of_bench in jobs.items():
-        missing = [
+        missing_samples = [
             int(sample) for sample in parameters.index if sample not in jobs_of_bench
         ]
-        if missing:
+        if missing_samples:
             raise InputError(
                 f"jobs of the {name}",
                 "samples without a file",
-                missing,
+                missing_samples,
                 "one file a sample",
             )
     return jobs

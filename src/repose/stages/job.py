@@ -121,18 +121,18 @@ def run_job(
     arrays: dict[str, np.ndarray] = {}
     wall_s: dict[str, float] = {}
     description = describe_job(test, scene, name)
-    kept = KeptRuns(out, name, description) if keep_runs else None
+    kept_runs = KeptRuns(out, name, description) if keep_runs else None
     for seed in seeds:
         run = None
-        if kept is not None and interval_s is None:
-            run = kept.read(seed)
+        if kept_runs is not None and interval_s is None:
+            run = kept_runs.read(seed)
         if run is None:
             start = time.perf_counter()
             with progress(seed) if progress else nullcontext() as report:
                 run = test.run(scene.with_seed(seed), interval_s, report)
             wall_s[str(seed)] = round(time.perf_counter() - start, 3)
-            if kept is not None:
-                kept.write(run)
+            if kept_runs is not None:
+                kept_runs.write(run)
         records.append(run.record)
         for key, values in run.arrays.items():
             arrays[f"{key}_{seed}"] = values
@@ -215,20 +215,20 @@ def measure_runs(scene: Scene, path: Path) -> dict[str, Any]:
     """
     job = read_pours(path)
     test = bench_of(job, path)
-    pours = job.pop("pours")
-    for pour in pours:
-        if pour["status"] not in test.statuses:
+    saved_runs = job.pop("pours")
+    for saved_run in saved_runs:
+        if saved_run["status"] not in test.statuses:
             allowed = ", ".join(test.statuses)
-            raise InputError(path, "status", pour["status"], allowed)
+            raise InputError(path, "status", saved_run["status"], allowed)
     positions = read_positions(positions_file(path))
     runs = []
-    for pour in pours:
+    for saved_run in saved_runs:
         # The arrays of a failed run may be incomplete, so none is required.
-        needed = test.required_arrays if pour["status"] == "ok" else ()
+        required_arrays = test.required_arrays if saved_run["status"] == "ok" else ()
         arrays = select_pour(
-            positions, pour["seed"], source=path, required_arrays=needed
+            positions, saved_run["seed"], source=path, required_arrays=required_arrays
         )
-        runs.append(test.result(pour, arrays, scene))
+        runs.append(test.result(saved_run, arrays, scene))
     # Summarise the responses of the targets first, then those always recorded.
     targets = test.target_responses(scene.settings.config)
     columns = test.recorded.beginning_with(tuple(target.name for target in targets))

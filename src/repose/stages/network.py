@@ -44,8 +44,8 @@ def run(  # noqa: PLR0913  (each is part of the study)
     settings : NetworkSettings
         The section `network`.
     parameter_names : sequence of str, optional
-        Parameters of a study that another program simulates. None stands for a study
-        of repose, whose parameters are the contact parameters in the table.
+        Names of the parameters, if another program simulates the study. With None,
+        repose simulates it, and its contact parameters in the table are meant.
     scale : mapping, optional
         Name of the scale of each parameter that is not linear, by name.
     source : object, optional

@@ -85,8 +85,8 @@ def run(
     solutions : int
         Number of sets besides the representative that are simulated again.
     parameter_names : sequence of str, optional
-        Parameters of a study that another program simulates. None stands for a study
-        of repose, whose parameters are the contact parameters in the table.
+        Names of the parameters, if another program simulates the study. With None,
+        repose simulates it, and its contact parameters in the table are meant.
 
     Returns
     -------

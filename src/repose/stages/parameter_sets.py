@@ -35,8 +35,8 @@ def list_parameters(
     columns : iterable of str
         Columns of the table.
     parameter_names : sequence of str, optional
-        Parameters of a study that another program simulates. None stands for a study of
-        repose.
+        Names of the parameters, if another program simulates the study. With None,
+        repose simulates it.
 
     Returns
     -------
@@ -62,8 +62,8 @@ def read_samples(
     further_columns : iterable of str, optional
         Further columns that it must have.
     parameter_names : sequence of str, optional
-        Parameters of a study that another program simulates. None stands for a study
-        of repose, whose parameters are the contact parameters in the table.
+        Names of the parameters, if another program simulates the study. With None,
+        repose simulates it, and its contact parameters in the table are meant.
 
     Returns
     -------
@@ -128,8 +128,8 @@ def read_sample(
     number : int
         Number of the sample.
     parameter_names : sequence of str, optional
-        Parameters of a study that another program simulates. None stands for a study of
-        repose, whose parameters are the contact parameters in the table.
+        Names of the parameters, if another program simulates the study. With None,
+        repose simulates it, and its contact parameters in the table are meant.
 
     Returns
     -------

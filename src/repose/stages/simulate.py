@@ -99,11 +99,11 @@ def fill_template(text: str, values: Mapping[str, Any], source: object) -> str:
         return _make_environment().from_string(text).render(values)
     # An expression in a template may raise any exception.
     except Exception as error:
-        place = f"{source}, line {_find_template_line(error)}"
+        source_and_line = f"{source}, line {_find_template_line(error)}"
         fault = f"{type(error).__name__}: {error}"
         names = ", ".join(values)
         allowed = f"a template of Jinja2 with the names {names}"
-        raise InputError(place, "template", fault, allowed) from None
+        raise InputError(source_and_line, "template", fault, allowed) from None
 
 
 def _find_template_line(error: Exception) -> int:
@@ -165,8 +165,8 @@ def find_program(command: Sequence[str]) -> str | None:
 
     A name without a slash is searched in the folders of `make_search_path`.
     """
-    found = shutil.which(command[0], path=make_search_path())
-    return None if found is None else os.path.abspath(found)
+    program = shutil.which(command[0], path=make_search_path())
+    return None if program is None else os.path.abspath(program)
 
 
 def make_search_path() -> str:
@@ -188,7 +188,7 @@ def check_simulator(
     ----------
     settings : SimulatorSettings
     parameters : mapping
-        A value for each name, with which template and command are filled on trial.
+        A value for each name. Template and command are filled with it on trial.
     targets : sequence of str
         Their names in the study.
     source : str
@@ -222,8 +222,10 @@ def _find_faults(
         key = "simulator.command.0"
         yield YamlError(source, key, settings.command[0], EXPECTED_PROGRAM)
 
-    missing = [name for name in _list_study_files(settings) if not Path(name).is_file()]
-    for name in missing:
+    missing_files = [
+        name for name in _list_study_files(settings) if not Path(name).is_file()
+    ]
+    for name in missing_files:
         key = "simulator.template" if name == settings.template else "simulator.files"
         yield YamlError(source, key, name, EXPECTED_FILE)
     yield from _find_file_faults(settings, source)
@@ -236,7 +238,7 @@ def _find_faults(
             yield YamlError(source, f"parameters.{name}", name, allowed)
 
     # A template that is missing was reported above, and cannot be read.
-    if settings.template not in missing:
+    if settings.template not in missing_files:
         yield from _find_name_faults(
             settings, parameters, source=source, fixed_names=fixed_names
         )
@@ -285,7 +287,7 @@ def _find_name_faults(
     ----------
     settings : SimulatorSettings
     parameters : mapping
-        A value for each parameter, with which template and command are filled on trial.
+        A value for each parameter. Template and command are filled with it on trial.
     source : str
         File of the configuration, for the messages.
     fixed_names : collection of str
@@ -295,22 +297,24 @@ def _find_name_faults(
     ------
     InputError
     """
-    known = (*parameters, *RUN_VARIABLES)
-    used: set[str] = set()
-    for place, text in _read_templates(settings, source).items():
-        names_in_text = find_template_names(text, place)
-        used |= names_in_text
-        unknown = sorted(names_in_text.difference(known))
-        for name in unknown:
-            yield InputError(place, "name", name, f"one of {', '.join(known)}")
+    known_names = (*parameters, *RUN_VARIABLES)
+    used_names: set[str] = set()
+    for source_of_text, text in _read_templates(settings, source).items():
+        names_in_text = find_template_names(text, source_of_text)
+        used_names |= names_in_text
+        unknown_names = sorted(names_in_text.difference(known_names))
+        for name in unknown_names:
+            yield InputError(
+                source_of_text, "name", name, f"one of {', '.join(known_names)}"
+            )
         # With all names known, filling shows whether its expressions can be computed.
-        if not unknown:
-            yield from _try_to_fill(text, parameters, place)
+        if not unknown_names:
+            yield from _try_to_fill(text, parameters, source_of_text)
     # Without a template the program reads all parameters from a file.
     if settings.template is None:
         return
     for name in parameters:
-        if name not in used and name not in fixed_names:
+        if name not in used_names and name not in fixed_names:
             allowed = f"a name that {settings.template} or the command uses"
             yield YamlError(source, f"parameters.{name}", name, allowed)
 
@@ -332,11 +336,11 @@ def _read_templates(settings: SimulatorSettings, source: str) -> dict[str, str]:
 
 
 def _try_to_fill(
-    text: str, parameters: Mapping[str, float], place: str
+    text: str, parameters: Mapping[str, float], source: str
 ) -> Iterator[InputError]:
     """Fill a template for a first run on trial, and yield the fault if this fails."""
     try:
-        fill_template(text, {**parameters, **dict.fromkeys(RUN_VARIABLES, 1)}, place)
+        fill_template(text, {**parameters, **dict.fromkeys(RUN_VARIABLES, 1)}, source)
     except InputError as error:
         yield error
 

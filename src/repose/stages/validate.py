@@ -136,8 +136,8 @@ def compare_solutions(
     measure : MeasureSettings or None
         The section `measure`, which defines the angles of piles.
     parameter_names : sequence of str, optional
-        Parameters of a study that another program simulates. None stands for a study
-        of repose, whose parameters are the contact parameters in the table.
+        Names of the parameters, if another program simulates the study. With None,
+        repose simulates it, and its contact parameters in the table are meant.
 
     Returns
     -------
@@ -148,7 +148,7 @@ def compare_solutions(
     parameters = list_parameters(solutions, parameter_names)
     simulated = dataset.drop(columns=["sample", *parameters])
 
-    # Convert None to NaN. A failed solution has None in place of its numbers, and a
+    # Convert None to NaN. A failed solution has None instead of its numbers, and a
     # solution with a single run has None as its standard error.
     number_columns = [
         name
@@ -188,8 +188,8 @@ def make_table4(
     measure : MeasureSettings, optional
         The section `measure`.
     parameter_names : sequence of str, optional
-        Parameters of a study that another program simulates. None stands for a study
-        of repose, whose parameters are the contact parameters in the table.
+        Names of the parameters, if another program simulates the study. With None,
+        repose simulates it, and its contact parameters in the table are meant.
 
     Returns
     -------
@@ -331,7 +331,7 @@ def write_solutions(
     InputError
         If there are too few solutions.
     """
-    needed = (
+    needed_columns = (
         "solution",
         *space.names,
         *targets.predicted,
@@ -339,7 +339,7 @@ def write_solutions(
         "feasible",
         "representative",
     )
-    all_solutions = read_table(path, needed)
+    all_solutions = read_table(path, needed_columns)
     if len(all_solutions) <= count:
         allowed = f"at least {count + 1}"
         raise InputError(path, "solutions", len(all_solutions), allowed)
@@ -385,8 +385,8 @@ def run(
     optimism : pandas.DataFrame, optional
         Expected optimism of the predictions, from the stage `optimism`.
     parameter_names : sequence of str, optional
-        Parameters of a study that another program simulates. None stands for a study
-        of repose, whose parameters are the contact parameters in the table.
+        Names of the parameters, if another program simulates the study. With None,
+        repose simulates it, and its contact parameters in the table are meant.
 
     Returns
     -------

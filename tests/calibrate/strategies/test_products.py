@@ -20,7 +20,7 @@ from repose.config.pipeline import PipelineConfig
 from repose.grain.particle import Particle
 from repose.measure.angles import MEAN_KEYS
 from repose.report.page import page, sections
-from repose.report.page.study import read
+from repose.report.page.study import read_results
 from repose.stages import batches, card, card_study
 
 SPHERE = Particle(
@@ -157,16 +157,16 @@ def test_the_report_of_a_strategy_has_the_answer_sliders_and_how_it_went(study):
     )
     job = {"parameters": {}, "sample": 1, "runs": runs, "apparatus": "funnel"}
     (folder / "job.json").write_text(json.dumps(job))
-    page.write(config, [folder / "job.json"], files, {}, folder / "report.html")
+    page.write_report(config, [folder / "job.json"], files, {}, folder / "report.html")
     shown = (folder / "report.html").read_text()
     for phrase in ("Batches:", "kriging", "Other parameters", "With a probability of "):
         assert phrase in shown
-    study = read(config, [folder / "job.json"], files)
-    predicted = page.content(study)["model"]["curves"]["mus_gg"]["mean"]
+    study = read_results(config, [folder / "job.json"], files)
+    predicted = page.make_script_data(study)["model"]["curves"]["mus_gg"]["mean"]
     assert predicted[-1][1] > predicted[0][1], "more friction, a higher pile"
     study.surrogate = None
-    assert sections.make_other_parameters(study) is None
-    assert page.content(study)["model"] is None
+    assert sections.make_other_parameters_section(study) is None
+    assert page.make_script_data(study)["model"] is None
 
 
 @pytest.mark.slow

@@ -258,10 +258,18 @@ def test_the_figures_of_the_strategy_have_their_panels_and_targets(noisy):
     # for each pair of factors a panel of either target
     pairs = len(factors) * (len(factors) - 1)
     drawings = [
-        (figures.pareto, {"effects": str(folder / "screening_effects.csv")}, 2),
-        (figures.pareto, {"effects": str(folder / "surface_effects.csv")}, 2),
-        (figures.perturbation, surface, 2),
-        (figures.contours, surface | optimum, pairs),
+        (
+            figures.draw_pareto_charts,
+            {"effects": str(folder / "screening_effects.csv")},
+            2,
+        ),
+        (
+            figures.draw_pareto_charts,
+            {"effects": str(folder / "surface_effects.csv")},
+            2,
+        ),
+        (figures.draw_perturbation_plots, surface, 2),
+        (figures.draw_contour_plots, surface | optimum, pairs),
     ]
     for function, inputs, panels in drawings:
         with style.applied():
@@ -371,7 +379,7 @@ def check_masks(folder):
     def are_allowed(config):
         """For each panel of contours whether all of its places are allowed."""
         with style.applied():
-            figure = figures.contours(files, StudyView(config))
+            figure = figures.draw_contour_plots(files, StudyView(config))
         found = []
         pairs = 2 * list(combinations(range(len(factors)), 2))
         for panel, pair in zip(figure.axes, pairs, strict=True):
@@ -385,7 +393,7 @@ def check_masks(folder):
     assert all(are_allowed(CONFIG | {"constraints": [RULE]}))
     assert not all(are_allowed(CONFIG))
     with style.applied():
-        figure = figures.perturbation(
+        figure = figures.draw_perturbation_plots(
             files, StudyView(CONFIG | {"constraints": [RULE]})
         )
     for k, line in enumerate(figure.axes[0].lines[: len(factors)]):

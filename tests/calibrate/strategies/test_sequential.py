@@ -39,7 +39,7 @@ from repose.calibrate.strategies.sequential.reach import Draws
 from repose.calibrate.strategies.sequential.strategy import arrange_runs
 from repose.calibrate.targets import Targets
 from repose.report.figures import style
-from repose.report.figures.sequential import sequential
+from repose.report.figures.sequential import draw_sequential_batches
 from repose.report.study_view import StudyView
 from repose.stages.batches import arrange_for_strategy
 
@@ -379,7 +379,7 @@ def test_figure(done, targets):
         "sequential": SECTION,
     }
     with style.applied():
-        figure = sequential(inputs, StudyView(config))
+        figure = draw_sequential_batches(inputs, StudyView(config))
         figure.draw_without_rendering()
     says(
         " ".join(text.get_text() for text in figure.findobj(Text)),

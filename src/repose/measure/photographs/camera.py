@@ -59,7 +59,7 @@ class Camera:
 
     matrix: np.ndarray  # (3, 3), focal length and middle of the picture in pixels
     distortion: np.ndarray  # (5,), in OpenCV's order; all but k1 and k2 are 0
-    note: str  # which corrections are missing, for want of corners; may be empty
+    note: str  # corrections that are missing because of too few corners; may be empty
 
 
 @dataclass(frozen=True)

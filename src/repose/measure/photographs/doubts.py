@@ -270,7 +270,7 @@ def require_foot(
     pile : Segmentation
         The pile found in it.
     grain_mm : float or None
-        Height of a grain; None stands for the usual share of the pile's height.
+        Height of a grain. If it is None, `estimate_grain_mm` estimates it.
     mm_per_pixel : float
         Scale of the picture.
 

@@ -308,11 +308,11 @@ def _describe_measurement(measurement: Measurement) -> list[str]:
     )
     if math.isfinite(measurement.height_mm):
         numbers += f", Height {measurement.height_mm:.2f} mm"
-    missing = [
+    reasons = [
         f"no {definition}: {reason}"
         for definition, reason in measurement.reasons.items()
     ]
-    return [numbers, *missing]
+    return [numbers, *reasons]
 
 
 def _describe_means(results: Tables, settings: MeasureSettings) -> list[str]:

@@ -15,10 +15,10 @@ from repose.grain.particle import KINDS, Body, Particle
 from . import panels, style
 from .registry import Inputs, StudyView
 
-# Smallest standard deviation that is drawn, as a share of the mean.
-LEAST_SD_SHARE = 1e-3
-# Range of a normal curve on each side of its mean, in standard deviations.
-CURVE_SDS = 3.2
+# Smallest standard deviation of the drawn curve, as a share of the mean.
+SMALLEST_SD_SHARE = 1e-3
+# Half the width of a drawn normal curve, in standard deviations.
+CURVE_HALF_WIDTH_SDS = 3.2
 PICTURE_PIXELS = 400  # width of the picture of a grain at the default resolution
 
 # Column of the table of sizes, label and colour of each axis of a grain.
@@ -27,12 +27,12 @@ GRAIN_AXES = (
     ("major_mm", "major diameter", style.GREEN),
     ("minor_mm", "minor diameter", style.ORANGE),
 )
-RECONSTRUCTED = (
+RECONSTRUCTION_NOTE = (
     "Sizes are a reconstruction from published statistics, not measurements."
 )
 
 
-def sizes_and_sphericity(inputs: Inputs, study: StudyView) -> Figure:
+def draw_sizes_and_sphericity(inputs: Inputs, study: StudyView) -> Figure:
     """Draw histograms of the axes and of the sphericity of the grains.
 
     The sphericity is computed from the axes (Eq. 1 and Table 1 of the paper).
@@ -68,7 +68,9 @@ def sizes_and_sphericity(inputs: Inputs, study: StudyView) -> Figure:
         figure, "curves: normal distributions of these means and standard deviations"
     )
     if sizes.attrs["reconstruction"]:
-        figure.suptitle(RECONSTRUCTED, fontsize=7, style="italic", color=style.RED)
+        figure.suptitle(
+            RECONSTRUCTION_NOTE, fontsize=7, style="italic", color=style.RED
+        )
     return figure
 
 
@@ -95,7 +97,7 @@ def _draw_histogram(
     mean = values.mean()
     sd = values.std(ddof=1)
     # If all grains are equal, widen the axis and the curve so that they can be seen.
-    shown_sd = max(sd, LEAST_SD_SHARE * mean)
+    shown_sd = max(sd, SMALLEST_SD_SHARE * mean)
     low = min(values.min(), mean - shown_sd)
     high = max(values.max(), mean + shown_sd)
     counts, edges, _ = panel.hist(
@@ -108,7 +110,11 @@ def _draw_histogram(
         linewidth=0.6,
     )
     # Scale the normal density to the expected number of grains in a bin.
-    x = np.linspace(mean - CURVE_SDS * shown_sd, mean + CURVE_SDS * shown_sd, 200)
+    x = np.linspace(
+        mean - CURVE_HALF_WIDTH_SDS * shown_sd,
+        mean + CURVE_HALF_WIDTH_SDS * shown_sd,
+        200,
+    )
     bin_width = edges[1] - edges[0]
     expected_count = len(values) * bin_width * stats.norm.pdf(x, mean, shown_sd)
     panel.plot(x, expected_count, color=style.BLACK)
@@ -118,7 +124,7 @@ def _draw_histogram(
     style.write_note(panel, text, x=0.98, ha="right")
 
 
-def particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
+def draw_particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the mesh and each kind of particle made from it, on the same scale.
 
     A kind that cannot be made from the mesh has the reason in place of a picture.
@@ -140,7 +146,7 @@ def particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
     mesh_in_m = mesh.copy().apply_scale(1e-3)
 
     # All pictures have the same camera, so they have the same scale.
-    width = style.picture_pixels(study, PICTURE_PIXELS)
+    width = style.scale_picture_pixels(study, PICTURE_PIXELS)
     camera: dict[str, Any] = {
         "width": width,
         "height": round(0.78 * width),

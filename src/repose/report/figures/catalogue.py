@@ -24,20 +24,20 @@ from repose.report.figures.registry import (
 )
 
 # Inputs of several figures.
-PILE = {
+PILE_INPUTS = {
     "heap": "validation/heaps/001.npz",
     "particle": "berry/particle.json",
 }  # a pile of the answer
-MEASURED_PILE = PILE | {"berry": "berry/berry.json"}
-NETWORK = {"network": "network/network.json"}
-SURFACE_SAMPLES = {
+MEASURED_PILE_INPUTS = PILE_INPUTS | {"berry": "berry/berry.json"}
+NETWORK_INPUTS = {"network": "network/network.json"}
+SURFACE_INPUTS = {
     "samples": "response_surface/surface.csv",
     "dataset": "response_surface/dataset.csv",
 }
 
 FIGURES: dict[str, Drawn] = {
     "figure02": Drawn(
-        "berries.sizes_and_sphericity",
+        "berries.draw_sizes_and_sphericity",
         title="Figure 2",
         inputs={"sizes": SIZES},
         caption=(
@@ -49,7 +49,7 @@ FIGURES: dict[str, Drawn] = {
         when=has_grain,
     ),
     "figure07": Drawn(
-        "berries.particle_and_mesh",
+        "berries.draw_particle_and_mesh",
         title="Figure 7",
         inputs={"stl": "berry/berry.stl", "particle": "berry/particle.json"},
         caption=(
@@ -62,7 +62,7 @@ FIGURES: dict[str, Drawn] = {
         memory_mb=650,
     ),
     "validation": Drawn(
-        "checks.validation",
+        "checks.draw_validation",
         title="Table 4, shown",
         inputs={"table4": "validation/table4.csv"},
         optional={"published": PUBLISHED_SOLUTIONS},
@@ -77,7 +77,7 @@ FIGURES: dict[str, Drawn] = {
         reads=("targets",),
     ),
     "published": Drawn(
-        "checks.published_solutions",
+        "checks.draw_published_solutions",
         title="Published solutions here",
         inputs={"published": PUBLISHED_HERE},
         caption=(
@@ -89,7 +89,7 @@ FIGURES: dict[str, Drawn] = {
         reads=("targets",),
     ),
     "discrepancy": Drawn(
-        "discrepancy.over_the_discrepancy",
+        "discrepancy.draw_information_over_discrepancy",
         title="Discrepancy",
         inputs={"discrepancy": "posterior/discrepancy.csv"},
         caption=(
@@ -105,9 +105,9 @@ FIGURES: dict[str, Drawn] = {
         category="Uncertainty",
     ),
     "definitions": Drawn(
-        "measuring.definitions",
+        "measuring.draw_definitions",
         title="Definitions of the angle",
-        inputs=MEASURED_PILE,
+        inputs=MEASURED_PILE_INPUTS,
         caption=(
             "How much does the angle depend on its definition? All definitions on "
             "one pile, the first pour of the representative solution: their lines in "
@@ -123,7 +123,7 @@ FIGURES: dict[str, Drawn] = {
         when=has_pile,
     ),
     "noise": Drawn(
-        "noise.noise_floor",
+        "noise.draw_noise_floor",
         title="Noise floor",
         inputs={
             "runs": "runs.csv",
@@ -140,9 +140,9 @@ FIGURES: dict[str, Drawn] = {
         category="Uncertainty",
     ),
     "outline": Drawn(
-        "outline.outline_and_measurement",
+        "outline.draw_outline_and_measurement",
         title="Pile and measurement at one scale",
-        inputs=MEASURED_PILE,
+        inputs=MEASURED_PILE_INPUTS,
         caption=(
             "Does the simulated pile look like the measured one? The outlines of "
             "the first pour of the answer in all views, with their mean, over the "
@@ -157,7 +157,7 @@ FIGURES: dict[str, Drawn] = {
         when=has_pile,
     ),
     "plane": Drawn(
-        "plane.planes",
+        "plane.draw_planes",
         title="Targets against each other",
         inputs={
             "dataset": ANSWER_SAMPLES,
@@ -179,7 +179,7 @@ FIGURES: dict[str, Drawn] = {
         when=has_pairs,
     ),
     "corner": Drawn(
-        "posterior.corner",
+        "posterior.draw_posterior",
         title="Posterior",
         inputs={
             "draws": "posterior/draws.csv",
@@ -201,7 +201,7 @@ FIGURES: dict[str, Drawn] = {
         category="Uncertainty",
     ),
     "intervals": Drawn(
-        "posterior.intervals",
+        "posterior.draw_credible_intervals",
         title="Credible intervals",
         inputs={
             "posterior": "posterior/posterior.csv",
@@ -220,7 +220,7 @@ FIGURES: dict[str, Drawn] = {
         category="Uncertainty",
     ),
     "profiles": Drawn(
-        "profiles.profiles",
+        "profiles.draw_profiles",
         title="Profiles",
         inputs={"table4": ANSWER_CHECK},
         caption=(
@@ -233,7 +233,7 @@ FIGURES: dict[str, Drawn] = {
         when=has_profiles,
     ),
     "region": Drawn(
-        "region.not_excluded",
+        "region.draw_region",
         title="Region that is not excluded",
         inputs={
             "region": "posterior/region.csv",
@@ -254,7 +254,7 @@ FIGURES: dict[str, Drawn] = {
         category="Uncertainty",
     ),
     "pareto_surface": Drawn(
-        "response_surface.pareto",
+        "response_surface.draw_pareto_charts",
         title="Pareto chart of the surface",
         inputs={"effects": "response_surface/surface_effects.csv"},
         caption="Which terms of the surface matter? Standardised effects: single parameters, "
@@ -264,7 +264,7 @@ FIGURES: dict[str, Drawn] = {
         category="Response surface",
     ),
     "pareto_screening": Drawn(
-        "response_surface.pareto",
+        "response_surface.draw_pareto_charts",
         title="Pareto chart of the screening",
         inputs={"effects": "response_surface/screening_effects.csv"},
         caption="Which parameters matter? Standardised effects of the Plackett-Burman "
@@ -274,9 +274,9 @@ FIGURES: dict[str, Drawn] = {
         category="Response surface",
     ),
     "perturbation": Drawn(
-        "response_surface.perturbation",
+        "response_surface.draw_perturbation_plots",
         title="Perturbation plot",
-        inputs=SURFACE_SAMPLES,
+        inputs=SURFACE_INPUTS,
         caption=(
             "How does a response change with one parameter alone? Each response "
             "over one parameter after the other, the others at the centre of the "
@@ -287,9 +287,9 @@ FIGURES: dict[str, Drawn] = {
         category="Response surface",
     ),
     "contours": Drawn(
-        "response_surface.contours",
+        "response_surface.draw_contour_plots",
         title="Contours of the surface",
-        inputs=SURFACE_SAMPLES | {"optimum": "response_surface/optimum.json"},
+        inputs=SURFACE_INPUTS | {"optimum": "response_surface/optimum.json"},
         caption=(
             "Where is the target met? Each response over every pair of parameters, "
             "the others at the optimum (star); the black line is the target. What "
@@ -300,7 +300,7 @@ FIGURES: dict[str, Drawn] = {
         category="Response surface",
     ),
     "figure15": Drawn(
-        "rotation.states",
+        "rotation.draw_states",
         title="Figure 15",
         inputs={"states": "drum/median.npz", "particle": "berry/particle.json"},
         optional={"runs": "drum/runs.csv"},
@@ -320,7 +320,7 @@ FIGURES: dict[str, Drawn] = {
         memory_mb=550,
     ),
     "drum": Drawn(
-        "rotation.course",
+        "rotation.draw_course",
         title="The drum over time",
         inputs={
             "record": "drum/record.csv",
@@ -340,7 +340,7 @@ FIGURES: dict[str, Drawn] = {
         when=has_drum,
     ),
     "design": Drawn(
-        "samples.design_matrix",
+        "samples.draw_design_matrix",
         title="Design",
         inputs={"samples": "design/samples.csv"},
         optional={"comparison": "design/comparison.csv"},
@@ -352,7 +352,7 @@ FIGURES: dict[str, Drawn] = {
         reads=("parameters", "design.method"),
     ),
     "dataset": Drawn(
-        "samples.responses_over_parameters",
+        "samples.draw_responses_over_parameters",
         title="Responses",
         inputs={"dataset": "dataset.csv"},
         caption=(
@@ -365,7 +365,7 @@ FIGURES: dict[str, Drawn] = {
         reads=("parameters", "targets"),
     ),
     "figure14": Drawn(
-        "search.feasible_solutions",
+        "search.draw_feasible_solutions",
         title="Figure 14",
         inputs={"feasible": "miga/feasible.csv", "summary": "miga/summary.json"},
         optional={"published": PUBLISHED_INTERVALS},
@@ -381,7 +381,7 @@ FIGURES: dict[str, Drawn] = {
         reads=("parameters", "targets", "miga.answer"),
     ),
     "convergence": Drawn(
-        "search.convergence",
+        "search.draw_convergence",
         title="Convergence of the search",
         inputs={"history": "miga/history.csv"},
         optional={"summary": "miga/summary.json"},
@@ -394,7 +394,7 @@ FIGURES: dict[str, Drawn] = {
         reads=("miga", "targets"),
     ),
     "sobol": Drawn(
-        "sensitivity.sobol_indices",
+        "sensitivity.draw_sobol_indices",
         title="Sobol indices",
         inputs={"sobol": "sensitivity/sobol.csv"},
         caption=(
@@ -409,7 +409,7 @@ FIGURES: dict[str, Drawn] = {
         category="Uncertainty",
     ),
     "main_effects": Drawn(
-        "sensitivity.main_effects",
+        "sensitivity.draw_main_effects",
         title="Main effects",
         inputs={
             "sobol": "sensitivity/sobol.csv",
@@ -429,7 +429,7 @@ FIGURES: dict[str, Drawn] = {
         category="Uncertainty",
     ),
     "sequential": Drawn(
-        "sequential.sequential",
+        "sequential.draw_sequential_batches",
         title="Probability and prediction by pours",
         inputs={"batches": "sequential/batches.csv", "check": "sequential/check.csv"},
         caption=(
@@ -448,9 +448,9 @@ FIGURES: dict[str, Drawn] = {
         category="Sequential",
     ),
     "figure10": Drawn(
-        "surrogate.network_structure",
+        "surrogate.draw_network_structure",
         title="Figure 10",
-        inputs=NETWORK,
+        inputs=NETWORK_INPUTS,
         caption=(
             "Figure 10. Which parameters does the trained network use? a: its "
             "structure, {inputs} parameters in, {network[hidden]} hidden neurons, "
@@ -462,10 +462,10 @@ FIGURES: dict[str, Drawn] = {
         when=has_network,
     ),
     "figure13": Drawn(
-        "surrogate.predicted_against_simulated",
+        "surrogate.draw_predicted_against_simulated",
         title="Figure 13",
         inputs={"predictions": "network/predictions.csv", "dataset": "dataset.csv"},
-        optional=NETWORK,
+        optional=NETWORK_INPUTS,
         if_there={"fresh": "pool/fresh_dataset.csv"},
         caption=(
             "Figure 13. Does the surrogate predict samples that it has not seen? "
@@ -479,9 +479,9 @@ FIGURES: dict[str, Drawn] = {
         reads=("targets",),
     ),
     "figure05": Drawn(
-        "testbench.simulated_pile",
+        "testbench.draw_simulated_pile",
         title="Figure 5",
-        inputs=PILE,
+        inputs=PILE_INPUTS,
         caption=(
             "Figure 5. What does the simulated pile look like? Pile of the "
             "representative solution: the counterpart of the photographed pile."
@@ -491,9 +491,9 @@ FIGURES: dict[str, Drawn] = {
         memory_mb=600,
     ),
     "figure06": Drawn(
-        "testbench.measurement",
+        "testbench.draw_measurement_steps",
         title="Figure 6",
-        inputs=MEASURED_PILE,
+        inputs=MEASURED_PILE_INPUTS,
         caption=(
             "Figure 6. How is a pile measured? The steps on that pile in one side "
             "view: grey picture, threshold, edge, and boundary (yellow) with the "
@@ -505,7 +505,7 @@ FIGURES: dict[str, Drawn] = {
         when=has_pile,
     ),
     "figure08": Drawn(
-        "testbench.apparatus",
+        "testbench.draw_test_bench",
         title="Figure 8",
         inputs={},
         optional={"trajectory": POUR_TRAJECTORY, "particle": "berry/particle.json"},

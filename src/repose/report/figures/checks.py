@@ -16,27 +16,27 @@ from repose.stages.published import STALE_WARNING, find_published_responses
 from . import panels, style
 from .registry import Inputs, StudyView
 
-# Places of two marks of a solution, to the left and to the right of its tick.
-OFFSET = 0.12
-BARS = {"ms": 4.5, "elinewidth": 1, "capsize": 2}
-SIMULATED_HERE = BARS | {
+# Distance of the two marks of a solution from its tick, to the left and to the right.
+MARK_OFFSET = 0.12
+ERROR_BAR_STYLE = {"ms": 4.5, "elinewidth": 1, "capsize": 2}
+SIMULATION_STYLE = ERROR_BAR_STYLE | {
     "fmt": "s",
     "color": style.BLUE,
     "label": "simulated here ± standard error over seeds",
 }
-SIMULATED_BY_OTHERS = BARS | {
+PUBLISHED_SIMULATION_STYLE = ERROR_BAR_STYLE | {
     "fmt": "D",
     "color": style.ORANGE,
     "mfc": "white",
     "label": "published simulation",
 }
-MEASURED_BY_OTHERS = SIMULATED_BY_OTHERS | {
+PUBLISHED_MEASUREMENT_STYLE = PUBLISHED_SIMULATION_STYLE | {
     "mfc": style.ORANGE,
     "label": "published measurement",
 }
 
 
-def validation(inputs: Inputs, study: StudyView) -> Figure:
+def draw_validation(inputs: Inputs, study: StudyView) -> Figure:
     """Draw predicted and simulated responses of our solutions and of published ones.
 
     A row of panels for each target: our solutions at the left, published ones at the
@@ -70,7 +70,7 @@ def validation(inputs: Inputs, study: StudyView) -> Figure:
     named_solutions = _add_names(solutions)
     for panel, target in zip(axes[:, 0], targets, strict=True):
         _draw_predicted_and_simulated(
-            panel, named_solutions, target=target, marks=SIMULATED_HERE
+            panel, named_solutions, target=target, error_bar_style=SIMULATION_STYLE
         )
         panel.set_ylabel(style.response_label(target.response))
     axes[0, 0].set_title("this run", fontweight="bold")
@@ -80,10 +80,13 @@ def validation(inputs: Inputs, study: StudyView) -> Figure:
         for panel, target in zip(axes[:, 1], targets, strict=True):
             if target.response in published_of_targets:
                 _draw_predicted_and_simulated(
-                    panel, named_published, target=target, marks=SIMULATED_BY_OTHERS
+                    panel,
+                    named_published,
+                    target=target,
+                    error_bar_style=PUBLISHED_SIMULATION_STYLE,
                 )
             else:
-                _leave_empty(panel, "not published")
+                _explain_empty_panel(panel, "not published")
         axes[0, 1].set_title("published", fontweight="bold")
         axes[-1, 1].set_xlabel("published solution (P)")
     figure.align_xlabels(axes[-1])
@@ -94,13 +97,13 @@ def validation(inputs: Inputs, study: StudyView) -> Figure:
     return figure
 
 
-def _leave_empty(panel: Axes, text: str) -> None:
+def _explain_empty_panel(panel: Axes, text: str) -> None:
     """Write in the middle of a panel why it is empty."""
     panel.axis("off")
     style.write_note(panel, text, x=0.5, y=0.5, ha="center", color=style.GREY)
 
 
-def published_solutions(inputs: Inputs, study: StudyView) -> Figure:
+def draw_published_solutions(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the responses of published solutions, as published and as simulated here.
 
     Parameters
@@ -137,7 +140,7 @@ def _draw_published_and_simulated(
     target : Target
         The target of the response.
     """
-    # Published values stand at the left of a tick, those simulated here at the right.
+    # Published values are at the left of a tick, those simulated here at the right.
     response = target.response
     x = _draw_measurement(panel, table, target)
     unpublished = np.empty(0)
@@ -146,20 +149,20 @@ def _draw_published_and_simulated(
     if published_column in table:
         published = table[published_column]
         measured = table.get(measured_column, pd.Series(np.nan, table.index))
-        panel.errorbar(x - OFFSET, published, **SIMULATED_BY_OTHERS)
+        panel.errorbar(x - MARK_OFFSET, published, **PUBLISHED_SIMULATION_STYLE)
         if measured.notna().any():
-            panel.errorbar(x - OFFSET, measured, **MEASURED_BY_OTHERS)
+            panel.errorbar(x - MARK_OFFSET, measured, **PUBLISHED_MEASUREMENT_STYLE)
         unpublished = x[published.isna() & measured.isna()]
     simulated = table[response.simulated]
     error = table[response.standard_error].fillna(0.0)
-    panel.errorbar(x + OFFSET, simulated, error, **SIMULATED_HERE)
+    panel.errorbar(x + MARK_OFFSET, simulated, error, **SIMULATION_STYLE)
     panel.set(ylabel=style.response_label(response), xlabel="published solution (P)")
     panel.margins(y=0.15)
     _write_below(panel, unpublished, "not\npublished")
 
 
 def _draw_predicted_and_simulated(
-    panel: Axes, table: pd.DataFrame, target: Target, marks: Mapping[str, Any]
+    panel: Axes, table: pd.DataFrame, target: Target, error_bar_style: Mapping[str, Any]
 ) -> None:
     """Draw one response of each solution with the error of its prediction.
 
@@ -174,10 +177,10 @@ def _draw_predicted_and_simulated(
         responses.
     target : Target
         The target of the response.
-    marks : mapping
+    error_bar_style : mapping
         Style of the simulated values, for matplotlib's `errorbar`.
     """
-    # Predictions stand at the left of a tick, simulated values at the right.
+    # Predictions are at the left of a tick, simulated values at the right.
     response = target.response
     x = _draw_measurement(panel, table, target)
     predicted = table[response.predicted].to_numpy(float)
@@ -186,7 +189,7 @@ def _draw_predicted_and_simulated(
     if response.standard_error in table:
         error = table[response.standard_error].fillna(0.0)
     panel.plot(
-        x - OFFSET,
+        x - MARK_OFFSET,
         predicted,
         "o",
         ms=4.5,
@@ -194,7 +197,7 @@ def _draw_predicted_and_simulated(
         color=style.BLACK,
         label="predicted",
     )
-    panel.errorbar(x + OFFSET, simulated, error, **marks)
+    panel.errorbar(x + MARK_OFFSET, simulated, error, **error_bar_style)
 
     # Write the error of each prediction below both marks and the error bar.
     bar_ends = simulated if error is None else simulated - error.to_numpy(float)
@@ -280,7 +283,7 @@ def _draw_measurement(panel: Axes, table: pd.DataFrame, target: Target) -> np.nd
     return np.arange(len(table))
 
 
-def _add_names(table: pd.DataFrame, mark: str = "") -> pd.DataFrame:
+def _add_names(table: pd.DataFrame, prefix: str = "") -> pd.DataFrame:
     """Add the names of the solutions for an axis, and sort the solutions.
 
     The answer comes first, then the others by number, then those without a number.
@@ -289,8 +292,8 @@ def _add_names(table: pd.DataFrame, mark: str = "") -> pd.DataFrame:
     ----------
     table : DataFrame
         A row for each solution.
-    mark : str
-        What stands before each name, as P for published solutions.
+    prefix : str
+        Letters before each name, such as P for published solutions.
 
     Returns
     -------
@@ -299,7 +302,7 @@ def _add_names(table: pd.DataFrame, mark: str = "") -> pd.DataFrame:
     """
     is_answer = table.get("role", table["solution"]) == "representative"
     names = [
-        _name_solution(str(solution), is_answer=answer, mark=mark)
+        _name_solution(str(solution), is_answer=answer, prefix=prefix)
         for solution, answer in zip(table["solution"], is_answer, strict=True)
     ]
     number = pd.to_numeric(table["solution"], errors="coerce").mask(is_answer, -1)
@@ -307,21 +310,21 @@ def _add_names(table: pd.DataFrame, mark: str = "") -> pd.DataFrame:
     return named.sort_values("number", kind="stable", ignore_index=True)
 
 
-def _name_solution(solution: str, is_answer: bool, mark: str) -> str:
+def _name_solution(solution: str, is_answer: bool, prefix: str) -> str:
     """Name a solution on an axis.
 
     Parameters
     ----------
     solution : str
-        Its number; or the first author and the year of a publication, as `yu_2022`.
+        Its number, or the first author and the year of a publication, as in `yu_2022`.
     is_answer : bool
         Whether it is the answer.
-    mark : str
-        What stands before its number.
+    prefix : str
+        Letters before its number.
     """
     if is_answer:
         number = solution.removeprefix("representative")
-        return f"{mark}{number}\n(answer)"
+        return f"{prefix}{number}\n(answer)"
     if solution.isdigit():
-        return f"{mark}{solution}"
+        return f"{prefix}{solution}"
     return solution.replace("_", " et al.\n").capitalize()

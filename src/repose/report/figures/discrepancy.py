@@ -12,18 +12,18 @@ from repose.report.study_view import parameter_ranges
 from . import panels, style
 from .registry import Inputs, StudyView
 
-COLUMNS = (
+DISCREPANCY_COLUMNS = (
     "discrepancy_percent",
     "discrepancy_correlation",
     "evidence",
     "information_bits",
     "effective_points",
 )
-FEWEST_POINTS = 400  # effective points, below which a row is a rough estimate
+FEWEST_EFFECTIVE_POINTS = 400  # a row with fewer is a rough estimate
 ROUGH_OPACITY = 0.3
 
 
-def over_the_discrepancy(inputs: Inputs, study: StudyView) -> Figure:
+def draw_information_over_discrepancy(inputs: Inputs, study: StudyView) -> Figure:
     """Draw information and intervals over the discrepancy, an error of the simulator.
 
     Parameters
@@ -36,7 +36,7 @@ def over_the_discrepancy(inputs: Inputs, study: StudyView) -> Figure:
     """
     names = study.parameters.free
     ends = [f"{name}_{end}" for name in names for end in ("low", "high")]
-    table = read_table(inputs["discrepancy"], (*COLUMNS, *ends))
+    table = read_table(inputs["discrepancy"], (*DISCREPANCY_COLUMNS, *ends))
     is_stated = table["evidence"] == "stated"
     stated_rows = table[is_stated]
     shape_study_rows = table[~is_stated]
@@ -49,7 +49,7 @@ def over_the_discrepancy(inputs: Inputs, study: StudyView) -> Figure:
     above, below = figure.subfigures(2, 1, height_ratios=[height_above, height_below])
     _draw_information(above.subplots(), stated_rows, shape_study_rows)
 
-    axes = panels.panels_in(below, len(names), 3)
+    axes = panels.add_panels(below, len(names), 3)
     ranges = parameter_ranges(study.parameters)
     for panel, name in zip(axes, names, strict=True):
         _draw_intervals(
@@ -105,7 +105,7 @@ def _draw_information(
         color=style.RED,
         label="spread of the shape study's models",
     )
-    rough_rows = stated_rows[stated_rows["effective_points"] < FEWEST_POINTS]
+    rough_rows = stated_rows[stated_rows["effective_points"] < FEWEST_EFFECTIVE_POINTS]
     if len(rough_rows):
         panel.plot(
             rough_rows[x],
@@ -113,7 +113,7 @@ def _draw_information(
             "o",
             mfc="white",
             mec=style.GREY,
-            label=f"fewer than {FEWEST_POINTS} effective points, with pale lines",
+            label=f"fewer than {FEWEST_EFFECTIVE_POINTS} effective points, with pale lines",
         )
     panel.set(
         xlabel="assumed error of the simulator (% of the target)",
@@ -126,7 +126,7 @@ def _draw_information(
 
 def _mask_rough_rows(rows: pd.DataFrame) -> pd.DataFrame:
     """Set rows with too few effective points to NaN, which leaves a gap in a line."""
-    return rows.where(rows["effective_points"] >= FEWEST_POINTS)
+    return rows.where(rows["effective_points"] >= FEWEST_EFFECTIVE_POINTS)
 
 
 def _draw_intervals(

@@ -31,7 +31,7 @@ PILE_GREY = 205
 BACKGROUND_GREY = 255
 
 
-def definitions(inputs: Inputs, study: StudyView) -> Figure:
+def draw_definitions(inputs: Inputs, study: StudyView) -> Figure:
     """Draw every definition on one view of a pile, and its values in all views.
 
     Parameters

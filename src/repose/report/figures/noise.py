@@ -17,8 +17,8 @@ SEED_TICKS = (1, 2, 4, 8, 16, 32, 64)
 PERCENT_TICKS = (0.5, 1, 2, 5)
 
 
-def noise_floor(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw runs about the mean of their sample, and what a number of seeds buys.
+def draw_noise_floor(inputs: Inputs, study: StudyView) -> Figure:
+    """Draw runs about the mean of their sample, and the error of a mean over the seeds.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def _draw_runs(panel: Axes, runs: pd.DataFrame, column: str, colour: str) -> Non
     panel.plot(positions, means, color=style.BLACK, lw=1.2)
 
 
-def _write_deviations(panel: Axes, unit: str, numbers: Mapping[str, float]) -> None:
+def _write_deviations(panel: Axes, unit: str, deviations: Mapping[str, float]) -> None:
     """Write the standard deviations of a response above its runs.
 
     Parameters
@@ -105,14 +105,14 @@ def _write_deviations(panel: Axes, unit: str, numbers: Mapping[str, float]) -> N
         The panel of the runs, which gets room at its upper edge.
     unit : str
         Unit of the response.
-    numbers : mapping
+    deviations : mapping
         Standard deviations within and between samples, and their correlation, by name.
     """
     lines = (
-        f"standard deviation within samples {numbers['sd_within']:.2f} {unit}",
-        f"between samples {numbers['sd_between']:.2f} {unit}",
-        f"intraclass correlation {numbers['icc']:.2f} "
-        f"({numbers['icc_low']:.2f}–{numbers['icc_high']:.2f})",
+        f"standard deviation within samples {deviations['sd_within']:.2f} {unit}",
+        f"between samples {deviations['sd_between']:.2f} {unit}",
+        f"intraclass correlation {deviations['icc']:.2f} "
+        f"({deviations['icc_low']:.2f}–{deviations['icc_high']:.2f})",
     )
     bottom, top = panel.get_ylim()
     panel.set_ylim(bottom, top + 0.2 * (top - bottom))

@@ -20,9 +20,9 @@ from .registry import Inputs, StudyView
 if TYPE_CHECKING:
     from repose.measure.photographs.segmentation import Segmentation
 
-HEIGHT = "height_mm"  # name of the response
+HEIGHT_RESPONSE = "height_mm"  # name of the response
 GRID_STEP_MM = 0.5
-# Ends of a measured slope as shares of the height, where the line has no levels.
+# Ends of a measured slope as shares of the height, if the settings give no shares.
 DEFAULT_LEVELS = (0.3, 0.8)
 
 
@@ -33,7 +33,7 @@ class Outline(NamedTuple):
     height_mm: np.ndarray  # (W,)
 
 
-def outline_and_measurement(inputs: Inputs, study: StudyView) -> Figure:
+def draw_outline_and_measurement(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the outlines of a simulated pile over the measured height and slope.
 
     Parameters
@@ -127,7 +127,7 @@ def _draw_measured_height(panel: Axes, targets: Targets, mean: Outline) -> None:
     the line has.
     """
     for target in targets:
-        if target.name != HEIGHT:
+        if target.name != HEIGHT_RESPONSE:
             continue
         ends = mean.x_mm[[0, -1]]
         panel.fill_between(

@@ -17,14 +17,14 @@ from repose.common.files import path_of
 
 from . import panels, plane, posterior, style, surrogate
 
-BARS = "a point is the mean of one parameter set's runs; bars: ± 1 standard error of a mean"
-MOST_TICKS = 8  # of batches
-# Note of an answer: the predictions at the samples, in training, validation and test.
-ACCURACY = "accuracy"
+BARS_NOTE = "a point is the mean of one parameter set's runs; bars: ± 1 standard error of a mean"
+MAX_BATCH_TICKS = 8
+# Key of the note with the predictions at the samples, in training, validation and test.
+ACCURACY_KEY = "accuracy"
 SET_LABEL = "sets predicted inside all ranges"
 
 
-class Part(NamedTuple):
+class FigurePart(NamedTuple):
     """A figure of a calibration: its height in inches on a page, and what draws it.
 
     `draw` fills an empty figure.
@@ -54,19 +54,21 @@ def plot(
         path = path_of("path", path)
         style.check_ending(path)
     # Each figure gets a part of the page, as high as it needs.
-    all_parts = list(parts(calibration).values())
+    all_parts = list(list_parts(calibration).values())
     heights = [part.height for part in all_parts]
     with style.applied():
         figure = style.new_figure(style.PAGE, sum(heights))
-        places = figure.subfigures(len(heights), squeeze=False, height_ratios=heights)
-        for place, part in zip(places.flat, all_parts, strict=True):
-            part.draw(place)
+        subfigures = figure.subfigures(
+            len(heights), squeeze=False, height_ratios=heights
+        )
+        for subfigure, part in zip(subfigures.flat, all_parts, strict=True):
+            part.draw(subfigure)
         if path is not None:
             style.save(figure, path, small_run=False)
     return figure
 
 
-def parts(calibration: Calibration) -> dict[str, Part]:
+def list_parts(calibration: Calibration) -> dict[str, FigurePart]:
     """List the figures that a calibration has, by name.
 
     A plane needs at least two targets, a history two batches, a corner plot two
@@ -88,25 +90,27 @@ def parts(calibration: Calibration) -> dict[str, Part]:
     n_batches = len(set(calibration.runs.attrs.get(TURN, ())))
 
     # The height of a figure grows with the number of its rows.
-    found = {}
+    parts = {}
     if n_plane_targets > 1:
         n_planes = math.comb(n_plane_targets, 2)
-        found["plane"] = Part(
+        parts["plane"] = FigurePart(
             1.0 + plane.ROW_HEIGHT * n_planes, partial(_draw_planes, calibration)
         )
     if n_batches > 1:
-        found["history"] = Part(
+        parts["history"] = FigurePart(
             0.4 + 2.2 * math.ceil(len(targets) / 2),
             partial(_draw_history, calibration),
         )
-    if ACCURACY in calibration.answer.notes:
-        found["accuracy"] = Part(
+    if ACCURACY_KEY in calibration.answer.notes:
+        parts["accuracy"] = FigurePart(
             3.9 * math.ceil(len(targets) / 2), partial(_draw_accuracy, calibration)
         )
-    found["intervals"] = Part(0.9 + 0.4 * n_free, partial(_draw_intervals, calibration))
+    parts["intervals"] = FigurePart(
+        0.9 + 0.4 * n_free, partial(_draw_intervals, calibration)
+    )
     if n_free > 1:
-        found["corner"] = Part(style.PAGE, partial(_draw_corner, calibration))
-    return found
+        parts["corner"] = FigurePart(style.PAGE, partial(_draw_corner, calibration))
+    return parts
 
 
 def _draw_planes(calibration: Calibration, figure: FigureBase) -> None:
@@ -121,8 +125,8 @@ def _draw_planes(calibration: Calibration, figure: FigureBase) -> None:
         solutions=calibration.solutions,
         answer=calibration.solutions.iloc[0],
     )
-    axes = panels.panels_in(figure, 2 * math.comb(len(targets), 2))
-    plane.draw(axes, targets, data=data, legend_title=BARS)
+    axes = panels.add_panels(figure, 2 * math.comb(len(targets), 2))
+    plane.draw_pairs_of_targets(axes, targets, data=data, legend_title=BARS_NOTE)
 
 
 def _draw_history(calibration: Calibration, figure: FigureBase) -> None:
@@ -136,14 +140,14 @@ def _draw_history(calibration: Calibration, figure: FigureBase) -> None:
         An empty figure.
     """
     study = calibration.study
-    # Of many batches only some are named on the axis.
+    # If there are many batches, only some get a tick on the axis.
     batch = _find_batches(calibration)
     batches = list(range(batch.min(), batch.max() + 1))
-    place_of_answer = batch.max() + 1
-    ticks = batches[:: math.ceil(len(batches) / MOST_TICKS)]
+    answer_x = batch.max() + 1
+    ticks = batches[:: math.ceil(len(batches) / MAX_BATCH_TICKS)]
     tolerance = study.settings.sequential.tolerance_percent
 
-    axes = panels.panels_in(figure, len(study.targets))
+    axes = panels.add_panels(figure, len(study.targets))
     for k, (panel, target) in enumerate(zip(axes, study.targets, strict=True)):
         style.prepare_deviations(panel, target, percent=tolerance, xlabel="batch")
         _draw_samples(panel, calibration.samples, target=target, batch=batch)
@@ -152,9 +156,9 @@ def _draw_history(calibration: Calibration, figure: FigureBase) -> None:
             target,
             mean=calibration.answer.mean[k],
             error=calibration.answer.error[k],
-            place=place_of_answer,
+            x=answer_x,
         )
-        panel.set_xticks([*ticks, place_of_answer], [*map(str, ticks), "answer"])
+        panel.set_xticks([*ticks, answer_x], [*map(str, ticks), "answer"])
     figure.legend(
         *axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3
     )
@@ -210,7 +214,7 @@ def _draw_samples(
 
 
 def _draw_answer(
-    panel: Axes, target: Target, mean: float, error: float, place: int
+    panel: Axes, target: Target, mean: float, error: float, x: int
 ) -> None:
     """Draw how far the predicted response of the answer is off a target.
 
@@ -222,12 +226,12 @@ def _draw_answer(
         The target.
     mean, error : float
         The predicted response and its standard error.
-    place : int
+    x : int
         Place of the answer on the x axis.
     """
     percent_of_target = 100 / target.whole
     panel.errorbar(
-        [place],
+        [x],
         [target.off_percent(mean)],
         [percent_of_target * error],
         fmt="D",
@@ -241,10 +245,10 @@ def _draw_answer(
 def _draw_accuracy(calibration: Calibration, figure: FigureBase) -> None:
     """Draw the predictions of the surrogate over the simulated means."""
     targets = calibration.study.targets
-    predictions = calibration.answer.notes[ACCURACY]
+    predictions = calibration.answer.notes[ACCURACY_KEY]
     errors = calibration.samples[["sample", *targets.errors]]
     table = predictions.merge(errors, on="sample", how="left")
-    axes = panels.panels_in(figure, len(targets))
+    axes = panels.add_panels(figure, len(targets))
     surrogate.draw_accuracy(axes, table, targets.responses)
 
 

@@ -52,10 +52,10 @@ def grid(
     """
     rows = math.ceil(count / min(columns, count))
     figure = new_figure(width, extra_height + row_height * rows)
-    return figure, panels_in(figure, count, columns, **options)
+    return figure, add_panels(figure, count, columns, **options)
 
 
-def panels_in(
+def add_panels(
     figure: FigureBase, count: int, columns: int = 2, **options: Any
 ) -> list[Axes]:
     """Add panels to an empty figure, row by row; further places stay empty.
@@ -87,7 +87,7 @@ class ParameterPanel(NamedTuple):
     parameter: str
 
 
-def panels_over_parameters(
+def make_parameter_panels(
     targets: Targets, parameters: ParameterSpace, row_height: float
 ) -> tuple[Figure, list[ParameterPanel]]:
     """Make a figure with a row for each target and a column for each free parameter.
@@ -151,11 +151,11 @@ class PairPanel(NamedTuple):
     """A panel of two parameters; on the diagonal they are the same."""
 
     axes: Axes
-    across: str
-    down: str
+    x_name: str
+    y_name: str
 
 
-def panels_of_pairs(figure: FigureBase, parameters: ParameterSpace) -> list[PairPanel]:
+def add_pair_panels(figure: FigureBase, parameters: ParameterSpace) -> list[PairPanel]:
     """Add a square of panels to an empty figure, one for each pair of free parameters.
 
     The panels lie on the diagonal and below it. On the diagonal both parameters are the
@@ -168,11 +168,11 @@ def panels_of_pairs(figure: FigureBase, parameters: ParameterSpace) -> list[Pair
         if column > row:
             axes.axis("off")
         else:
-            panels.append(PairPanel(axes, across=names[column], down=names[row]))
+            panels.append(PairPanel(axes, x_name=names[column], y_name=names[row]))
     return panels
 
 
-def finish_pairs(
+def finish_pair_panels(
     panels: Sequence[PairPanel], parameters: ParameterSpace, margin: float = 0.0
 ) -> None:
     """Set the limits, ticks and labels of pair panels that have been drawn.
@@ -180,7 +180,7 @@ def finish_pairs(
     Parameters
     ----------
     panels : sequence of PairPanel
-        The panels of `panels_of_pairs`.
+        The panels of `add_pair_panels`.
     parameters : ParameterSpace
         The parameters of the study.
     margin : float
@@ -192,28 +192,28 @@ def finish_pairs(
     ends = {}
     lows, highs = parameters.coordinate_ends
     for name, low, high in zip(names, lows.tolist(), highs.tolist(), strict=True):
-        room = margin * (high - low)
-        coordinates = np.array([low - room, high + room])
+        margin_width = margin * (high - low)
+        coordinates = np.array([low - margin_width, high + margin_width])
         scale = SCALES[parameters.scale.get(name, LINEAR)]
         ends[name] = scale.backward(coordinates).tolist()
-    for axes, across, down in panels:
-        is_diagonal = across == down
-        is_first_column = across == names[0]
+    for axes, x_name, y_name in panels:
+        is_diagonal = x_name == y_name
+        is_first_column = x_name == names[0]
         # A panel on the diagonal is a histogram, whose heights need no numbers.
         has_y_axis = is_first_column and not is_diagonal
-        set_scale(axes.set_xscale, parameters, across)
-        axes.set_xlim(ends[across])
+        set_scale(axes.set_xscale, parameters, x_name)
+        axes.set_xlim(ends[x_name])
         axes.tick_params(labelsize=6, labelleft=has_y_axis)
         if is_diagonal:
             axes.set_yticks([])
             axes.spines["left"].set_visible(False)
         else:
-            set_scale(axes.set_yscale, parameters, down)
-            axes.set_ylim(ends[down])
-        if down == names[-1]:
-            axes.set_xlabel(parameter_label(across), fontsize=8.5)
+            set_scale(axes.set_yscale, parameters, y_name)
+            axes.set_ylim(ends[y_name])
+        if y_name == names[-1]:
+            axes.set_xlabel(parameter_label(x_name), fontsize=8.5)
         if has_y_axis:
-            axes.set_ylabel(parameter_label(down), fontsize=8.5)
+            axes.set_ylabel(parameter_label(y_name), fontsize=8.5)
 
 
 def label_strips(panel: Axes, names: Sequence[str]) -> None:

@@ -17,15 +17,15 @@ from . import panels, style
 from .registry import Inputs, StudyView
 
 # Descriptions in the legend and colours of the tables of samples.
-SAMPLES = {
+SAMPLE_STYLES = {
     "dataset": ("parameter sets of the design, simulated", style.BLUE),
     "pool": ("further sets, simulated", style.SKY),
     "fresh": ("sets with many pours each", style.PURPLE),
     "own": ("parameter sets, simulated", style.BLUE),
 }
 ROW_HEIGHT = 3.1  # of the panels of a pair, in inches
-MARGIN = 0.12  # about what an enlarged panel shows, as a share of it
-BARS = (
+ENLARGED_MARGIN_SHARE = 0.12  # about what an enlarged panel shows, as a share of it
+BARS_NOTE = (
     "a point is the mean of one parameter set's piles; bars: ± 1 standard error of a "
     "mean"
 )
@@ -34,7 +34,7 @@ BARS = (
 class PlaneData(NamedTuple):
     """What the planes show besides the targets.
 
-    `samples` are tables by the names in `SAMPLES`. An answer without simulated
+    `samples` are tables by the names in `SAMPLE_STYLES`. An answer without simulated
     responses is shown as predicted alone.
     """
 
@@ -48,7 +48,7 @@ def leave_out_profiles(targets: Targets) -> Targets:
     return Targets(target for target in targets if target.profile is None)
 
 
-def planes(inputs: Inputs, study: StudyView) -> Figure:
+def draw_planes(inputs: Inputs, study: StudyView) -> Figure:
     """Draw samples, target ranges, solutions and the answer for each pair of targets.
 
     Parameters
@@ -64,7 +64,7 @@ def planes(inputs: Inputs, study: StudyView) -> Figure:
     targets = leave_out_profiles(study.targets)
     sample_columns = ("status", *targets.names, *targets.errors)
     samples = {}
-    for key in SAMPLES:
+    for key in SAMPLE_STYLES:
         if key in inputs:
             table = read_table(inputs[key], sample_columns)
             samples[key] = table[table["status"] == "ok"]
@@ -77,11 +77,16 @@ def planes(inputs: Inputs, study: StudyView) -> Figure:
 
     n_panels = 2 * math.comb(len(targets), 2)
     figure, axes = panels.grid(n_panels, ROW_HEIGHT, extra_height=1.0)
-    draw(axes, targets, data=PlaneData(samples, solutions, answer), legend_title=BARS)
+    draw_pairs_of_targets(
+        axes,
+        targets,
+        data=PlaneData(samples, solutions, answer),
+        legend_title=BARS_NOTE,
+    )
     return figure
 
 
-def draw(
+def draw_pairs_of_targets(
     axes: Sequence[Axes], targets: Targets, data: PlaneData, legend_title: str
 ) -> None:
     """Draw two panels for each pair of targets: all samples, and the ranges enlarged.
@@ -98,20 +103,20 @@ def draw(
         Title of the legend, which explains the bars.
     """
     pairs = combinations(targets, 2)
-    for k, (across, up) in enumerate(pairs):
+    for k, (x_target, y_target) in enumerate(pairs):
         # Both panels show the same, within different limits.
-        whole, enlarged = axes[2 * k : 2 * k + 2]
-        for panel in (whole, enlarged):
-            _draw_samples(panel, data.samples, across=across, up=up)
-            _draw_targets(panel, across, up)
-            _draw_solutions(panel, data.solutions, across=across, up=up)
-            _draw_answer(panel, data.answer, across=across, up=up)
-        span = _describe_span(data.solutions, across, up)
-        enlarged.set_xlabel(f"{enlarged.get_xlabel()}\n{span}")
-        enlarged.set_xlim(_compute_axis_limits(across, data.answer))
-        enlarged.set_ylim(_compute_axis_limits(up, data.answer))
-        whole.set_title(f"{style.panel_letter(2 * k)}   all samples")
-        enlarged.set_title(
+        whole_panel, enlarged_panel = axes[2 * k : 2 * k + 2]
+        for panel in (whole_panel, enlarged_panel):
+            _draw_samples(panel, data.samples, x_target=x_target, y_target=y_target)
+            _draw_targets(panel, x_target, y_target)
+            _draw_solutions(panel, data.solutions, x_target=x_target, y_target=y_target)
+            _draw_answer(panel, data.answer, x_target=x_target, y_target=y_target)
+        span_text = _describe_span(data.solutions, x_target, y_target)
+        enlarged_panel.set_xlabel(f"{enlarged_panel.get_xlabel()}\n{span_text}")
+        enlarged_panel.set_xlim(_compute_axis_limits(x_target, data.answer))
+        enlarged_panel.set_ylim(_compute_axis_limits(y_target, data.answer))
+        whole_panel.set_title(f"{style.panel_letter(2 * k)}   all samples")
+        enlarged_panel.set_title(
             f"{style.panel_letter(2 * k + 1)}   the target ranges, enlarged"
         )
     style.draw_legend(
@@ -159,12 +164,12 @@ def _compute_axis_limits(target: Target, answer: pd.Series) -> tuple[float, floa
     known_values = [value for value in values if pd.notna(value)]
     low = min(known_values)
     high = max(known_values)
-    margin = MARGIN * (high - low)
+    margin = ENLARGED_MARGIN_SHARE * (high - low)
     return low - margin, high + margin
 
 
 def _draw_samples(
-    panel: Axes, samples: Mapping[str, pd.DataFrame], across: Target, up: Target
+    panel: Axes, samples: Mapping[str, pd.DataFrame], x_target: Target, y_target: Target
 ) -> None:
     """Draw the means of the samples with their standard errors.
 
@@ -173,19 +178,19 @@ def _draw_samples(
     panel : Axes
         The panel to draw in.
     samples : mapping
-        Tables of samples by the names in `SAMPLES`.
-    across, up : Target
+        Tables of samples by the names in `SAMPLE_STYLES`.
+    x_target, y_target : Target
         The targets of the x axis and of the y axis.
     """
     for key, table in samples.items():
-        description, colour = SAMPLES[key]
-        x = table[across.name]
-        y = table[up.name]
+        description, colour = SAMPLE_STYLES[key]
+        x = table[x_target.name]
+        y = table[y_target.name]
         panel.errorbar(
             x,
             y,
-            xerr=table[across.response.standard_error].fillna(0.0),
-            yerr=table[up.response.standard_error].fillna(0.0),
+            xerr=table[x_target.response.standard_error].fillna(0.0),
+            yerr=table[y_target.response.standard_error].fillna(0.0),
             fmt="none",
             elinewidth=0.4,
             ecolor=colour,
@@ -195,15 +200,15 @@ def _draw_samples(
         panel.plot(x, y, "o", ms=2.6, mew=0, color=colour, label=label)
 
 
-def _draw_targets(panel: Axes, across: Target, up: Target) -> None:
+def _draw_targets(panel: Axes, x_target: Target, y_target: Target) -> None:
     """Draw the target ranges, and the mean of the measured piles with its error.
 
-    `across` and `up` are the targets of the x axis and of the y axis.
+    `x_target` and `y_target` are the targets of the x axis and of the y axis.
     """
     box = Rectangle(
-        (across.low, up.low),
-        across.high - across.low,
-        up.high - up.low,
+        (x_target.low, y_target.low),
+        x_target.high - x_target.low,
+        y_target.high - y_target.low,
         fc="none",
         ec=style.GREEN,
         lw=1.4,
@@ -212,10 +217,10 @@ def _draw_targets(panel: Axes, across: Target, up: Target) -> None:
     )
     panel.add_patch(box)
     panel.errorbar(
-        across.value,
-        up.value,
-        xerr=across.standard_error,
-        yerr=up.standard_error,
+        x_target.value,
+        y_target.value,
+        xerr=x_target.standard_error,
+        yerr=y_target.standard_error,
         fmt="D",
         ms=8,
         mfc="none",
@@ -223,10 +228,10 @@ def _draw_targets(panel: Axes, across: Target, up: Target) -> None:
         elinewidth=1.2,
         capsize=3,
         zorder=4,
-        label=f"measured ± standard error of {across.repetitions} repetitions",
+        label=f"measured ± standard error of {x_target.repetitions} repetitions",
     )
-    panel.set_xlabel(_format_axis_label(across))
-    panel.set_ylabel(_format_axis_label(up))
+    panel.set_xlabel(_format_axis_label(x_target))
+    panel.set_ylabel(_format_axis_label(y_target))
 
 
 def _format_axis_label(target: Target) -> str:
@@ -237,19 +242,19 @@ def _format_axis_label(target: Target) -> str:
 
 
 def _draw_solutions(
-    panel: Axes, solutions: pd.DataFrame, across: Target, up: Target
+    panel: Axes, solutions: pd.DataFrame, x_target: Target, y_target: Target
 ) -> None:
     """Draw the predictions of the solutions of the search.
 
-    `across` and `up` are the targets of the x axis and of the y axis.
+    `x_target` and `y_target` are the targets of the x axis and of the y axis.
     """
     kind = "nearest solutions, none feasible"
     if solutions["feasible"].any():
         kind = "feasible solutions"
     # Above the answer's marks, which would hide most of them
     panel.plot(
-        solutions[across.response.predicted],
-        solutions[up.response.predicted],
+        solutions[x_target.response.predicted],
+        solutions[y_target.response.predicted],
         "o",
         ms=2.6,
         mew=0,
@@ -259,19 +264,21 @@ def _draw_solutions(
     )
 
 
-def _describe_span(solutions: pd.DataFrame, across: Target, up: Target) -> str:
+def _describe_span(solutions: pd.DataFrame, x_target: Target, y_target: Target) -> str:
     """Describe between which responses the solutions of the search are predicted.
 
-    `across` and `up` are the targets of the x axis and of the y axis.
+    `x_target` and `y_target` are the targets of the x axis and of the y axis.
     """
     spans = []
-    for response in (across.response, up.response):
+    for response in (x_target.response, y_target.response):
         values = solutions[response.predicted]
         spans.append(f"{values.min():.2f} to {values.max():.2f} {response.unit}")
     return f"{len(solutions)} solutions: {', '.join(spans)}"
 
 
-def _draw_answer(panel: Axes, answer: pd.Series, across: Target, up: Target) -> None:
+def _draw_answer(
+    panel: Axes, answer: pd.Series, x_target: Target, y_target: Target
+) -> None:
     """Draw the predicted answer, and its simulation if there is one.
 
     Parameters
@@ -280,14 +287,14 @@ def _draw_answer(panel: Axes, answer: pd.Series, across: Target, up: Target) -> 
         The panel to draw in.
     answer : Series
         The answer with its responses. Columns of simulated responses may be missing.
-    across, up : Target
+    x_target, y_target : Target
         The targets of the x axis and of the y axis.
     """
-    x = across.response
-    y = up.response
+    x_response = x_target.response
+    y_response = y_target.response
     panel.plot(
-        answer[x.predicted],
-        answer[y.predicted],
+        answer[x_response.predicted],
+        answer[y_response.predicted],
         "s",
         ms=6,
         mfc="none",
@@ -295,17 +302,17 @@ def _draw_answer(panel: Axes, answer: pd.Series, across: Target, up: Target) -> 
         zorder=6,
         label="the answer, predicted",
     )
-    if x.simulated not in answer:
+    if x_response.simulated not in answer:
         return
     # A mean of a single run has no standard error.
     errors = {}
-    if pd.notna(answer[x.standard_error]):
-        errors["xerr"] = answer[x.standard_error]
-    if pd.notna(answer[y.standard_error]):
-        errors["yerr"] = answer[y.standard_error]
+    if pd.notna(answer[x_response.standard_error]):
+        errors["xerr"] = answer[x_response.standard_error]
+    if pd.notna(answer[y_response.standard_error]):
+        errors["yerr"] = answer[y_response.standard_error]
     panel.errorbar(
-        answer[x.simulated],
-        answer[y.simulated],
+        answer[x_response.simulated],
+        answer[y_response.simulated],
         **errors,
         fmt="s",
         ms=4.5,

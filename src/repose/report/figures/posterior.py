@@ -17,7 +17,7 @@ from matplotlib.patches import Rectangle
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.targets import Targets
 from repose.common.files import read_json, read_table
-from repose.report.study_view import cell_edges
+from repose.report.study_view import compute_cell_edges
 
 from . import panels, style
 from .registry import Inputs, StudyView
@@ -25,32 +25,32 @@ from .registry import Inputs, StudyView
 if TYPE_CHECKING:
     from repose.calibrate.uncertainty.posterior import Posterior
 
-BINS = 25  # of a histogram
+N_BINS = 25  # of a histogram
 # Cells along each range of a pair: few, so that each has draws enough to be judged.
-PAIR_CELLS = 8
+N_PAIR_CELLS = 8
 RATIO_TICKS = (0.25, 0.5, 1, 2, 4)
 LARGEST_RATIO = 4.0  # of posterior to prior, at the end of the colours
 RATIO_COLOURS = "PuOr_r"  # white in the middle
 RATIO_LABEL = "posterior over prior in each cell; white: as before the measurements"
-SEARCH_SOLUTIONS = "solutions of the search"
+SEARCH_SETS_LABEL = "solutions of the search"
 # Share of the draws where samples are thin, above which the figure warns.
 EXTRAPOLATED_SHARE = 0.5
 CREDIBLE_COLUMNS = ["credible_low", "credible_high"]
-COLUMN_WORDS = (
+COLUMN_NOTE = (
     "width that the measurements leave open; information: one bit halves the range"
 )
 SEARCH_COLUMNS = ["miga_low", "miga_high"]
 PUBLISHED_COLUMNS = ["published_low", "published_high"]
 # Bars of a parameter: their columns, place above the middle, colour, width and label.
 # The spans of solutions are thin, since they are no uncertainty.
-BARS = (
+INTERVAL_BARS = (
     (CREDIBLE_COLUMNS, 0.22, style.BLUE, 3.0, "95 % interval, median white"),
     (SEARCH_COLUMNS, 0.0, style.RED, 1.2, "span of the solutions found"),
     (PUBLISHED_COLUMNS, -0.22, style.ORANGE, 1.2, "span of the published solutions"),
 )
 # Published sets have a marker for each source.
 PUBLISHED_MARKERS = ("D", "^", "s", "v")
-PUBLISHED_LOOK: dict[str, Any] = {
+PUBLISHED_STYLE: dict[str, Any] = {
     "s": 22,
     "facecolor": "none",
     "edgecolor": style.ORANGE,
@@ -79,7 +79,7 @@ class CornerData(NamedTuple):
 # --- The draws in pairs ---------------------------------------------------------------
 
 
-def corner(inputs: Inputs, study: StudyView) -> Figure:
+def draw_posterior(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the draws of the posterior, alone and in pairs, with solutions.
 
     Parameters
@@ -104,7 +104,7 @@ def corner(inputs: Inputs, study: StudyView) -> Figure:
     data = CornerData(
         posterior=posterior,
         sets=read_table(inputs["feasible"], names),
-        sets_label=SEARCH_SOLUTIONS,
+        sets_label=SEARCH_SETS_LABEL,
         published_sets=published_sets,
     )
     figure = style.new_figure(style.PAGE, style.PAGE)
@@ -163,18 +163,18 @@ def draw_corner(
     table = data.posterior.parameters.set_index("parameter")
     has_published_intervals = "published_low" in table
     mesh = None  # for the colour bar; a single parameter has none
-    pair_panels = panels.panels_of_pairs(figure, parameters)
-    for panel, across, down in pair_panels:
-        if across == down:
+    pair_panels = panels.add_pair_panels(figure, parameters)
+    for panel, x_name, y_name in pair_panels:
+        if x_name == y_name:
             _draw_marginal(
-                panel, draws[across], parameters=parameters, row=table.loc[across]
+                panel, draws[x_name], parameters=parameters, row=table.loc[x_name]
             )
             continue
-        mesh = _draw_ratio(panel, draws[across], draws[down], parameters)
-        _draw_sets(panel, data, across=across, down=down)
+        mesh = _draw_ratio(panel, draws[x_name], draws[y_name], parameters)
+        _draw_sets(panel, data, x_name=x_name, y_name=y_name)
         if has_published_intervals:
-            _draw_published_box(panel, table.loc[across], table.loc[down])
-    panels.finish_pairs(pair_panels, parameters, margin=0.02)
+            _draw_published_box(panel, table.loc[x_name], table.loc[y_name])
+    panels.finish_pair_panels(pair_panels, parameters, margin=0.02)
 
     # The empty half above the diagonal has room for text and legend.
     figure.text(
@@ -208,7 +208,7 @@ def draw_corner(
     )
 
 
-def _draw_sets(panel: Axes, data: CornerData, across: str, down: str) -> None:
+def _draw_sets(panel: Axes, data: CornerData, x_name: str, y_name: str) -> None:
     """Mark the parameter sets and the published ones in the panel of two parameters.
 
     Published sets of another wall are marked only where both parameters are of grain
@@ -220,21 +220,21 @@ def _draw_sets(panel: Axes, data: CornerData, across: str, down: str) -> None:
         The panel to draw in.
     data : CornerData
         The sets.
-    across, down : str
+    x_name, y_name : str
         Names of the parameters along x and along y.
     """
     panel.scatter(
-        data.sets[across], data.sets[down], s=5, color=style.RED, lw=0, zorder=4
+        data.sets[x_name], data.sets[y_name], s=5, color=style.RED, lw=0, zorder=4
     )
-    is_pair_of_grains = across.endswith("_gg") and down.endswith("_gg")
+    is_pair_of_grains = x_name.endswith("_gg") and y_name.endswith("_gg")
     for sets in data.published_sets:
         if not sets.wall or is_pair_of_grains:
             panel.scatter(
-                sets.table[across],
-                sets.table[down],
+                sets.table[x_name],
+                sets.table[y_name],
                 marker=sets.marker,
                 zorder=6,
-                **PUBLISHED_LOOK,
+                **PUBLISHED_STYLE,
             )
 
 
@@ -255,9 +255,9 @@ def _draw_marginal(
         Row of the parameter in the table of the posterior.
     """
     name = row.name
-    edges = cell_edges(parameters, name, BINS)
+    edges = compute_cell_edges(parameters, name, N_BINS)
     # The density is that along the scale of the parameter, on which cells are equal.
-    width = parameters.coordinates(name, edges[[0, -1]]) @ [-1, 1] / BINS
+    width = parameters.coordinates(name, edges[[0, -1]]) @ [-1, 1] / N_BINS
     panel.hist(
         values,
         bins=edges,
@@ -305,7 +305,7 @@ def _compute_prior_density(
 
 
 def _draw_ratio(
-    panel: Axes, across: pd.Series, down: pd.Series, parameters: ParameterSpace
+    panel: Axes, x_draws: pd.Series, y_draws: pd.Series, parameters: ParameterSpace
 ) -> QuadMesh:
     """Draw the ratio of posterior to prior probability of two parameters, cell by cell.
 
@@ -313,7 +313,7 @@ def _draw_ratio(
     ----------
     panel : Axes
         The panel to draw in.
-    across, down : Series
+    x_draws, y_draws : Series
         The draws of both parameters, named by them.
     parameters : ParameterSpace
         The parameters of the study.
@@ -324,21 +324,26 @@ def _draw_ratio(
         The cells, for a colour bar.
     """
     edges = [
-        cell_edges(parameters, str(values.name), PAIR_CELLS)
-        for values in (across, down)
+        compute_cell_edges(parameters, str(values.name), N_PAIR_CELLS)
+        for values in (x_draws, y_draws)
     ]
-    counts, x_edges, y_edges = np.histogram2d(across, down, bins=edges)
+    counts, x_edges, y_edges = np.histogram2d(x_draws, y_draws, bins=edges)
     # In the prior, the parameters are independent of each other.
     prior = np.outer(
-        _compute_prior_of_cells(parameters, str(across.name)),
-        _compute_prior_of_cells(parameters, str(down.name)),
+        _compute_prior_of_cells(parameters, str(x_draws.name)),
+        _compute_prior_of_cells(parameters, str(y_draws.name)),
     )
     ratio = counts / counts.sum() / prior
     # On a logarithmic scale, equal factors above and below 1 have equal colour steps.
     colours = LogNorm(1 / LARGEST_RATIO, LARGEST_RATIO)
-    shown = np.clip(ratio, 1 / LARGEST_RATIO, LARGEST_RATIO)
+    shown_ratio = np.clip(ratio, 1 / LARGEST_RATIO, LARGEST_RATIO)
     return panel.pcolormesh(
-        x_edges, y_edges, shown.T, cmap=RATIO_COLOURS, norm=colours, rasterized=True
+        x_edges,
+        y_edges,
+        shown_ratio.T,
+        cmap=RATIO_COLOURS,
+        norm=colours,
+        rasterized=True,
     )
 
 
@@ -351,22 +356,22 @@ def _compute_prior_of_cells(parameters: ParameterSpace, name: str) -> np.ndarray
         Probabilities (PAIR_CELLS,), above 0 so that one can divide by them.
     """
     index = parameters.free.index(name)
-    share_of_range = np.linspace(0, 1, PAIR_CELLS + 1)
+    share_of_range = np.linspace(0, 1, N_PAIR_CELLS + 1)
     # `prior_cdf` takes all free parameters; only one of its columns is needed.
     points = np.repeat(share_of_range[:, None], parameters.dimensions, axis=1)
     probability = np.diff(parameters.prior_cdf(points)[:, index])
     return np.maximum(probability, np.finfo(float).tiny)
 
 
-def _draw_published_box(panel: Axes, across: pd.Series, down: pd.Series) -> None:
+def _draw_published_box(panel: Axes, x_row: pd.Series, y_row: pd.Series) -> None:
     """Draw the published intervals of two parameters as a box, if both have one.
 
-    `across` and `down` are the rows of the parameters in the table of the posterior.
+    `x_row` and `y_row` are the rows of the parameters in the table of the posterior.
     """
-    if pd.isna(across["published_low"]) or pd.isna(down["published_low"]):
+    if pd.isna(x_row["published_low"]) or pd.isna(y_row["published_low"]):
         return
-    x_low, x_high = across[PUBLISHED_COLUMNS].astype(float)
-    y_low, y_high = down[PUBLISHED_COLUMNS].astype(float)
+    x_low, x_high = x_row[PUBLISHED_COLUMNS].astype(float)
+    y_low, y_high = y_row[PUBLISHED_COLUMNS].astype(float)
     box = Rectangle(
         (x_low, y_low),
         x_high - x_low,
@@ -473,7 +478,7 @@ def _make_legend_handles(
         if sets.wall:
             label += f" (wall: {sets.wall})"
         handles.append(
-            panel.scatter([], [], marker=sets.marker, label=label, **PUBLISHED_LOOK)
+            panel.scatter([], [], marker=sets.marker, label=label, **PUBLISHED_STYLE)
         )
     return handles
 
@@ -481,7 +486,7 @@ def _make_legend_handles(
 # --- Credible intervals ---------------------------------------------------------------
 
 
-def intervals(inputs: Inputs, study: StudyView) -> Figure:
+def draw_credible_intervals(inputs: Inputs, study: StudyView) -> Figure:
     """Draw credible intervals in the parameters' ranges, with the answer.
 
     Parameters
@@ -529,7 +534,7 @@ def draw_intervals(
     panel.text(
         1.17,
         n_parameters - 0.45,
-        COLUMN_WORDS,
+        COLUMN_NOTE,
         fontsize=6.3,
         ha="right",
         va="bottom",
@@ -563,7 +568,7 @@ def _draw_interval_strip(
         Whether the strip adds its labels to the legend.
     """
     panel.barh(y, 1, height=0.8, color=style.STRIP_COLOUR, zorder=0)
-    for columns, offset, colour, width, label in BARS:
+    for columns, offset, colour, width, label in INTERVAL_BARS:
         # If the table lacks this bar, its ends are empty and nothing is drawn.
         ends = row.reindex(columns).dropna().astype(float).to_numpy()
         positions = places(ends)
@@ -591,7 +596,7 @@ def _draw_interval_strip(
             [y],
             "D",
             label="the answer" if is_first else "_the answer",
-            **style.ANSWER,
+            **style.ANSWER_STYLE,
         )
     # The intervals are estimates, so their ratio may slightly exceed 1.
     percent = 100 * min(row["width_ratio"], 1.0)

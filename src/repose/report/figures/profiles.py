@@ -16,7 +16,7 @@ from . import panels, style
 from .registry import Inputs, StudyView
 
 
-def profiles(inputs: Inputs, study: StudyView) -> Figure:
+def draw_profiles(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the answer's profile with each measured one.
 
     Parameters

@@ -25,7 +25,7 @@ from repose.common.numbers import rounded
 from . import panels, style
 from .registry import Inputs, StudyView
 
-COLUMNS = ("x", "y", "x_quantile", "y_quantile", "least_implausibility", "share")
+REGION_COLUMNS = ("x", "y", "x_quantile", "y_quantile", "least_implausibility", "share")
 HIGHEST_MISFIT = 1e9  # upper end of the last band
 
 
@@ -37,11 +37,11 @@ class Band(NamedTuple):
     words: str
 
 
-EXCLUDED_FROM = 3.0  # misfit from which a parameter set is excluded
+EXCLUSION_MISFIT = 3.0  # misfit from which a parameter set is excluded
 BANDS = (
     Band(1.0, "#1B7A5A", "under 1"),
     Band(2.0, "#74BE9E", "1 to 2"),
-    Band(EXCLUDED_FROM, "#DCEFE4", "2 to 3"),
+    Band(EXCLUSION_MISFIT, "#DCEFE4", "2 to 3"),
     Band(HIGHEST_MISFIT, style.RED, "over 3: excluded"),
 )
 MISFIT_TITLE = (
@@ -51,10 +51,10 @@ MISFIT_TITLE = (
 SHARE_TITLE = "share of a cell's parameter sets still possible"
 # Left, lower edge, width and height of the colour bar below the diagonal, as shares of
 # the figure
-BAR_PLACE = (0.05, 0.18, 0.4, 0.018)
+COLOUR_BAR_BOX = (0.05, 0.18, 0.4, 0.018)
 
 
-def not_excluded(inputs: Inputs, study: StudyView) -> Figure:
+def draw_region(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the least misfit below the diagonal, the share of possible sets above it.
 
     The panels below the diagonal are left out if no cell is excluded.
@@ -67,14 +67,14 @@ def not_excluded(inputs: Inputs, study: StudyView) -> Figure:
     study : StudyView
         The study.
     """
-    table = read_table(inputs["region"], COLUMNS)
+    table = read_table(inputs["region"], REGION_COLUMNS)
     summary = read_json(inputs["summary"], ("not_implausible_share",))
     names = study.parameters.free
     n_cells = table["x_quantile"].nunique()  # along each parameter
     edges = _compute_cell_edges(study.parameters, n_cells)
     largest_share = table["share"].max() or 1.0
-    # Without an excluded cell, a map of the least misfit would tell nothing.
-    has_excluded_cells = bool((table["least_implausibility"] >= EXCLUDED_FROM).any())
+    # Without an excluded cell, a map of the least misfit gives no information.
+    has_excluded_cells = bool((table["least_implausibility"] >= EXCLUSION_MISFIT).any())
 
     height = 1.08 * style.PAGE if has_excluded_cells else 0.95 * style.PAGE
     figure = style.new_figure(style.PAGE, height)
@@ -123,7 +123,7 @@ def not_excluded(inputs: Inputs, study: StudyView) -> Figure:
         )
     elif share_mesh is not None:
         # The empty half below the diagonal has room for the colour bar.
-        bar_axes = figure.add_axes(BAR_PLACE)
+        bar_axes = figure.add_axes(COLOUR_BAR_BOX)
         figure.colorbar(
             share_mesh, cax=bar_axes, orientation="horizontal", label=SHARE_TITLE
         )

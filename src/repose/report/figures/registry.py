@@ -29,7 +29,7 @@ PUBLISHED_INTERVALS = "{table3}"  # published intervals of the parameters
 POUR_TRAJECTORY = "{trajectory}"  # places of the grains over a pour of the answer
 
 # Draws a figure from its inputs and the configuration of a study.
-Draw = Callable[[Inputs, Config], "Figure"]
+DrawFunction = Callable[[Inputs, Config], "Figure"]
 
 
 def _every_study(study: "PipelineConfig") -> bool:
@@ -43,15 +43,15 @@ class Drawn(NamedTuple):
     Attributes
     ----------
     function
-        What draws it: a module of this folder and its function, as ``noise.noise_floor``,
-        which takes the inputs and a `StudyView`; or a function that takes the inputs and
-        the configuration.
+        What draws it. A text names a module of this folder and its function, such as
+        ``noise.draw_noise_floor``. This function takes the inputs and a `StudyView`. A
+        function itself takes the inputs and the configuration.
     inputs
         Files that it needs: name to path below the folder of results.
     optional
         Files that some studies lack.
     if_there
-        Files that are shown where they exist, and are never made for the figure.
+        Files that are shown if they exist, and are never made for the figure.
     title
         Its name in Snakemake's report.
     reads
@@ -67,7 +67,7 @@ class Drawn(NamedTuple):
         What drawing it takes, with a margin.
     """
 
-    function: str | Draw
+    function: str | DrawFunction
     inputs: Inputs
     optional: Mapping[str, str] = {}
     if_there: Mapping[str, str] = {}

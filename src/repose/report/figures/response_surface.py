@@ -29,7 +29,7 @@ EFFECT_COLUMNS = (
 )
 
 
-def pareto(inputs: Inputs, study: StudyView) -> Figure:
+def draw_pareto_charts(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the standardised effects of a step and their limits, the largest first.
 
     Parameters
@@ -81,7 +81,7 @@ def _draw_effects(panel: Axes, effects: pd.DataFrame) -> None:
     panel.set_xlabel("|t| of the effect")
 
 
-def perturbation(inputs: Inputs, study: StudyView) -> Figure:
+def draw_perturbation_plots(inputs: Inputs, study: StudyView) -> Figure:
     """Draw each response over one factor after the other.
 
     Parameters
@@ -94,7 +94,7 @@ def perturbation(inputs: Inputs, study: StudyView) -> Figure:
     """
     targets = study.targets
     models = _fit_models(inputs, targets)
-    region = _allowed_region(inputs, study)
+    region = _find_allowed_region(inputs, study)
     figure, axes = panels.grid(len(models), 2.9, columns=len(models))
     coded = np.linspace(-1, 1, GRID_POINTS)
     for panel, target, model in zip(axes, targets, models, strict=True):
@@ -114,7 +114,7 @@ def perturbation(inputs: Inputs, study: StudyView) -> Figure:
     return figure
 
 
-def contours(inputs: Inputs, study: StudyView) -> Figure:
+def draw_contour_plots(inputs: Inputs, study: StudyView) -> Figure:
     """Draw each response over every pair of factors.
 
     Parameters
@@ -127,7 +127,7 @@ def contours(inputs: Inputs, study: StudyView) -> Figure:
     """
     targets = study.targets
     models = _fit_models(inputs, targets)
-    region = _allowed_region(inputs, study)
+    region = _find_allowed_region(inputs, study)
     optimum = read_json(
         inputs["optimum"], ("coded",), "output of repose stage conclude"
     )["coded"]
@@ -170,18 +170,25 @@ def _draw_contours(
     """
     # A grid of points over the two factors; the others stay at the optimum.
     coded = np.linspace(-1, 1, GRID_POINTS)
-    across, up = np.meshgrid(coded, coded)
+    x_grid, y_grid = np.meshgrid(coded, coded)
     points = np.repeat(point[None], GRID_POINTS * GRID_POINTS, axis=0)
-    points[:, pair] = np.column_stack([across.ravel(), up.ravel()])
+    points[:, pair] = np.column_stack([x_grid.ravel(), y_grid.ravel()])
     values = _predict_allowed(model, points, region)
     values = values.reshape(GRID_POINTS, GRID_POINTS)
 
-    panel.contourf(across, up, values, levels=12, cmap="viridis", alpha=0.85)
-    lines = panel.contour(across, up, values, levels=6, colors="white", linewidths=0.5)
+    panel.contourf(x_grid, y_grid, values, levels=12, cmap="viridis", alpha=0.85)
+    lines = panel.contour(
+        x_grid, y_grid, values, levels=6, colors="white", linewidths=0.5
+    )
     panel.clabel(lines, fontsize=6)
     if np.nanmin(values) < target.aim < np.nanmax(values):
         panel.contour(
-            across, up, values, levels=[target.aim], colors=style.BLACK, linewidths=1.4
+            x_grid,
+            y_grid,
+            values,
+            levels=[target.aim],
+            colors=style.BLACK,
+            linewidths=1.4,
         )
     first, second = pair
     panel.plot(
@@ -202,8 +209,11 @@ def _draw_contours(
     )
 
 
-def _allowed_region(inputs: Inputs, study: StudyView) -> Region | None:
-    """Return what constraints allow of the surface's cube; None without constraints."""
+def _find_allowed_region(inputs: Inputs, study: StudyView) -> Region | None:
+    """Find the part of the surface's cube that the constraints allow.
+
+    The result is None if the study has no constraints.
+    """
     if not study.parameters.constraints:
         return None
     samples = read_table(inputs["samples"], ("sample", *study.parameters.names))
@@ -213,7 +223,10 @@ def _allowed_region(inputs: Inputs, study: StudyView) -> Region | None:
 def _predict_allowed(
     model: Model, points: np.ndarray, region: Region | None
 ) -> np.ndarray:
-    """Predict a response (n,) at points (n, k) in coded units; nan where forbidden."""
+    """Predict a response (n,) at points (n, k) in coded units.
+
+    The prediction is NaN at a point outside the allowed region.
+    """
     values = model.predict(points)
     if region is None:
         return values

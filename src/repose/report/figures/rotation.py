@@ -19,11 +19,11 @@ from repose.stages.drum_tables import choose_median_run
 from . import panels, style
 from .registry import Inputs, StudyView
 
-PIXELS = 620  # side of a picture at the default resolution
+PICTURE_PIXELS = 620  # side of a picture at the default resolution
 SLIP_COLUMNS = ("seed", "before_turned_deg", "before_time_s")
 ARTICLE_RUN_S = 10.0  # time of the article's run, from the start of the filling
 # States in the file, with their descriptions in titles.
-TITLES = {
+STATE_TITLES = {
     "start": "before the rotation",
     "report": "at the report",
     "before": "before the slip",
@@ -31,7 +31,7 @@ TITLES = {
 }
 
 
-def states(inputs: Inputs, study: StudyView) -> Figure:
+def draw_states(inputs: Inputs, study: StudyView) -> Figure:
     """Draw side views along the axis of the drum with the line of the surface.
 
     Parameters
@@ -49,18 +49,18 @@ def states(inputs: Inputs, study: StudyView) -> Figure:
     particle = Particle.load(inputs["particle"])
     # Without a slip the last state is that at the time of the report.
     has_slipped = "position_before" in arrays
-    shown = ("start", "before", "after") if has_slipped else ("start", "report")
+    shown_states = ("start", "before", "after") if has_slipped else ("start", "report")
 
-    figure = style.new_figure(style.PAGE, style.PAGE / len(shown) + 0.8)
+    figure = style.new_figure(style.PAGE, style.PAGE / len(shown_states) + 0.8)
     figure.get_layout_engine().set(w_pad=0.02, h_pad=0.02)
-    axes = figure.subplots(1, len(shown))
-    for k, (panel, state) in enumerate(zip(axes, shown, strict=True)):
+    axes = figure.subplots(1, len(shown_states))
+    for k, (panel, state) in enumerate(zip(axes, shown_states, strict=True)):
         angle_deg = _draw_side_view(
             panel, arrays, state=state, particle=particle, study=study
         )
         turned_deg = float(arrays[f"turned_{state}_deg"])
         letter = style.panel_letter(k)
-        panel.set_title(f"{letter}  {TITLES[state]}: surface {angle_deg:.1f}°")
+        panel.set_title(f"{letter}  {STATE_TITLES[state]}: surface {angle_deg:.1f}°")
         panel.set_xlabel(f"drum turned by {turned_deg:.1f}°")
     if not has_slipped:
         figure.supxlabel("NO SLIP in this run", fontsize=7.5, color=style.RED)
@@ -82,7 +82,7 @@ def states(inputs: Inputs, study: StudyView) -> Figure:
 def _describe_slip(
     turned_deg: float, runs: pd.DataFrame, settings: DrumSettings
 ) -> str:
-    """Describe how far and how long the drum turned before the first slip.
+    """Describe by what angle and for how long the drum turned before its first slip.
 
     Parameters
     ----------
@@ -129,9 +129,9 @@ def _draw_side_view(
     panel : Axes
         The panel to draw in.
     arrays : mapping
-        Arrays of the run by name, as for `states`.
+        Arrays of the run by name, as for `draw_states`.
     state : str
-        The state, one of `TITLES`.
+        The state, one of `STATE_TITLES`.
     particle : Particle
         The grains' body.
     study : StudyView
@@ -142,8 +142,8 @@ def _draw_side_view(
     float
         Angle of the line in degrees.
     """
-    # These imports are slow, and `course` does not need them.
-    from repose.report.renderer.film import drum_inside
+    # These imports are slow, and `draw_course` does not need them.
+    from repose.report.renderer.film import make_drum_inside
     from repose.report.renderer.render import render_pile
     from repose.report.renderer.scenery import look_at
 
@@ -152,10 +152,10 @@ def _draw_side_view(
     quaternions = arrays[f"quaternion_{state}"].astype(float)
     scales = arrays.get("scale", np.ones(len(centres)))
     turned_rad = np.radians(float(arrays[f"turned_{state}_deg"]))
-    inside = drum_inside(settings, turned_rad)
+    inside = make_drum_inside(settings, turned_rad)
 
     # The camera looks along the axis of the drum.
-    pixels = style.picture_pixels(study, PIXELS)
+    pixels = style.scale_picture_pixels(study, PICTURE_PIXELS)
     view: dict[str, Any] = {
         "elevation_deg": 0.0,
         "azimuth_deg": -90.0,
@@ -163,7 +163,7 @@ def _draw_side_view(
         "height": pixels,
         "field_of_view_deg": style.TELEPHOTO_DEG,
     }
-    frame_m = inside.outline()
+    frame_m = inside.compute_outline_points()
     picture = render_pile(
         centres,
         quaternions,
@@ -203,7 +203,7 @@ def _draw_side_view(
     return surface.angle_deg
 
 
-def course(inputs: Inputs, study: StudyView) -> Figure:
+def draw_course(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the angles of every run over time, and the motion of the layers by depth.
 
     Parameters
@@ -256,14 +256,14 @@ def _draw_angles(
     )
     if "report_time_s" in runs:
         report_time_s = runs["report_time_s"].median()
-        words = "the time reported"
+        time_label = "the time reported"
         if settings.report_s == ARTICLE_RUN_S:
-            words = "end of the article's run"
+            time_label = "end of the article's run"
         panel.axvline(
             report_time_s,
             color=style.ORANGE,
             lw=1.4,
-            label=f"{words}, after {report_time_s:.1f} s of rotation",
+            label=f"{time_label}, after {report_time_s:.1f} s of rotation",
         )
     # Leave room below the lowest angle and above the highest.
     lowest = min(-3.0, record["bed_deg"].min() - 2)

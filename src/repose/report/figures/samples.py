@@ -11,7 +11,7 @@ from repose.calibrate.designs.latin_hypercube import METHODS
 from repose.calibrate.responses import Response
 from repose.common.files import read_table
 from repose.common.statuses import explain
-from repose.report.study_view import cell_edges
+from repose.report.study_view import compute_cell_edges
 
 from . import panels, style
 from .registry import Inputs, StudyView
@@ -22,7 +22,7 @@ FEWEST_CORRELATED = 4
 NOTE_CHARACTERS = 120
 
 
-def design_matrix(inputs: Inputs, study: StudyView) -> Figure:
+def draw_design_matrix(inputs: Inputs, study: StudyView) -> Figure:
     """Draw every pair of free parameters, the histogram of each, and a comparison.
 
     Parameters
@@ -36,20 +36,25 @@ def design_matrix(inputs: Inputs, study: StudyView) -> Figure:
     names = study.parameters.free
     samples = read_table(inputs["samples"], names)
     figure = style.new_figure(style.PAGE, style.PAGE)
-    pair_panels = panels.panels_of_pairs(figure, study.parameters)
-    for panel, across, down in pair_panels:
-        if across == down:
+    pair_panels = panels.add_pair_panels(figure, study.parameters)
+    for panel, x_name, y_name in pair_panels:
+        if x_name == y_name:
             panel.hist(
-                samples[across],
-                bins=cell_edges(study.parameters, across, 10),
+                samples[x_name],
+                bins=compute_cell_edges(study.parameters, x_name, 10),
                 color=style.SKY,
                 ec="white",
             )
         else:
             panel.scatter(
-                samples[across], samples[down], s=4, color=style.BLUE, alpha=0.75, lw=0
+                samples[x_name],
+                samples[y_name],
+                s=4,
+                color=style.BLUE,
+                alpha=0.75,
+                lw=0,
             )
-    panels.finish_pairs(pair_panels, study.parameters)
+    panels.finish_pair_panels(pair_panels, study.parameters)
     method = METHODS[study.settings.design.method]
     if study.parameters.constraints:
         method = f"allowed ones of a larger {method}"
@@ -57,7 +62,9 @@ def design_matrix(inputs: Inputs, study: StudyView) -> Figure:
         f"{len(samples)} samples: {method}\ndiagonal: samples in each tenth of a range"
     )
     if study.parameters.constraints:
-        rules = "; ".join(one.text for one in study.parameters.constraints)
+        rules = "; ".join(
+            constraint.text for constraint in study.parameters.constraints
+        )
         text += f"\nspread evenly over {rules}; no Latin hypercube"
     if len(names) == 1:
         # With a single panel there is no empty corner for the text.
@@ -94,7 +101,7 @@ def _compare_methods(figure: Figure, comparison: pd.DataFrame) -> None:
     panel.invert_yaxis()
 
 
-def responses_over_parameters(inputs: Inputs, study: StudyView) -> Figure:
+def draw_responses_over_parameters(inputs: Inputs, study: StudyView) -> Figure:
     """Draw each response over each free parameter; samples that failed are marked.
 
     Parameters
@@ -111,10 +118,10 @@ def responses_over_parameters(inputs: Inputs, study: StudyView) -> Figure:
         inputs["dataset"],
         ("status", *parameters.free, *targets.names, *targets.errors),
     )
-    figure, parameter_panels = panels.panels_over_parameters(targets, parameters, 1.45)
+    figure, parameter_panels = panels.make_parameter_panels(targets, parameters, 1.45)
     for panel, target, name in parameter_panels:
         _draw_response(panel, table, name=name, response=target.response)
-    figure.supxlabel(_account(table), fontsize=style.SMALL_TEXT_PT)
+    figure.supxlabel(_describe_failed_samples(table), fontsize=style.SMALL_TEXT_PT)
     return figure
 
 
@@ -151,8 +158,8 @@ def _draw_response(
         mew=0,
     )
     if len(failed):
-        # Place the crosses below all values, by a tenth of their range.
-        # Without a good sample, the ends stand for any range.
+        # Place the crosses below all values, by a tenth of their range. Without a good
+        # sample, there are no values, and any range will do.
         bottom = 0.0
         top = 1.0
         if len(good):
@@ -169,7 +176,7 @@ def _draw_response(
         )
 
 
-def _account(table: pd.DataFrame) -> str:
+def _describe_failed_samples(table: pd.DataFrame) -> str:
     """Describe how many samples failed, and why."""
     explanation = "bars: ± 1 standard error over seeds; ρ: rank correlation"
     failed = table[table["status"] != "ok"]

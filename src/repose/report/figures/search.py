@@ -19,7 +19,7 @@ from repose.report.study_view import parameter_ranges
 from . import panels, style
 from .registry import Inputs, StudyView
 
-LEAST_LOSS_WORDS = (
+LEAST_LOSS_NOTE = (
     "The answer is the set of the least expected error, which counts how uncertain each "
     "prediction is; so it may lie beside the other sets."
 )
@@ -34,7 +34,7 @@ HISTORY_COLUMNS = (
 )
 
 
-def feasible_solutions(inputs: Inputs, study: StudyView) -> Figure:
+def draw_feasible_solutions(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the parameters of the solutions in their ranges, and their responses.
 
     Parameters
@@ -62,7 +62,7 @@ def feasible_solutions(inputs: Inputs, study: StudyView) -> Figure:
     _draw_parameter_strips(panel, solutions, study=study, published=published)
     sentences = []
     if study.config.get("miga", {}).get("answer") == LEAST_LOSS:
-        sentences.append(LEAST_LOSS_WORDS)
+        sentences.append(LEAST_LOSS_NOTE)
     sentences += [_describe_predictions(solutions, target) for target in targets]
     if published is not None:
         sentences.append(_describe_overlap(solutions, study, published))
@@ -148,9 +148,9 @@ def _format_title(
 
 
 def _scatter_places(count: int) -> np.ndarray:
-    """Make places (count,) from -0.5 to 0.5 that scatter alike in each figure.
+    """Make places (count,) from -0.5 to 0.5, the same ones in each figure.
 
-    Steps of the golden fraction fill the interval evenly.
+    They look random, but steps of the golden fraction fill the interval evenly.
     """
     return (np.arange(count) * GOLDEN_FRACTION % 1.0) - 0.5
 
@@ -233,9 +233,9 @@ def _draw_parameter_strips(
 
 def _write_range(panel: Axes, y: float, low: float, high: float) -> None:
     """Write both ends of a parameter's range below its strip."""
-    look = {"fontsize": 6, "va": "top", "color": style.GREY}
-    panel.text(-0.01, y - 0.42, f"{low:g}", ha="left", **look)
-    panel.text(1.01, y - 0.42, f"{high:g}", ha="right", **look)
+    text_style = {"fontsize": 6, "va": "top", "color": style.GREY}
+    panel.text(-0.01, y - 0.42, f"{low:g}", ha="left", **text_style)
+    panel.text(1.01, y - 0.42, f"{high:g}", ha="right", **text_style)
 
 
 def _draw_strip(
@@ -288,11 +288,11 @@ def _draw_strip(
             np.full(is_answer.sum(), middle),
             "D",
             label=f"{label_prefix}representative, the answer",
-            **style.ANSWER,
+            **style.ANSWER_STYLE,
         )
 
 
-def convergence(inputs: Inputs, study: StudyView) -> Figure:
+def draw_convergence(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the objective over the generations, with the error of the surrogate.
 
     Parameters

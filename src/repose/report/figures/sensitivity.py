@@ -26,18 +26,18 @@ class Share(NamedTuple):
 
 INDICES = (Share("first", "first order"), Share("total", "total"))
 # Of parameters that depend on each other by constraints.
-SHARES = (
+CONSTRAINED_SHARES = (
     Share("explained", "explained by it alone, Var(E[y|x]) / Var(y)"),
     Share("remaining", "remaining if all others are known, E[Var(y|others)] / Var(y)"),
 )
 
 
-def _shares(study: StudyView) -> tuple[Share, Share]:
-    """Return the columns of a study's table."""
-    return SHARES if study.parameters.constraints else INDICES
+def _choose_shares(study: StudyView) -> tuple[Share, Share]:
+    """Choose the two columns that the table of a study has."""
+    return CONSTRAINED_SHARES if study.parameters.constraints else INDICES
 
 
-def sobol_indices(inputs: Inputs, study: StudyView) -> Figure:
+def draw_sobol_indices(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the first-order and total index of each parameter, one panel per response.
 
     Parameters
@@ -49,7 +49,7 @@ def sobol_indices(inputs: Inputs, study: StudyView) -> Figure:
         The study.
     """
     targets = study.targets
-    shares = _shares(study)
+    shares = _choose_shares(study)
     columns = [share.column for share in shares]
     table = read_table(inputs["sobol"], ("response", "parameter", *columns))
     figure, axes = panels.grid(len(targets), 2.4, sharey=True)
@@ -63,7 +63,7 @@ def sobol_indices(inputs: Inputs, study: StudyView) -> Figure:
         if k % 2 == 0:
             panel.set_ylabel("share of the variance (–)")
     if study.parameters.constraints:
-        # The long labels stand below the panels.
+        # The labels are too long for a legend, so write them below the panels.
         colours = f"blue: {shares[0].label}; orange: {shares[1].label}"
         style.write_below(figure, f"{colours}; over what the constraints allow")
     else:
@@ -114,7 +114,7 @@ def _draw_indices(
     style.write_note(panel, text, x=0.97, ha="right")
 
 
-def main_effects(inputs: Inputs, study: StudyView) -> Figure:
+def draw_main_effects(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the mean response along each free parameter, on the simulated points.
 
     Parameters
@@ -132,12 +132,12 @@ def main_effects(inputs: Inputs, study: StudyView) -> Figure:
         inputs["dataset"], (*parameters.names, "status", *targets.names)
     )
     samples = samples[samples["status"] == "ok"]
-    column, label = _shares(study)[0]
+    column, label = _choose_shares(study)[0]
     sobol = read_table(inputs["sobol"], ("response", "parameter", column))
     share_of = sobol.set_index(["response", "parameter"])[column]
 
     # The samples, the mean of the surrogate over them, and the share of the variance
-    figure, parameter_panels = panels.panels_over_parameters(targets, parameters, 1.4)
+    figure, parameter_panels = panels.make_parameter_panels(targets, parameters, 1.4)
     for panel, target, name in parameter_panels:
         panel.scatter(
             samples[name], samples[target.name], s=4, color=style.GREY, alpha=0.6, lw=0

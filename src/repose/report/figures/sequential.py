@@ -12,7 +12,7 @@ from . import panels, style
 from .registry import Inputs, StudyView
 
 
-def sequential(inputs: Inputs, study: StudyView) -> Figure:
+def draw_sequential_batches(inputs: Inputs, study: StudyView) -> Figure:
     """Draw probability and predicted responses after each batch, and the check.
 
     Parameters
@@ -45,10 +45,10 @@ def sequential(inputs: Inputs, study: StudyView) -> Figure:
         _draw_check(panel, check, target, x=1.06 * float(batches["pours"].iloc[-1]))
     style.draw_legend(axes, loc="outside lower center", ncols=3)
 
-    reached = batches["probability"].iloc[-1]
-    verdict = "reached" if reached >= settings.probability else "NOT reached"
+    last_probability = batches["probability"].iloc[-1]
+    outcome = "reached" if last_probability >= settings.probability else "NOT reached"
     title = (
-        f"{verdict}: all targets met with probability {reached:.2f}; asked for is "
+        f"{outcome}: all targets met with probability {last_probability:.2f}; asked for is "
         f"{settings.probability:g}"
     )
     figure.suptitle(title, fontsize=7.5)

@@ -33,9 +33,9 @@ if TYPE_CHECKING:
 from .registry import Config, StudyView
 
 # Widths of a journal's column and page, in inches.
-MM = 1 / 25.4
-COLUMN = 85 * MM
-PAGE = 175 * MM
+INCHES_PER_MM = 1 / 25.4
+COLUMN = 85 * INCHES_PER_MM
+PAGE = 175 * INCHES_PER_MM
 DPI = 180
 TELEPHOTO_DEG = 0.8  # field of view of a picture without perspective
 
@@ -51,18 +51,18 @@ BLACK = "#222222"
 SERIES = (BLUE, ORANGE, GREEN, RED, PURPLE, SKY, GREY)
 LINES = ("-", "--", "-.", ":")
 STRIP_COLOUR = "#EEF0F2"  # of the range of a parameter
-ANSWER = {"ms": 5.0, "color": RED, "mec": "white", "mew": 0.6, "zorder": 4}
+ANSWER_STYLE = {"ms": 5.0, "color": RED, "mec": "white", "mew": 0.6, "zorder": 4}
 
 SMALL_TEXT_PT = 6.8
 LETTERS_PER_INCH = 20  # of small text
 ALPHABET = "abcdefghijklmnopqrstuvwxyz"
 
-SUBSCRIPTS = ", ".join(f"{pair}: {words}" for pair, words in PAIRS.items())
-SMALL_RUN = "small run: NOT for use as a result"
+SUBSCRIPTS_NOTE = ", ".join(f"{pair}: {words}" for pair, words in PAIRS.items())
+SMALL_RUN_WARNING = "small run: NOT for use as a result"
 SMALL_RUN_BAND_INCHES = 0.24
 
-# Entries of a file that would change from run to run, by its format.
-UNDATED = {
+# Metadata by format, without the entries that would change a file from run to run.
+FIXED_METADATA = {
     "png": {"Software": None},
     "pdf": {"CreationDate": None},
     "svg": {"Date": None},
@@ -132,7 +132,7 @@ def _mark_small_run(figure: Figure) -> None:
     figure.text(
         0.5,
         1 - 0.5 * SMALL_RUN_BAND_INCHES / full_height,
-        SMALL_RUN,
+        SMALL_RUN_WARNING,
         bbox=box,
         ha="center",
         va="center",
@@ -150,41 +150,41 @@ def encode(figure: Figure, kind: str = "png", dpi: int = DPI) -> io.BytesIO:
     figure : Figure
         The figure.
     kind : str
-        Format, one of `UNDATED`.
+        Format, one of `FIXED_METADATA`.
     dpi : int
         Resolution of a PNG.
     """
     content = io.BytesIO()
-    figure.savefig(content, format=kind, dpi=dpi, metadata=UNDATED[kind])
+    figure.savefig(content, format=kind, dpi=dpi, metadata=FIXED_METADATA[kind])
     return content
 
 
 def check_ending(path: Path_) -> None:
     """Raise InputError for an ending that no figure has."""
-    endings = [f".{kind}" for kind in UNDATED]
+    endings = [f".{kind}" for kind in FIXED_METADATA]
     suffix = Path(path).suffix
     if suffix not in endings:
         raise InputError(path, "ending", suffix, " or ".join(endings))
 
 
-def picture_pixels(study: StudyView, at_default: int) -> int:
+def scale_picture_pixels(study: StudyView, default_pixels: int) -> int:
     """Scale the size of a shaded picture to the resolution of the configuration.
 
     Parameters
     ----------
     study : StudyView
         The study, with the section `figures` if it has one.
-    at_default : int
+    default_pixels : int
         The size in pixels at the default resolution.
     """
     dpi = study.config.get("figures", {}).get("dpi", DPI)
-    return round(at_default * dpi / DPI)
+    return round(default_pixels * dpi / DPI)
 
 
 # --- Words ----------------------------------------------------------------------------
 
 
-def targets_of(config: Config) -> Targets:
+def read_targets(config: Config) -> Targets:
     """Return the targets of a configuration, in its order."""
     return StudyView(config).targets
 
@@ -247,20 +247,20 @@ def explain_symbols(figure: Figure, config: Config) -> None:
     shown_text = " ".join(text.get_text() for text in figure.findobj(Text))
     explanations = _explain_angles(config, shown_text)
     if any(symbol in shown_text for symbol in SYMBOLS.values()):
-        explanations.append(SUBSCRIPTS)
+        explanations.append(SUBSCRIPTS_NOTE)
     if not explanations:
         return
 
     width = int(LETTERS_PER_INCH * figure.get_figwidth())
-    words = "\n".join(textwrap.fill(sentence, width) for sentence in explanations)
+    note = "\n".join(textwrap.fill(sentence, width) for sentence in explanations)
     lowest_legend = _find_lowest_legend(figure)
     if lowest_legend is None:
         words_before = figure.get_supxlabel()
-        figure.supxlabel(f"{words_before}\n{words}".lstrip(), fontsize=SMALL_TEXT_PT)
+        figure.supxlabel(f"{words_before}\n{note}".lstrip(), fontsize=SMALL_TEXT_PT)
     else:
         # The legend occupies the lower edge, so the text becomes part of its title.
         title = lowest_legend.get_title().get_text()
-        lowest_legend.set_title(f"{title}\n{words}".lstrip(), {"size": SMALL_TEXT_PT})
+        lowest_legend.set_title(f"{title}\n{note}".lstrip(), {"size": SMALL_TEXT_PT})
 
 
 def _explain_angles(config: Config, shown_text: str) -> list[str]:
@@ -281,7 +281,7 @@ def _explain_angles(config: Config, shown_text: str) -> list[str]:
     if not {"targets", "measure"} <= config.keys():
         return []
     explanations = []
-    for response in targets_of(config).responses:
+    for response in read_targets(config).responses:
         is_calibrated_angle = "measure.response" in response.definition
         if is_calibrated_angle and response.symbol in shown_text:
             line = describe_line(StudyView(config).settings.measure)
@@ -299,10 +299,10 @@ def _find_lowest_legend(figure: Figure) -> Any:
     return None
 
 
-def write_below(figure: Figure, words: str) -> None:
+def write_below(figure: Figure, note: str) -> None:
     """Write small words below a figure, wrapped to its width."""
     width = int(LETTERS_PER_INCH * figure.get_figwidth())
-    figure.supxlabel(textwrap.fill(words, width), fontsize=SMALL_TEXT_PT)
+    figure.supxlabel(textwrap.fill(note, width), fontsize=SMALL_TEXT_PT)
 
 
 def write_note(
@@ -321,8 +321,13 @@ def write_note(
     **options
         Arguments of matplotlib's `text`, which may change the alignment.
     """
-    look = {"va": "top", "ha": "left", "fontsize": SMALL_TEXT_PT, "linespacing": 1.35}
-    return axes.text(x, y, text, transform=axes.transAxes, **(look | options))
+    text_style = {
+        "va": "top",
+        "ha": "left",
+        "fontsize": SMALL_TEXT_PT,
+        "linespacing": 1.35,
+    }
+    return axes.text(x, y, text, transform=axes.transAxes, **(text_style | options))
 
 
 def panel_letter(k: int) -> str:
@@ -354,11 +359,14 @@ def draw_legend(panels: Sequence[Axes], **options: Any) -> None:
 
 def series_style(k: int) -> dict[str, str]:
     """Choose colour and line style of curve `k`, from 0, for matplotlib's `plot`."""
-    return {"color": SERIES[k % len(SERIES)], "ls": LINES[k % len(LINES)]}
+    return {
+        "color": SERIES[k % len(SERIES)],
+        "ls": LINES[k % len(LINES)],
+    }
 
 
 def draw_band(panel: Axes, low: float, high: float, label: str) -> None:
-    """Draw a green band across a panel, as of a range that is asked for.
+    """Draw a green band across a panel, such as a target range.
 
     Parameters
     ----------
@@ -401,7 +409,7 @@ def prepare_deviations(
 
 
 def round_length(longest: float) -> float:
-    """Return the largest length of 1, 2 or 5 times a power of ten that is not longer."""
+    """Round a length down to 1, 2 or 5 times a power of ten."""
     power = 10.0 ** math.floor(math.log10(longest))
     return power * max(digit for digit in (1, 2, 5) if digit * power <= longest)
 
@@ -424,9 +432,10 @@ def draw_scale_bar(
     camera : Camera
         The camera that took it.
     place_m : ndarray
-        Place (3,) in the world for whose distance from the camera the bar is right.
+        Place (3,) in the world. The bar is right at the distance of this place from the
+        camera.
     extent_m : float
-        Length of what is shown.
+        Length of the object in the picture.
     words_after : str
         Words that follow the length of the bar.
     """

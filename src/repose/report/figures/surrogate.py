@@ -22,7 +22,7 @@ from repose.common.files import read_json, read_table
 from . import panels, style
 from .registry import Inputs, StudyView
 
-# Activations by the names that MATLAB has for them.
+# Common names of activations, by their names in MATLAB.
 ACTIVATIONS = {"tansig": "tanh", "purelin": "linear"}
 # Parts of the samples: name in the table, colour and marker.
 SPLITS = (
@@ -33,19 +33,19 @@ SPLITS = (
 )
 UNSEEN_SPLITS = ("test", "new points")  # by the model that predicts them
 INFLUENCE_POINTS = 1024
-INFLUENCE_WORDS = (
+INFLUENCE_NOTE = (
     "influence: share of the variance of the predicted response, over the ranges of all "
     "parameters, in which the input has a part (total Sobol index); shares add up to more "
     "than 100 % where parameters interact. Arrow: the response rises or falls from the "
     "input's least to its largest value."
 )
-INFLUENCE_WITH_CONSTRAINTS = (
+INFLUENCE_NOTE_WITH_CONSTRAINTS = (
     "influence: share of the variance of the predicted response, over what the "
     "constraints allow, that remains if all other inputs are known, E[Var(y|others)] / "
     "Var(y). Arrow: the mean response rises or falls from the input's least to its "
     "largest allowed value."
 )
-ACCURACY_WORDS = (
+ACCURACY_NOTE = (
     "bars: ± 1 standard error of the simulated mean over its pours. A perfect model "
     "predicts the true means. Its R² and RMSE are what the scatter of the simulated means "
     "leaves, for the test samples the mean scatter of the whole design; by chance a model "
@@ -74,7 +74,7 @@ class Layers(NamedTuple):
 # --- The network ----------------------------------------------------------------------
 
 
-def network_structure(inputs: Inputs, study: StudyView) -> Figure:
+def draw_network_structure(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the layers of the network, and bars for the influence of each input.
 
     Weights are not drawn: large ones cancel where two hidden neurons pull the same
@@ -117,8 +117,8 @@ def network_structure(inputs: Inputs, study: StudyView) -> Figure:
     _draw_influence(right, influence, inputs=network["inputs"], symbols=symbols)
     style.name_panels((left, right))
     is_constrained = bool(study.parameters.constraints)
-    words = INFLUENCE_WITH_CONSTRAINTS if is_constrained else INFLUENCE_WORDS
-    style.write_below(figure, words)
+    note = INFLUENCE_NOTE_WITH_CONSTRAINTS if is_constrained else INFLUENCE_NOTE
+    style.write_below(figure, note)
     return figure
 
 
@@ -221,12 +221,12 @@ def _draw_influence(
         for row, value, direction in zip(
             y, percent, influence.direction[k], strict=True
         ):
-            words = "none"
+            label = "none"
             if direction:
                 arrow = "↗" if direction > 0 else "↘"
-                words = f"{value:.0f} % {arrow}"
+                label = f"{value:.0f} % {arrow}"
             panel.annotate(
-                words,
+                label,
                 (value, row),
                 xytext=(3, 0),
                 textcoords="offset points",
@@ -287,7 +287,7 @@ def compute_influence(
         _, means = main_effects(
             respond, low, high, seed=seed, is_allowed=parameters.is_allowed
         )
-        rise = np.array([_rise(curve) for curve in means])
+        rise = np.array([_compute_rise(curve) for curve in means])
         influence.share[:, free_columns] = shares["remaining"]
     else:
         _, means = main_effects(respond, low, high=high, seed=seed, points=2)
@@ -297,16 +297,16 @@ def compute_influence(
     return influence
 
 
-def _rise(curve: np.ndarray) -> np.ndarray:
+def _compute_rise(curve: np.ndarray) -> np.ndarray:
     """Compute the rise (outputs,) of a main effect (points, outputs) where it is known."""
-    known = curve[~np.isnan(curve).any(axis=1)]
-    return known[-1] - known[0]
+    known_points = curve[~np.isnan(curve).any(axis=1)]
+    return known_points[-1] - known_points[0]
 
 
 def _place_nodes(x: float, count: int) -> np.ndarray:
     """Place the nodes of a layer below each other.
 
-    Few nodes stand closer together.
+    The nodes of a layer with few nodes are closer together.
 
     Parameters
     ----------
@@ -330,7 +330,7 @@ def _place_nodes(x: float, count: int) -> np.ndarray:
 # --- Its predictions ------------------------------------------------------------------
 
 
-def predicted_against_simulated(inputs: Inputs, study: StudyView) -> Figure:
+def draw_predicted_against_simulated(inputs: Inputs, study: StudyView) -> Figure:
     """Draw predicted over simulated responses by split, with R2 (Eq. 13) and RMSE.
 
     Parameters
@@ -356,7 +356,7 @@ def predicted_against_simulated(inputs: Inputs, study: StudyView) -> Figure:
     width = 0.5 * style.PAGE * min(len(targets), 2)
     figure, axes = panels.grid(len(targets), 3.9, width=width, extra_height=0.4)
     draw_accuracy(axes, table, targets.responses)
-    style.write_below(figure, ACCURACY_WORDS)
+    style.write_below(figure, ACCURACY_NOTE)
     return figure
 
 
@@ -375,11 +375,11 @@ def draw_accuracy(
     responses : sequence of Response
         The responses.
     """
-    for panel, shown in zip(axes, responses, strict=True):
-        _draw_splits(panel, table, shown)
+    for panel, plotted_response in zip(axes, responses, strict=True):
+        _draw_splits(panel, table, plotted_response)
         panel.set(
-            xlabel=style.response_label(shown, "simulated"),
-            ylabel=style.response_label(shown, "predicted"),
+            xlabel=style.response_label(plotted_response, "simulated"),
+            ylabel=style.response_label(plotted_response, "predicted"),
         )
         panel.legend(loc="lower right", handletextpad=0.2)
     style.name_panels(axes)
@@ -413,7 +413,7 @@ def _predict_new_points(inputs: Inputs, targets: Targets) -> pd.DataFrame:
     return points
 
 
-def _draw_splits(panel: Axes, table: pd.DataFrame, shown: Response) -> None:
+def _draw_splits(panel: Axes, table: pd.DataFrame, plotted_response: Response) -> None:
     """Draw predicted against simulated values of one response, with the accuracy.
 
     Parameters
@@ -422,10 +422,10 @@ def _draw_splits(panel: Axes, table: pd.DataFrame, shown: Response) -> None:
         The panel to draw in.
     table : DataFrame
         As of `draw_accuracy`.
-    shown : Response
+    plotted_response : Response
         The response.
     """
-    values = table[[shown.name, shown.predicted]].to_numpy()
+    values = table[[plotted_response.name, plotted_response.predicted]].to_numpy()
     margin = 0.06 * (values.max() - values.min())
     ends = np.array([values.min() - margin, values.max() + margin])
     panel.plot(ends, ends, color=style.GREY, lw=0.9, zorder=1)
@@ -438,9 +438,9 @@ def _draw_splits(panel: Axes, table: pd.DataFrame, shown: Response) -> None:
             continue
         is_unseen = split in UNSEEN_SPLITS
         panel.errorbar(
-            rows[shown.name],
-            rows[shown.predicted],
-            xerr=rows[shown.standard_error].fillna(0.0),
+            rows[plotted_response.name],
+            rows[plotted_response.predicted],
+            xerr=rows[plotted_response.standard_error].fillna(0.0),
             fmt=marker,
             color=colour,
             ecolor=(*to_rgb(colour), 0.45),
@@ -452,7 +452,7 @@ def _draw_splits(panel: Axes, table: pd.DataFrame, shown: Response) -> None:
             label=f"{split} ({len(rows)})",
         )
         if is_unseen:
-            lines += _describe_accuracy(table, split, shown)
+            lines += _describe_accuracy(table, split, plotted_response)
     panel.set(xlim=ends, ylim=ends, aspect="equal")
     for axis in (panel.xaxis, panel.yaxis):
         axis.set_major_locator(MaxNLocator(6))
@@ -460,7 +460,9 @@ def _draw_splits(panel: Axes, table: pd.DataFrame, shown: Response) -> None:
     panel.set_title("\n".join(lines), loc="right", fontsize=style.SMALL_TEXT_PT)
 
 
-def _describe_accuracy(table: pd.DataFrame, split: str, shown: Response) -> list[str]:
+def _describe_accuracy(
+    table: pd.DataFrame, split: str, plotted_response: Response
+) -> list[str]:
     """Describe the accuracy of the surrogate and of a perfect model on a split.
 
     The errors of a perfect model are the noise of the simulated means.
@@ -471,27 +473,27 @@ def _describe_accuracy(table: pd.DataFrame, split: str, shown: Response) -> list
         As of `draw_accuracy`.
     split : str
         The split.
-    shown : Response
+    plotted_response : Response
         The response.
 
     Returns
     -------
     list of str
-        A line for each of both.
+        A line for the surrogate, and a line for a perfect model.
     """
     is_split = table["split"] == split
     rows = table[is_split]
-    simulated = rows[shown.name].to_numpy(float)
-    predicted = rows[shown.predicted].to_numpy(float)
-    of_model = _format_accuracy(simulated, predicted - simulated, shown.unit)
+    simulated = rows[plotted_response.name].to_numpy(float)
+    predicted = rows[plotted_response.predicted].to_numpy(float)
+    of_model = _format_accuracy(simulated, predicted - simulated, plotted_response.unit)
 
     # The test samples are too few to estimate the noise, so take that of the whole design.
     noisy_rows = rows
     if split == "test":
         noisy_rows = table[table["split"] != "new points"]
-    errors = noisy_rows[shown.standard_error].to_numpy(float)
+    errors = noisy_rows[plotted_response.standard_error].to_numpy(float)
     noise = np.full(len(rows), np.sqrt(np.mean(errors**2)))
-    of_perfect_model = _format_accuracy(simulated, noise, shown.unit)
+    of_perfect_model = _format_accuracy(simulated, noise, plotted_response.unit)
     return [
         f"{split}, {len(rows)} sets: {of_model}",
         f"a perfect model on them: {of_perfect_model}",
@@ -501,7 +503,8 @@ def _describe_accuracy(table: pd.DataFrame, split: str, shown: Response) -> list
 def _format_accuracy(simulated: np.ndarray, deviation: np.ndarray, unit: str) -> str:
     """Write R2 and RMSE of predictions.
 
-    They are unknown where a deviation is, as the standard error of a single run.
+    They are unknown if a deviation is unknown, such as the standard error of a single
+    run.
 
     Parameters
     ----------

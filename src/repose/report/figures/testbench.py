@@ -33,7 +33,7 @@ DIMENSION_FONT_SIZE = 6.5
 # --- The pile and its measurement -----------------------------------------------------
 
 
-def simulated_pile(inputs: Inputs, study: StudyView) -> Figure:
+def draw_simulated_pile(inputs: Inputs, study: StudyView) -> Figure:
     """Draw a shaded picture of a pile.
 
     Parameters
@@ -58,7 +58,7 @@ def simulated_pile(inputs: Inputs, study: StudyView) -> Figure:
     centres_of_pile = centres[is_in_pile].astype(float)
     largest_radius_m = particle.bounding_radius_m * scales.max(initial=0.0)
     frame_m = make_box_corners(centres_of_pile, largest_radius_m)
-    width = style.picture_pixels(study, PILE_PIXELS)
+    width = style.scale_picture_pixels(study, PILE_PIXELS)
     view: dict[str, Any] = {"width": width, "height": width // 2, "azimuth_deg": 20.0}
     picture = render_pile(
         centres,
@@ -75,8 +75,8 @@ def simulated_pile(inputs: Inputs, study: StudyView) -> Figure:
     panel = figure.subplots()
     panel.imshow(picture, aspect="auto")
     panel.axis("off")
-    words = f"{len(centres)} grains poured, {is_in_pile.sum()} in the pile"
-    style.write_note(panel, words, x=0.02, y=0.96, fontsize=8)
+    note = f"{len(centres)} grains poured, {is_in_pile.sum()} in the pile"
+    style.write_note(panel, note, x=0.02, y=0.96, fontsize=8)
     axis_m = np.array([*centres_of_pile[:, :2].mean(axis=0), 0.0])
     style.draw_scale_bar(
         panel,
@@ -88,7 +88,7 @@ def simulated_pile(inputs: Inputs, study: StudyView) -> Figure:
     return figure
 
 
-def measurement(inputs: Inputs, study: StudyView) -> Figure:
+def draw_measurement_steps(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the steps of the measurement (section 2.3 of the paper).
 
     Parameters
@@ -184,7 +184,7 @@ def _name_lines(
 # --- The test bench -------------------------------------------------------------------
 
 
-def apparatus(inputs: Inputs, study: StudyView) -> Figure:
+def draw_test_bench(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the test bench from the side, in mm, with the grains of a pour if given.
 
     Parameters
@@ -195,11 +195,11 @@ def apparatus(inputs: Inputs, study: StudyView) -> Figure:
     study : StudyView
         The study.
     """
-    from repose.report.renderer.scenery import funnel_walls  # slow to import
+    from repose.report.renderer.scenery import make_funnel_walls  # slow to import
 
     # Heights and half widths in mm; the factory is the place where grains are made.
     settings = study.settings.funnel
-    walls = funnel_walls(settings.funnel)
+    walls = make_funnel_walls(settings.funnel)
     top = 1e3 * walls[-1].z_high_m
     half_inlet = settings.inlet_diameter_mm / 2
     factory = top + settings.factory_height_mm
@@ -400,19 +400,19 @@ def _draw_dimensions(
             va="center",
         )
 
-    words = {"color": style.BLUE, "fontsize": DIMENSION_FONT_SIZE}
+    text_style = {"color": style.BLUE, "fontsize": DIMENSION_FONT_SIZE}
     panel.text(
         (half_outlet + half_inlet) / 2 + 9,
         (outlet + top) / 2 - 8,
         f"{settings.cone_angle_deg:g}° from horizontal",
-        **words,
+        **text_style,
     )
     plate = settings.plate_diameter_mm
     remark = ""
     if plate > np.ptp(panel.get_xlim()):
         remark = ", wider than this view"
     panel.text(
-        0, -11, f"plate diameter {plate:g}{remark}", ha="center", va="top", **words
+        0, -11, f"plate diameter {plate:g}{remark}", ha="center", va="top", **text_style
     )
 
 

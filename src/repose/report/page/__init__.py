@@ -1,1 +1,4 @@
-"""The report of a study: one page for a browser that needs no network; `page.write` makes it."""
+"""The report of a study: one page for a browser that needs no network.
+
+`page.write_report` writes it.
+"""

@@ -11,7 +11,7 @@ from repose.report.page.tables import Table
 DIGITS_FOUND = 3
 DIGITS_KNOWN = 4
 # The directions of a grain's principal axes, the longest first.
-AXES = ("x", "y", "z")
+AXIS_NAMES = ("x", "y", "z")
 
 
 class Value(NamedTuple):
@@ -47,7 +47,7 @@ def tabulate_material(card: Mapping[str, Any]) -> Table:
 
 
 def describe_size(grain: Mapping[str, Any]) -> str:
-    """Say whether the grains are equal in size; empty for a card that does not tell."""
+    """Describe whether the grains are equal in size; empty if the card does not tell."""
     spread = grain.get("relative_spread")
     if spread is None:
         return ""
@@ -68,12 +68,12 @@ def _list_grain_values(grain: Mapping[str, Any]) -> Iterator[Value]:
     yield Value("grain: Young's modulus", grain["elastic_modulus_pa"], "Pa")
     yield Value("grain: shear modulus", grain["shear_modulus_pa"], "Pa")
     yield Value("grain: Poisson's ratio", grain["poisson_ratio"])
-    for axis, length_mm in zip(AXES, grain["mean_axes_mm"], strict=True):
+    for axis, length_mm in zip(AXIS_NAMES, grain["mean_axes_mm"], strict=True):
         yield Value(f"grain: length along {axis}", 1e-3 * length_mm, "m")
     yield Value("grain: volume", 1e-9 * grain["volume_mm3"], "m³")
     yield Value("grain: mass", 1e-3 * grain["mass_g"], "kg")
     # Cards of earlier versions have no moments.
-    for axis, moment in zip(AXES, grain.get("inertia_kg_m2", ()), strict=False):
+    for axis, moment in zip(AXIS_NAMES, grain.get("inertia_kg_m2", ()), strict=False):
         yield Value(f"grain: moment of inertia about {axis}", moment, "kg m²")
 
 

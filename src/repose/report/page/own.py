@@ -13,7 +13,7 @@ from repose.report.page import captions, page
 from repose.report.page.study import Results
 
 # Note of an answer: the table of the intervals of its solutions.
-INTERVALS = "intervals"
+INTERVALS_KEY = "intervals"
 
 
 def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
@@ -56,16 +56,16 @@ def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
         "Parameter sets found": calibration.solutions,
     }
     notes = calibration.answer.notes
-    if INTERVALS in notes:
-        tables["Span of the sets found"] = notes[INTERVALS]
-    page.write_study(results, tables, out_path)
+    if INTERVALS_KEY in notes:
+        tables["Span of the sets found"] = notes[INTERVALS_KEY]
+    page.write_report_of_results(results, tables, out_path)
 
 
 def _draw_figures(calibration: Calibration) -> dict[str, io.BytesIO]:
     """Draw the figures of a calibration as files in memory, by name."""
     files = {}
     with style.applied():
-        for name, part in own.parts(calibration).items():
+        for name, part in own.list_parts(calibration).items():
             figure = style.new_figure(style.PAGE, part.height)
             part.draw(figure)
             files[name] = style.encode(figure)

@@ -10,10 +10,10 @@ from repose.calibrate.targets import Target
 from repose.common.files import read_table, write_text
 from repose.grain.particle import Particle
 from repose.report.page import prediction, scene, sections, three
-from repose.report.page.study import Files, Results, read
-from repose.report.page.tables import tables_as_text
-from repose.report.page.templates import asset, render
-from repose.report.page.verdict import verdict_of
+from repose.report.page.study import Files, Results, read_results
+from repose.report.page.tables import format_tables
+from repose.report.page.templates import read_asset, render_template
+from repose.report.page.verdict import make_verdict
 from repose.report.study_view import Config, parameter_ranges
 
 if TYPE_CHECKING:
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 AXIS_MARGIN = 0.04  # of a gauge to each side, as a share of what it shows
 
 
-def write(
+def write_report(
     config: Config,
     jobs: Sequence[str],
     files: Files,
@@ -38,28 +38,28 @@ def write(
     jobs : sequence of paths
         Measured runs of the answer, a file for each bench test.
     files : mapping
-        Paths by name, as for `repose.report.page.study.read`.
+        Paths by name, as for `repose.report.page.study.read_results`.
     tables : mapping
         Paths of further tables by their title.
     out_path : path
         File of the page.
     """
-    study = read(config, jobs, files)
+    study = read_results(config, jobs, files)
     frames = {title: read_table(path) for title, path in tables.items()}
-    write_study(study, frames, out_path)
+    write_report_of_results(study, frames, out_path)
 
 
-def write_study(
+def write_report_of_results(
     study: Results,
     tables: Mapping[str, "pd.DataFrame"],
     out_path: str | os.PathLike[str],
 ) -> None:
     """Write the report of a study in memory; `tables` are further tables by title."""
-    text = render(
+    text = render_template(
         "report.html",
         **sections.make_template_values(study, tables),
-        content=content(study),
-        style_sheet=asset("report.css"),
+        content=make_script_data(study),
+        style_sheet=read_asset("report.css"),
         scripts=_list_scripts(has_view="trajectory" in study.files),
     )
     write_text(out_path, text)
@@ -67,38 +67,43 @@ def write_study(
 
 def _list_scripts(has_view: bool) -> list[str]:
     """Return the scripts of the page; those of the 3-D view only if it has one."""
-    scripts = [asset("network.js")]
+    scripts = [read_asset("network.js")]
     if has_view:
-        scripts += [three.library(), asset("view.js")]
-    scripts.append(asset("report.js"))
+        scripts += [three.read_library(), read_asset("view.js")]
+    scripts.append(read_asset("report.js"))
     return scripts
 
 
-def content(study: Results) -> dict[str, Any]:
-    """Return the data of the scripts: plain values without NaN."""
+def make_script_data(study: Results) -> dict[str, Any]:
+    """Make the data that the scripts read: plain values without NaN."""
     parameters = [
-        _parameter(study, name, value)
+        _describe_parameter(study, name, value)
         for name, value in zip(
             study.parameters.names, study.answer.tolist(), strict=True
         )
     ]
     model = None
     if study.surrogate is not None:
-        model = prediction.for_page(study.surrogate, study.parameters, study.answer)
+        model = prediction.describe_surrogate(
+            study.surrogate, study.parameters, study.answer
+        )
     return {
         "parameters": parameters,
-        "constraints": [_constraint(one) for one in study.parameters.constraints],
-        "targets": [_target(study, target) for target in study.targets],
-        "copy": text_to_copy(study),
-        "copyMaterial": _material_to_copy(study),
+        "constraints": [
+            _describe_constraint(constraint)
+            for constraint in study.parameters.constraints
+        ],
+        "targets": [_describe_target(study, target) for target in study.targets],
+        "copy": format_parameters_to_copy(study),
+        "copyMaterial": _format_material_to_copy(study),
         "model": model,
-        "pour": _pour(study),
+        "pour": _describe_pour(study),
     }
 
 
-def text_to_copy(study: Results) -> str:
-    """Write the parameters as lines of YAML."""
-    lines = [f"# {study.label}: {verdict_of(study).text}"]
+def format_parameters_to_copy(study: Results) -> str:
+    """Format the parameters of the answer as lines of YAML, which the user can copy."""
+    lines = [f"# {study.label}: {make_verdict(study).text}"]
     for name, value in zip(study.parameters.names, study.answer.tolist(), strict=True):
         line = f"{name}: {value:.6g}"
         if name in LABELS:
@@ -107,16 +112,16 @@ def text_to_copy(study: Results) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _material_to_copy(study: Results) -> str | None:
-    """Write the tables for another program as text; None without them."""
-    section = sections.make_material(study)
+def _format_material_to_copy(study: Results) -> str | None:
+    """Format the tables for another program as text; None without them."""
+    section = sections.make_material_section(study)
     if section is None:
         return None
-    return tables_as_text([section.values, section.laws])
+    return format_tables([section.values, section.laws])
 
 
-def _parameter(study: Results, name: str, value: float) -> dict[str, Any]:
-    """Return one parameter as plain values."""
+def _describe_parameter(study: Results, name: str, value: float) -> dict[str, Any]:
+    """Describe one parameter as plain values for the scripts."""
     is_fixed = name in study.parameters.fixed
     low = None
     high = None
@@ -135,8 +140,8 @@ def _parameter(study: Results, name: str, value: float) -> dict[str, Any]:
     return parameter
 
 
-def _constraint(constraint: Constraint) -> dict[str, Any]:
-    """Return a constraint as plain values: its text and its two terms."""
+def _describe_constraint(constraint: Constraint) -> dict[str, Any]:
+    """Describe a constraint as plain values: its text and its two terms."""
     return {
         "text": constraint.text,
         "smaller": constraint.smaller._asdict(),
@@ -144,14 +149,14 @@ def _constraint(constraint: Constraint) -> dict[str, Any]:
     }
 
 
-def _target(study: Results, target: Target) -> dict[str, Any]:
-    """Return one target as plain values.
+def _describe_target(study: Results, target: Target) -> dict[str, Any]:
+    """Describe one target as plain values for the scripts.
 
     The limits of its gauge, `axis`, show the samples, the target range, the measured
     mean with its deviation, and the simulated mean.
     """
     response = target.response
-    simulated = study.number(response.simulated)
+    simulated = study.get_number(response.simulated)
     values = [
         *study.samples[target.name].dropna(),
         target.low,
@@ -172,15 +177,15 @@ def _target(study: Results, target: Target) -> dict[str, Any]:
         "low": target.low,
         "high": target.high,
         "simulated": simulated,
-        "error": study.number(response.standard_error),
-        "optimism": study.number(response.optimism),
-        "optimismError": study.number(response.optimism_error),
+        "error": study.get_number(response.standard_error),
+        "optimism": study.get_number(response.optimism),
+        "optimismError": study.get_number(response.optimism_error),
         "axis": [float(min(values) - margin), float(max(values) + margin)],
     }
 
 
-def _pour(study: Results) -> dict[str, Any] | None:
-    """Return the pour of the 3-D view as plain values; None without a trajectory."""
+def _describe_pour(study: Results) -> dict[str, Any] | None:
+    """Describe the pour of the 3-D view as plain values; None without a trajectory."""
     if "trajectory" not in study.files or study.settings is None:
         return None
     pour = scene.export_pour(

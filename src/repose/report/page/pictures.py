@@ -13,7 +13,7 @@ from repose.common.errors import InputError
 LONGEST_SIDE_PX = 1600
 CSS_DPI = 96
 # The smallest text of a figure, 6 points, then has 9 pixels.
-LEAST_SCALE = 1.1
+SMALLEST_SCALE = 1.1
 PALETTE_COLOURS = 128
 JPEG_QUALITY = 85
 
@@ -30,11 +30,11 @@ class EmbeddedPicture(NamedTuple):
     least_width: int  # it is not shrunk below this width
 
 
-def embed(source: PictureSource, caption: str) -> EmbeddedPicture:
-    """Make a picture a part of the page.
+def embed_picture(source: PictureSource, caption: str) -> EmbeddedPicture:
+    """Embed a picture in the page.
 
     A photograph is reduced. A figure, a PNG file with a resolution, is not shrunk below
-    `LEAST_SCALE` of its size on paper, so that its text stays readable.
+    `SMALLEST_SCALE` of its size on paper, so that its text stays readable.
 
     Parameters
     ----------
@@ -58,30 +58,30 @@ def embed(source: PictureSource, caption: str) -> EmbeddedPicture:
     # Pixels over dots per inch are the width on paper in inches.
     least_width = 0
     if is_drawing and dpi:
-        least_width = round(LEAST_SCALE * CSS_DPI * image.width / dpi)
+        least_width = round(SMALLEST_SCALE * CSS_DPI * image.width / dpi)
     image.thumbnail((LONGEST_SIDE_PX, LONGEST_SIDE_PX))
     return EmbeddedPicture(
         caption=caption,
-        data_url=_data_url(image, is_drawing),
+        data_url=_encode_data_url(image, is_drawing),
         width=image.width,
         height=image.height,
         least_width=least_width,
     )
 
 
-def embed_known(
+def embed_captioned_pictures(
     files: Mapping[str, Any], captions: Mapping[str, str]
 ) -> list[EmbeddedPicture]:
     """Embed the pictures that have a caption, in the order of the captions."""
     return [
-        embed(files[name], caption)
+        embed_picture(files[name], caption)
         for name, caption in captions.items()
         if name in files
     ]
 
 
-def _data_url(image: Image.Image, is_drawing: bool) -> str:
-    """Encode a picture as an address that holds it: a drawing as PNG, others as JPEG.
+def _encode_data_url(image: Image.Image, is_drawing: bool) -> str:
+    """Encode a picture as a data URL: a drawing as PNG, any other picture as JPEG.
 
     A drawing gets a palette of few colours, which makes it small.
     """

@@ -22,9 +22,9 @@ from repose.calibrate.surrogates.network_ensemble import OF_EACH, NetworkEnsembl
 from repose.calibrate.surrogates.scaled_inputs import ScaledInputs
 
 CURVE_POINTS = 41
-PLANE_POINTS = 21  # along each side, at most
-LEAST_PLANE_POINTS = 5
-MOST_PLANE_NUMBERS = 100_000  # of all planes together, 0.5 MB in the page
+MAX_PLANE_POINTS = 21  # along each side, at most
+MIN_PLANE_POINTS = 5
+MAX_PLANE_NUMBERS = 100_000  # of all planes together, 0.5 MB in the page
 # What the networks of an ensemble have in common.
 SCALING_KEYS = ("input_min", "input_max", "output_min", "output_max", "scaled_range")
 
@@ -47,35 +47,38 @@ def has_network(surrogate: Predictor) -> TypeGuard[BayesianBP | NetworkEnsemble]
     return isinstance(surrogate, BayesianBP | NetworkEnsemble)
 
 
-def without_scales(surrogate: Predictor) -> Predictor:
-    """Return the surrogate that learns the coordinates of the parameters' scales."""
+def unwrap_scales(surrogate: Predictor) -> Predictor:
+    """Return the surrogate inside a `ScaledInputs`; any other surrogate unchanged.
+
+    The inner surrogate takes the coordinates along the parameters' scales.
+    """
     return surrogate.model if isinstance(surrogate, ScaledInputs) else surrogate
 
 
-def for_page(
+def describe_surrogate(
     surrogate: Predictor, parameters: ParameterSpace, answer: np.ndarray
 ) -> dict[str, Any]:
-    """Return a surrogate as plain values.
+    """Describe a surrogate as plain values for the page.
 
     Their `kind` is ``network`` or ``curves``. `answer` is the reported parameter set,
     through which the curves and planes run. A network takes the coordinates of the
     parameters' scales, which the page computes.
     """
-    inside = without_scales(surrogate)
-    if has_network(inside):
-        return _networks(inside)
-    return _curves_and_planes(surrogate, parameters, answer)
+    inner_surrogate = unwrap_scales(surrogate)
+    if has_network(inner_surrogate):
+        return _describe_networks(inner_surrogate)
+    return _predict_curves_and_planes(surrogate, parameters, answer)
 
 
-def _networks(surrogate: BayesianBP | NetworkEnsemble) -> dict[str, Any]:
+def _describe_networks(surrogate: BayesianBP | NetworkEnsemble) -> dict[str, Any]:
     """Collect the weights of a network, or of each network of an ensemble.
 
     Returns
     -------
     dict
         `kind` is ``network``. `members` has the weights of each network, and the root
-        of the covariance of the weights as `root`, pack_array. Besides, there are the
-        scaling of inputs and outputs, which all networks share.
+        of the covariance of the weights as `root`, from `pack_array`. Other keys have
+        the scaling of inputs and outputs, which all networks share.
     """
     if isinstance(surrogate, NetworkEnsemble):
         networks: list[BayesianBP] = surrogate.members_
@@ -93,7 +96,7 @@ def _networks(surrogate: BayesianBP | NetworkEnsemble) -> dict[str, Any]:
     return scaling | {"kind": "network", "members": members}
 
 
-def _curves_and_planes(
+def _predict_curves_and_planes(
     surrogate: Predictor, parameters: ParameterSpace, answer: np.ndarray
 ) -> dict[str, Any]:
     """Predict the responses along each free parameter, and over each pair of them.
@@ -112,9 +115,9 @@ def _curves_and_planes(
     dict
         `kind` is ``curves``. The keys of `curves` are names of parameters, those of
         `planes` pairs of names, such as ``first second``. Each entry has the mean and
-        the standard deviation. Those of a plane (points, points, responses) are pack_array,
-        and the first parameter varies with the row. `planePoints` is the number of
-        points along a side.
+        the standard deviation. The arrays of a plane (points, points, responses) come
+        from `pack_array`, and the first parameter varies with the row. `planePoints` is
+        the number of points along a side.
     """
     curves = {}
     for name in parameters.free:
@@ -161,8 +164,8 @@ def choose_plane_points(n_pairs: int, n_responses: int) -> int:
     n_responses : int
         Number of responses.
     """
-    most_points = MOST_PLANE_NUMBERS / (2 * n_responses * n_pairs)
-    return max(LEAST_PLANE_POINTS, min(PLANE_POINTS, math.isqrt(int(most_points))))
+    most_points = MAX_PLANE_NUMBERS / (2 * n_responses * n_pairs)
+    return max(MIN_PLANE_POINTS, min(MAX_PLANE_POINTS, math.isqrt(int(most_points))))
 
 
 def _make_plane_points(

@@ -16,18 +16,19 @@ from repose.common.files import read_npz
 from repose.dem.tessellation import tessellate
 from repose.grain.particle import Particle
 from repose.report.page.prediction import pack_array
-from repose.report.renderer.film import KEYS
-from repose.report.renderer.scenery import funnel_walls
+from repose.report.renderer.film import TRAJECTORY_KEYS
+from repose.report.renderer.scenery import make_funnel_walls
 
 if TYPE_CHECKING:
     from repose.bench.funnel import FunnelSettings
 
-FRAMES = 72
+MAX_FRAMES = 72
 MAX_BYTES = 1_500_000  # of positions and orientations
 BYTES_PER_GRAIN = 10  # in one frame
-STEPS = 65534
-ABSENT = 65535
-ORIENTATION_STEPS = 127
+# Positions are numbers of 16 bits. The largest one marks a grain that is absent.
+POSITION_STEPS = 65534
+ABSENT_POSITION = 65535
+ORIENTATION_STEPS = 127  # numbers of 8 bits with a sign
 MAX_TRIANGLES = 600_000  # of all grains together, for a phone
 
 
@@ -39,10 +40,10 @@ class Surface(NamedTuple):
     triangles: np.ndarray  # (T, 3) of int
 
 
-class Quantised(NamedTuple):
+class QuantisedPositions(NamedTuple):
     """Positions as whole numbers: a position is low + step * whole."""
 
-    whole: np.ndarray  # (T, N, 3) of uint16, `ABSENT` for an absent grain
+    whole: np.ndarray  # (T, N, 3) of uint16, `ABSENT_POSITION` for an absent grain
     low: np.ndarray  # (3,)
     step: np.ndarray  # (3,)
 
@@ -50,7 +51,7 @@ class Quantised(NamedTuple):
 def export_pour(
     trajectory: str | os.PathLike[str], particle: Particle, section: "FunnelSettings"
 ) -> dict[str, Any]:
-    """Return a pour as plain values by name, lengths in mm.
+    """Export a pour as plain values by name, with lengths in mm.
 
     Parameters
     ----------
@@ -65,7 +66,7 @@ def export_pour(
     -------
     dict
         `body`, the surface of a grain; `count`, the number of grains; `times_s`;
-        `positions` (frames, grains, 3), as in `Quantised`, with `low` and `step`;
+        `positions` (frames, grains, 3), with `low` and `step`, see `QuantisedPositions`;
         `turns` (frames, grains, 4), quaternions x, y, z, w; `scales` or None; `walls`,
         rows of height and radius of the lower end and of the upper end; `plate_mm`, a
         radius.
@@ -75,7 +76,7 @@ def export_pour(
     InputError
         If the trajectory cannot be read.
     """
-    record = read_npz(trajectory, KEYS, "the trajectory of a pour")
+    record = read_npz(trajectory, TRAJECTORY_KEYS, "the trajectory of a pour")
     times_s = record["time_s"]
     n_grains = record["position"].shape[1]
     frames = choose_frames(times_s, n_grains)
@@ -88,7 +89,7 @@ def export_pour(
     # Height and radius of both ends of each wall.
     walls = [
         [1e3 * length for length in astuple(wall)[:4]]
-        for wall in funnel_walls(section.funnel)
+        for wall in make_funnel_walls(section.funnel)
     ]
     surface = make_grain_surface(particle, MAX_TRIANGLES // max(n_grains, 1))
     return {
@@ -112,7 +113,7 @@ def export_pour(
 def choose_frames(times_s: np.ndarray, n_grains: int) -> np.ndarray:
     """Choose the frames of a page: evenly over the time, with the last one.
 
-    Their number is limited by `FRAMES` and `MAX_BYTES`.
+    Their number is limited by `MAX_FRAMES` and `MAX_BYTES`.
 
     Parameters
     ----------
@@ -128,13 +129,13 @@ def choose_frames(times_s: np.ndarray, n_grains: int) -> np.ndarray:
     """
     bytes_per_frame = BYTES_PER_GRAIN * max(n_grains, 1)
     most_frames = max(2, MAX_BYTES // bytes_per_frame)
-    n_frames = min(FRAMES, most_frames, len(times_s))
+    n_frames = min(MAX_FRAMES, most_frames, len(times_s))
     shown_times_s = np.linspace(times_s[0], times_s[-1], n_frames)
     return np.unique(np.searchsorted(times_s, shown_times_s))
 
 
-def quantise(positions: np.ndarray) -> Quantised:
-    """Convert positions to whole numbers, to save memory.
+def quantise(positions: np.ndarray) -> QuantisedPositions:
+    """Convert positions to whole numbers of 2 bytes, to make the page small.
 
     Parameters
     ----------
@@ -147,15 +148,15 @@ def quantise(positions: np.ndarray) -> Quantised:
         The whole numbers, and how to convert them back.
     """
     is_there = np.isfinite(positions).all(axis=2)
-    whole = np.full(positions.shape, ABSENT, np.uint16)
+    whole = np.full(positions.shape, ABSENT_POSITION, np.uint16)
     if not is_there.any():
-        return Quantised(whole, low=np.zeros(3), step=np.ones(3))
+        return QuantisedPositions(whole, low=np.zeros(3), step=np.ones(3))
     # Divide the space of all grains into equal steps along each axis.
     low = positions[is_there].min(axis=0)
     high = positions[is_there].max(axis=0)
-    step = np.maximum(high - low, 1e-9) / STEPS
+    step = np.maximum(high - low, 1e-9) / POSITION_STEPS
     whole[is_there] = np.rint((positions[is_there] - low) / step)
-    return Quantised(whole, low, step)
+    return QuantisedPositions(whole, low, step)
 
 
 def make_grain_surface(particle: Particle, most_triangles: int) -> Surface:
@@ -191,7 +192,7 @@ def _make_visible_surface(spheres: np.ndarray, ball: trimesh.Trimesh) -> Surface
     spheres : ndarray
         Centres and radii (M, 4) in mm.
     ball : Trimesh
-        Mesh of the unit sphere, which stands for each of them.
+        Mesh of the unit sphere, which is scaled and moved to each of them.
     """
     unit_points = np.asarray(ball.vertices)
     centres = spheres[:, :3]
@@ -208,8 +209,10 @@ def _make_visible_surface(spheres: np.ndarray, ball: trimesh.Trimesh) -> Surface
     visible_triangles = triangles[~is_hidden[triangles].all(axis=1)]
 
     # Drop the points that no visible triangle uses, and renumber the others.
-    kept, renumbered = np.unique(visible_triangles, return_inverse=True)
+    kept_points, renumbered = np.unique(visible_triangles, return_inverse=True)
     normals = np.tile(unit_points, (len(spheres), 1))
     return Surface(
-        points.reshape(-1, 3)[kept], normals[kept], renumbered.reshape(-1, 3)
+        points.reshape(-1, 3)[kept_points],
+        normals[kept_points],
+        renumbered.reshape(-1, 3),
     )

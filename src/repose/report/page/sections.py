@@ -30,27 +30,27 @@ from repose.report.page.material import (
     tabulate_laws,
     tabulate_material,
 )
-from repose.report.page.pictures import EmbeddedPicture, embed_known
-from repose.report.page.prediction import has_network, without_scales
+from repose.report.page.pictures import EmbeddedPicture, embed_captioned_pictures
+from repose.report.page.prediction import has_network, unwrap_scales
 from repose.report.page.study import Results
-from repose.report.page.tables import FoldedTable, Table, folded_table
+from repose.report.page.tables import FoldedTable, Table, fold_table
 from repose.report.page.verdict import (
     VerdictText,
-    checks_of,
     format_percent,
-    verdict_of,
+    make_checks,
+    make_verdict,
 )
 from repose.report.study_view import parameter_ranges
 from repose.stages.card import read_card as read_card
 from repose.stages.dataset import describe_counts
 
 # The last step of a study whose runs another program made.
-OTHER_PROGRAM = (
+OTHER_PROGRAM_STEP = (
     "The runs were made by another program, so this report has no grain, no drum, no "
     "published sets and no pictures of piles."
 )
-# Share of a parameter's range from which on an interval does not determine it.
-NOT_DETERMINED = 0.9
+# An interval that covers this share of the range or more does not determine a parameter.
+UNDETERMINED_SHARE = 0.9
 # Quantities of the drum by their keys, and their units.
 DRUM_QUANTITIES = {
     "before_turned_deg": "deg",
@@ -134,14 +134,14 @@ class MethodSection:
 # --- The answer -----------------------------------------------------------------------
 
 
-def make_answer(study: Results) -> AnswerSection:
+def make_answer_section(study: Results) -> AnswerSection:
     """Describe the parameters, their intervals, and whether they meet the targets."""
     posterior = study.posterior
     is_unsettled = posterior is not None and posterior["r_hat"].max() > LARGEST_R_HAT
     return AnswerSection(
         label=study.label,
-        verdict=verdict_of(study),
-        impossible_targets=impossible_targets(study.files),
+        verdict=make_verdict(study),
+        impossible_targets=list_impossible_targets(study.files),
         origin=_describe_origin(study),
         determination=_describe_determination(study),
         sets_inside=_describe_sets_inside(study),
@@ -153,8 +153,8 @@ def make_answer(study: Results) -> AnswerSection:
     )
 
 
-def impossible_targets(files: Mapping[str, str]) -> list[str]:
-    """Return the warnings about angles that piles of this height cannot have."""
+def list_impossible_targets(files: Mapping[str, str]) -> list[str]:
+    """List the warnings about angles that piles of this height cannot have."""
     if "card" not in files:
         return []
     sentences = []
@@ -180,7 +180,7 @@ def _describe_determination(study: Results) -> str:
         return ""
     shares = study.posterior["width_ratio"]
     n_parameters = len(shares)
-    n_determined = int((shares < NOT_DETERMINED).sum())
+    n_determined = int((shares < UNDETERMINED_SHARE).sum())
     narrowest = 100 * min(shares.min(), 1.0)
     if n_determined == 0:
         return (
@@ -204,29 +204,30 @@ def _describe_sets_inside(study: Results) -> str:
     is_inside = np.ones(len(samples), bool)
     for target in study.targets:
         is_inside &= samples[target.name].between(target.low, target.high)
-    inside = samples[is_inside]
-    if len(inside) < 2:
+    samples_inside = samples[is_inside]
+    if len(samples_inside) < 2:
         return ""
     shares = {}
     for name in study.parameters.free:
-        shares[name] = np.ptp(study.parameters.shares(name, inside[name]))
+        shares[name] = np.ptp(study.parameters.shares(name, samples_inside[name]))
     narrowest = min(shares, key=shares.__getitem__)
     widest = max(shares, key=shares.__getitem__)
     return (
-        f"{len(inside)} of the {len(samples)} simulated samples already lie inside all "
+        f"{len(samples_inside)} of the {len(samples)} simulated samples already lie inside all "
         f"target ranges; they span {100 * shares[narrowest]:.0f} ({narrowest}) to "
         f"{100 * shares[widest]:.0f} % ({widest}) of the searched ranges."
     )
 
 
 def _describe_nearness(study: Results) -> str:
-    """Describe how far the simulated means are from the measured ones; empty without them.
+    """Describe how far the simulated means are from the measured ones.
 
-    The scatter of single simulations and the errors of the measured means follow.
+    Two more sentences state the scatter of single simulations and the standard errors of
+    the measured means. The text is empty if the answer was not simulated.
     """
-    if not study.number("n_seeds"):
+    if not study.get_number("n_seeds"):
         return ""
-    checks = list(checks_of(study))
+    checks = list(make_checks(study))
     sentences = [nearness(replace(check, response=check.label) for check in checks)]
     scatters = [
         f"{rounded(check.standard_error * math.sqrt(check.runs), 2)} {check.unit}"
@@ -252,7 +253,7 @@ def _describe_nearness(study: Results) -> str:
 
 
 def _describe_near_bounds(study: Results) -> str:
-    """State which parameters are at a bound as far as the fit can tell; empty if none is."""
+    """Describe which parameters the fit cannot tell from a bound; empty if none."""
     clauses = [
         describe_near_bound(near) for near in study.summary.get("near_bounds", ())
     ]
@@ -275,7 +276,7 @@ def _make_parameter_table(study: Results) -> Table:
 
 
 def _make_parameter_row(study: Results, name: str, value: float) -> list[str]:
-    """Return the cells of one parameter in the table of the answer."""
+    """Make the cells of one parameter in the table of the answer."""
     parameters = study.parameters
     label = LABELS.get(name, "")  # empty for parameters of another simulator
     if name in parameters.fixed:
@@ -310,13 +311,13 @@ def _describe_share_left_open(share: float) -> str:
     The intervals are estimated, so the share can pass 1 by a little.
     """
     percent = f"{100 * min(share, 1.0):.0f} %"
-    return f"{percent}: not determined" if share >= NOT_DETERMINED else percent
+    return f"{percent}: not determined" if share >= UNDETERMINED_SHARE else percent
 
 
 # --- The material ---------------------------------------------------------------------
 
 
-def make_material(study: Results) -> MaterialSection | None:
+def make_material_section(study: Results) -> MaterialSection | None:
     """Describe the material and the contact laws.
 
     The result is None unless the study has the card of a simulation by this program.
@@ -343,16 +344,16 @@ def make_material(study: Results) -> MaterialSection | None:
 # --- The check ------------------------------------------------------------------------
 
 
-def make_check(study: Results) -> CheckSection:
+def make_check_section(study: Results) -> CheckSection:
     """Describe measured, predicted and simulated responses, and the pile."""
     return CheckSection(
         responses=_make_response_table(study),
-        has_simulations=study.number("n_seeds") is not None,
+        has_simulations=study.get_number("n_seeds") is not None,
         failures=_describe_failures(study),
         overlaps=overlap_warning(study.runs_of_answer),
         angle_definitions=_make_table_of_angle_definitions(study),
         has_view="trajectory" in study.files,
-        pile_pictures=embed_known(study.files, captions.PILE_PICTURES),
+        pile_pictures=embed_captioned_pictures(study.files, captions.PILE_PICTURES),
         checked_sets=_make_table_of_checked_sets(study),
         abbreviations=_explain_abbreviations(study),
         has_published_sets=len(study.published_sets) > 0,
@@ -360,7 +361,7 @@ def make_check(study: Results) -> CheckSection:
 
 
 def _describe_failures(study: Results) -> str:
-    """Say how many of the answer's runs failed and why; empty if none did."""
+    """Describe how many of the answer's runs failed and why; empty if none did."""
     statuses = [run["status"] for run in study.runs_of_answer]
     failures = Counter(status for status in statuses if status != "ok")
     if not failures:
@@ -369,9 +370,12 @@ def _describe_failures(study: Results) -> str:
 
 
 def _make_response_table(study: Results) -> Table:
-    """Tabulate the responses of the answer; without new simulations up to the predicted."""
+    """Tabulate the responses of the answer.
+
+    Without new simulations, the last column is that of the predictions.
+    """
     columns = ["response", "measured", "target range", "predicted"]
-    if study.number("n_seeds") is not None:
+    if study.get_number("n_seeds") is not None:
         columns += ["simulated", "difference", "inside"]
     rows = [
         _make_response_row(study, target)[: len(columns)] for target in study.targets
@@ -391,8 +395,8 @@ def _make_response_row(study: Results, target: Target) -> list[str]:
     target_range = f"{target.low:g} to {target.high:g} {unit}"
 
     # The simulated mean, and how far it is off the measured one.
-    simulated = study.number(response.simulated)
-    error = study.number(response.standard_error)
+    simulated = study.get_number(response.simulated)
+    error = study.get_number(response.standard_error)
     simulated_text = _format_mean_with_error(simulated, error, f" {unit}")
     difference = ""
     if simulated is not None:
@@ -417,14 +421,14 @@ def _format_prediction(study: Results, target: Target) -> str:
     The text is empty without a prediction.
     """
     response = target.response
-    predicted = study.number(response.predicted)
+    predicted = study.get_number(response.predicted)
     if predicted is None:
         return ""
     text = f"{rounded(predicted)} {response.unit}"
-    optimism = study.number(response.optimism)
+    optimism = study.get_number(response.optimism)
     if optimism is None:
         return text
-    expected = describe_optimism(optimism, study.number(response.optimism_error))
+    expected = describe_optimism(optimism, study.get_number(response.optimism_error))
     return f"{text} ({expected.replace('+-', '±')})"
 
 
@@ -441,8 +445,8 @@ def _make_table_of_angle_definitions(study: Results) -> Table | None:
     rows = []
     for definition, column in MEAN_KEYS.items():
         line = line_of(measure, definition)
-        mean = study.number(column)
-        error = study.number(error_of(column))
+        mean = study.get_number(column)
+        error = study.get_number(error_of(column))
         remark = "calibrated" if line in calibrated_lines else ""
         rows.append([line, _format_mean_with_error(mean, error, " deg"), remark])
     return Table(["line", "simulated", ""], rows, style="lines")
@@ -494,7 +498,7 @@ def _explain_abbreviations(study: Results) -> str:
 def _make_cells_of_set(
     study: Results, row: pd.Series, placeholder: str = "no result"
 ) -> list[_Cell]:
-    """Return the cells of one parameter set, from left to right.
+    """Make the cells of one parameter set, from left to right.
 
     Every set has the same headers. `placeholder` replaces a simulated mean that is
     missing.
@@ -569,7 +573,7 @@ def _format_mean_with_error(
 # --- The drum -------------------------------------------------------------------------
 
 
-def make_drum(study: Results) -> DrumSection | None:
+def make_drum_section(study: Results) -> DrumSection | None:
     """Describe the check in the drum; None for a study without it."""
     if "drum_summary" not in study.files:
         return None
@@ -597,37 +601,39 @@ def make_drum(study: Results) -> DrumSection | None:
     return DrumSection(
         comparison=comparison,
         table=Table(["quantity", "simulated", "runs"], rows, style="drum"),
-        figures=embed_known(study.files, captions.DRUM_FIGURES),
+        figures=embed_captioned_pictures(study.files, captions.DRUM_FIGURES),
     )
 
 
 # --- Other parameters, the method, the tables -----------------------------------------
 
 
-def make_other_parameters(study: Results) -> OtherParametersSection | None:
+def make_other_parameters_section(study: Results) -> OtherParametersSection | None:
     """Describe the surrogate behind the sliders; None without a surrogate."""
     if study.surrogate is None:
         return None
-    surrogate = without_scales(study.surrogate)
+    surrogate = unwrap_scales(study.surrogate)
     return OtherParametersSection(
         surrogate.name,
         has_network(surrogate),
-        constraints=", ".join(one.text for one in study.parameters.constraints),
+        constraints=", ".join(
+            constraint.text for constraint in study.parameters.constraints
+        ),
     )
 
 
-def make_method(study: Results) -> MethodSection:
+def make_method_section(study: Results) -> MethodSection:
     """Describe the steps to the answer with their figures."""
     return MethodSection(
-        steps=_steps(study),
+        steps=_list_steps(study),
         search_result=_describe_search_result(study),
         sets_found=_make_table_of_sets_found(study),
-        figures=embed_known(study.files, study.captions),
+        figures=embed_captioned_pictures(study.files, study.captions),
     )
 
 
 def _describe_search_result(study: Results) -> str:
-    """Say how many parameter sets the search kept."""
+    """Describe how many parameter sets the search kept."""
     kind = "meet the targets" if study.summary["feasible"] else "come nearest"
     return (
         f"The search kept {len(study.solutions)} parameter sets that are predicted to "
@@ -647,15 +653,15 @@ def _make_table_of_sets_found(study: Results) -> Table | None:
     return Table(["parameter", "smallest to largest value", "searched"], rows, "lines")
 
 
-def _steps(study: Results) -> list[str]:
-    """Say the steps to the answer, a sentence each."""
+def _list_steps(study: Results) -> list[str]:
+    """List the steps to the answer, a sentence each."""
     if study.simulator is not None:
-        return [*_list_strategy_steps(study), OTHER_PROGRAM]
+        return [*_list_strategy_steps(study), OTHER_PROGRAM_STEP]
     return _list_strategy_steps(study)
 
 
 def _list_strategy_steps(study: Results) -> list[str]:
-    """Say the steps that the strategy reports, or those of the article's method."""
+    """List the steps that the strategy reports, or those of the article's method."""
     if "steps" in study.summary:
         return list(study.summary["steps"])
     counted = {"by_status": dict, "runs_by_status": dict}
@@ -679,7 +685,7 @@ def _list_strategy_steps(study: Results) -> list[str]:
 
 
 def _describe_simulation(study: Results) -> str:
-    """Say what was simulated, or by which other program."""
+    """Describe what was simulated, or by which other program."""
     if study.simulator is not None:
         return f"Simulation by {study.simulator}"
     bench_tests = " and ".join(study.targets.apparatus).replace("_", " ")
@@ -736,20 +742,20 @@ def _describe_noise_of_samples(study: Results) -> str:
 
 
 def fold_tables(tables: Mapping[str, pd.DataFrame]) -> list[FoldedTable]:
-    """Put each table of the study behind its title."""
-    return [folded_table(title, frame) for title, frame in tables.items()]
+    """Fold each table of the study behind its title."""
+    return [fold_table(title, frame) for title, frame in tables.items()]
 
 
 def make_template_values(
     study: Results, tables: Mapping[str, pd.DataFrame]
 ) -> dict[str, Any]:
-    """Return the sections by the names that the templates have for them."""
+    """Make the sections of the page, by their names in the templates."""
     return {
-        "answer": make_answer(study),
-        "material": make_material(study),
-        "check": make_check(study),
-        "drum": make_drum(study),
-        "other_parameters": make_other_parameters(study),
-        "method": make_method(study),
+        "answer": make_answer_section(study),
+        "material": make_material_section(study),
+        "check": make_check_section(study),
+        "drum": make_drum_section(study),
+        "other_parameters": make_other_parameters_section(study),
+        "method": make_method_section(study),
         "tables": fold_tables(tables),
     }

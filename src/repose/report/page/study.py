@@ -34,11 +34,11 @@ if TYPE_CHECKING:
 Files = Mapping[str, str]  # paths by name
 
 # Files that every report needs.
-REQUIRED = ("dataset", "feasible", "summary", "table4")
+REQUIRED_FILES = ("dataset", "feasible", "summary", "table4")
 # Files that it also needs if the summary does not tell the steps to the answer.
-REQUIRED_WITHOUT_STEPS = ("network", "metrics", "dataset_summary")
+FILES_OF_STEPS = ("network", "metrics", "dataset_summary")
 # Files that it shows if they are there.
-OPTIONAL = (
+OPTIONAL_FILES = (
     "runs",
     "posterior",
     "particle",
@@ -71,10 +71,11 @@ class Results:
     answer_row
         The representative parameter set, with its predicted and simulated responses.
     probability
-        How probably the simulated mean meets each target, by its name, and ``all`` of
-        them; None if unknown.
+        Probability that the simulated mean meets a target, by the name of the target.
+        The key ``all`` is for all targets together. It is None if it is unknown.
     probability_within
-        How probably all responses lie within so many percent of their targets.
+        Probability that all responses lie within a percentage of their targets, by this
+        percentage.
     posterior
         The table of the posterior by parameter, if there is one.
     surrogate
@@ -93,7 +94,7 @@ class Results:
     simulator
         Name of the program of the user's own that the workflow called, if one did.
     files
-        Paths of the files by name; figures in memory take the place of paths.
+        Paths of the files by name. A figure in memory replaces its path.
     published_sets
         Parameter sets of a publication, with its predicted and simulated responses.
     captions
@@ -134,7 +135,7 @@ class Results:
         """The section `measure` of the configuration, or None without one."""
         return None if self.settings is None else self.settings.measure
 
-    def number(self, column: str) -> float | None:
+    def get_number(self, column: str) -> float | None:
         """Return a number of the answer's row; None if it is missing."""
         value = self.answer_row.get(column)
         if value is None or pd.isna(value):
@@ -142,7 +143,7 @@ class Results:
         return float(value)
 
 
-def read(config: Config, jobs: Sequence[str], files: Files) -> Results:
+def read_results(config: Config, jobs: Sequence[str], files: Files) -> Results:
     """Read the results of a study.
 
     Parameters
@@ -152,19 +153,19 @@ def read(config: Config, jobs: Sequence[str], files: Files) -> Results:
     jobs : sequence of paths
         Measured runs of the answer, a file for each bench test.
     files : mapping
-        Paths by the names in `REQUIRED`, `REQUIRED_WITHOUT_STEPS` and `OPTIONAL`, and
-        of the figures that have a caption.
+        Paths by name, for the names in `REQUIRED_FILES`, `FILES_OF_STEPS` and
+        `OPTIONAL_FILES`, and for the figures that have a caption.
 
     Raises
     ------
     InputError
         If a file is missing, has an unknown name, or cannot be read.
     """
-    _check_names(files)
-    _require(files, REQUIRED)
+    _check_file_names(files)
+    _require_files(files, REQUIRED_FILES)
     summary = read_json(files["summary"], {"feasible": bool, "message": str})
     if "steps" not in summary:
-        _require(files, REQUIRED_WITHOUT_STEPS)
+        _require_files(files, FILES_OF_STEPS)
     study = StudyView(config)
     targets = study.targets
     runs = _read_runs_of_answer(jobs, targets)
@@ -202,21 +203,23 @@ def read(config: Config, jobs: Sequence[str], files: Files) -> Results:
     )
 
 
-def _check_names(files: Files) -> None:
+def _check_file_names(files: Files) -> None:
     """Raise InputError for a file of a name that no report knows."""
-    known = (
-        *REQUIRED,
-        *REQUIRED_WITHOUT_STEPS,
-        *OPTIONAL,
+    known_names = (
+        *REQUIRED_FILES,
+        *FILES_OF_STEPS,
+        *OPTIONAL_FILES,
         *captions.STUDY_FIGURES,
         *captions.DRUM_FIGURES,
     )
     for name in files:
-        if name not in known:
-            raise InputError("report", "--input", name, f"one of {', '.join(known)}")
+        if name not in known_names:
+            raise InputError(
+                "report", "--input", name, f"one of {', '.join(known_names)}"
+            )
 
 
-def _require(files: Files, names: Sequence[str]) -> None:
+def _require_files(files: Files, names: Sequence[str]) -> None:
     """Raise InputError if any of these files is missing."""
     for name in names:
         if name not in files:

@@ -44,7 +44,7 @@ class FoldedTable:
     table: Table
 
 
-def folded_table(title: str, frame: pd.DataFrame) -> FoldedTable:
+def fold_table(title: str, frame: pd.DataFrame) -> FoldedTable:
     """Fold a table of a study behind a title that shows its number of rows."""
     if "stale" in frame and frame["stale"].any():
         title = f"{title}, {STALE_WARNING}"
@@ -55,7 +55,7 @@ def folded_table(title: str, frame: pd.DataFrame) -> FoldedTable:
     return FoldedTable(f"{title} ({len(frame)} rows)", Table(columns, rows))
 
 
-def tables_as_text(tables: Iterable[Table]) -> str:
+def format_tables(tables: Iterable[Table]) -> str:
     """Write tables of words as lines with tabs, which a spreadsheet can read."""
     lines = []
     for table in tables:

@@ -8,7 +8,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from repose.common.numbers import rounded
 
-FOLDER = Path(__file__).parent
+PAGE_FOLDER = Path(__file__).parent
 
 
 def cell_text(value: Any) -> str:
@@ -25,10 +25,10 @@ def plus_minus(text: str) -> str:
     return text.replace("+-", "±")
 
 
-def _environment() -> Environment:
-    """Set up the templates; a value that a template lacks is an error."""
+def _make_environment() -> Environment:
+    """Make the environment of the templates. A missing value is an error."""
     environment = Environment(
-        loader=FileSystemLoader(FOLDER / "templates"),
+        loader=FileSystemLoader(PAGE_FOLDER / "templates"),
         autoescape=True,
         undefined=StrictUndefined,
         trim_blocks=True,
@@ -43,14 +43,14 @@ def _environment() -> Environment:
     return environment
 
 
-ENVIRONMENT = _environment()
+ENVIRONMENT = _make_environment()
 
 
-def render(name: str, **values: Any) -> str:
+def render_template(name: str, **values: Any) -> str:
     """Fill a template of the folder `templates` with values."""
     return ENVIRONMENT.get_template(name).render(**values)
 
 
-def asset(name: str) -> str:
+def read_asset(name: str) -> str:
     """Read a style sheet or script of this folder."""
-    return (FOLDER / name).read_text(encoding="utf-8")
+    return (PAGE_FOLDER / name).read_text(encoding="utf-8")

@@ -5,10 +5,10 @@ from importlib import resources
 import jupyter_threejs_sage
 
 # The package keeps the file of each release in a folder of its own.
-SCRIPT = "static/r130/three.min.js"
+SCRIPT_PATH = "static/r130/three.min.js"
 
 
-def library() -> str:
+def read_library() -> str:
     """Read three.js, which begins with its licence."""
     package = resources.files(jupyter_threejs_sage)
-    return package.joinpath(SCRIPT).read_text(encoding="utf-8")
+    return package.joinpath(SCRIPT_PATH).read_text(encoding="utf-8")

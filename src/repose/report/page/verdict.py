@@ -41,12 +41,12 @@ class VerdictText(NamedTuple):
         return self.text.partition(". ")[2]
 
 
-def verdict_of(study: Results) -> VerdictText:
+def make_verdict(study: Results) -> VerdictText:
     """Describe whether the answer meets the targets, and how probably.
 
     The first sentences are the line that a run prints at its end.
     """
-    checks = tuple(checks_of(study))
+    checks = tuple(make_checks(study))
     assessment = Assessment(
         checks=checks,
         feasible=study.summary["feasible"],
@@ -65,12 +65,12 @@ def verdict_of(study: Results) -> VerdictText:
     if assessment.feasible:
         # The reason of an undecided verdict has named the probability of being inside.
         is_named = assessment.verdict is Verdict.UNDECIDED
-        ending = describe_probability(study, names_inside=not is_named)
+        last_sentences = describe_probability(study, names_inside=not is_named)
     else:
         # Without a feasible set, the message describes what the search found instead.
-        ending = study.summary["message"]
+        last_sentences = study.summary["message"]
     rating = _rate_answer(assessment, study.probability["all"])
-    return VerdictText(rating, f"{text} {ending}")
+    return VerdictText(rating, f"{text} {last_sentences}")
 
 
 def _rate_answer(assessment: Assessment, probability: float | None) -> str:
@@ -101,7 +101,7 @@ def describe_probability(study: Results, names_inside: bool = True) -> str:
             "How probable this is, is unknown: fewer than two runs of these "
             "parameters could be measured."
         )
-    n_runs = study.number("n_seeds")
+    n_runs = study.get_number("n_seeds")
     if n_runs is None:
         evidence = (
             "as the surrogate predicts; these parameters were not simulated again"
@@ -138,9 +138,9 @@ def _describe_optimism(study: Results) -> str:
     clauses = []
     for target in study.targets:
         response = target.response
-        optimism = study.number(response.optimism)
+        optimism = study.get_number(response.optimism)
         if optimism is not None:
-            error = study.number(response.optimism_error)
+            error = study.get_number(response.optimism_error)
             description = describe_optimism(optimism, error)
             clause = f"{response.label}: {description} {response.unit}"
             clauses.append(clause.rstrip())
@@ -176,12 +176,12 @@ def format_percent(probability: float | None) -> str:
     return f"{100 * probability:.0f} %"
 
 
-def checks_of(study: Results) -> Iterator[Check]:
+def make_checks(study: Results) -> Iterator[Check]:
     """Yield the check of the answer for each target.
 
     A check compares the predicted, simulated and measured values of a response.
     """
-    n_runs = study.number("n_seeds")
+    n_runs = study.get_number("n_seeds")
     if n_runs is None:
         status = NOT_AGAIN
     else:
@@ -190,12 +190,12 @@ def checks_of(study: Results) -> Iterator[Check]:
         response = target.response
         yield Check.of(
             target,
-            simulated=study.number(response.simulated),
-            standard_error=study.number(response.standard_error),
+            simulated=study.get_number(response.simulated),
+            standard_error=study.get_number(response.standard_error),
             runs=int(n_runs or 0),
             status=status,
-            predicted=study.number(response.predicted),
+            predicted=study.get_number(response.predicted),
             line=describe_line_of_response(study.measure, target.name),
-            optimism=study.number(response.optimism),
-            optimism_error=study.number(response.optimism_error),
+            optimism=study.get_number(response.optimism),
+            optimism_error=study.get_number(response.optimism_error),
         )

@@ -8,7 +8,8 @@ import numpy as np
 DRUM_TONE = np.array([0.80, 0.82, 0.84])
 RIM_TONE = np.array([0.46, 0.50, 0.54])
 MARK_TONE = np.array([0.16, 0.18, 0.20])
-MARKS = 12  # around the rim
+# Dark marks around the rim show how far the drum has turned.
+N_MARKS = 12
 MARK_HALF_WIDTH_RAD = 0.035
 CIRCLE_POINTS = 72
 
@@ -25,7 +26,7 @@ class DrumInside:
     thickness_m: float
     turned_rad: float = 0.0  # about -y; the marks on the rim show it
 
-    def outline(self) -> np.ndarray:
+    def compute_outline_points(self) -> np.ndarray:
         """Compute points (144, 3) in m that a picture must contain: both rims."""
         angle = np.linspace(0.0, 2.0 * math.pi, CIRCLE_POINTS, endpoint=False)
         outer_radius = self.radius_m + self.thickness_m
@@ -38,10 +39,10 @@ class DrumInside:
         ]
         return np.concatenate(rims)
 
-    def meet(
+    def find_intersections(
         self, eye_m: np.ndarray, rays: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Find where rays meet the drum.
+        """Find where rays meet the drum, as seen from in front of its open end.
 
         Parameters
         ----------
@@ -53,11 +54,12 @@ class DrumInside:
         Returns
         -------
         depth : array (H, W)
-            Depth in m, infinite for a ray that passes the drum.
-        normal : array (H, W, 3)
+            Depth in m, infinite for a ray that misses the drum.
+        normals : array (H, W, 3)
             Unit normals there.
         """
-        # The open front end and the closed back end are planes across the axis.
+        # The open front end and the closed back end are planes normal to the y axis. A
+        # camera with a narrow view along y has no ray parallel to them.
         half_length = 0.5 * self.length_m
         front_depth = (-half_length - eye_m[1]) / rays[..., 1]
         back_depth = (half_length - eye_m[1]) / rays[..., 1]
@@ -65,20 +67,20 @@ class DrumInside:
         radius_at_front = np.hypot(at_front[..., 0], at_front[..., 2])
         shell_depth = self._shell_depth(eye_m, rays)
 
-        # A ray that enters the drum ends at the shell or at the back; one that does
-        # not enter ends at the rim or passes the drum.
-        enters = radius_at_front < self.radius_m
-        depth = np.where(enters, np.minimum(shell_depth, back_depth), front_depth)
+        # A ray that enters the drum ends at the shell or at the back. Other rays end at
+        # the rim or miss the drum.
+        enters_drum = radius_at_front < self.radius_m
+        depth = np.where(enters_drum, np.minimum(shell_depth, back_depth), front_depth)
 
         # The shell faces the axis; the rim and the back face the camera.
-        normal = np.zeros(rays.shape)
-        on_shell = enters & (shell_depth < back_depth)
-        place = eye_m + depth[..., None] * rays
-        normal[on_shell] = -place[on_shell] * (1.0, 0.0, 1.0) / self.radius_m
-        normal[~on_shell] = 0.0, -1.0, 0.0
+        normals = np.zeros(rays.shape)
+        on_shell = enters_drum & (shell_depth < back_depth)
+        points_m = eye_m + depth[..., None] * rays
+        normals[on_shell] = -points_m[on_shell] * (1.0, 0.0, 1.0) / self.radius_m
+        normals[~on_shell] = 0.0, -1.0, 0.0
 
         meets_drum = radius_at_front <= self.radius_m + self.thickness_m
-        return np.where(meets_drum, depth, np.inf), normal
+        return np.where(meets_drum, depth, np.inf), normals
 
     def _shell_depth(self, eye_m: np.ndarray, rays: np.ndarray) -> np.ndarray:
         """Compute the depth at which each ray leaves the endless inner cylinder.
@@ -104,16 +106,20 @@ class DrumInside:
         with np.errstate(divide="ignore", invalid="ignore"):
             return np.where(a > 0.0, (-b + root) / a, np.inf)
 
-    def paint(
-        self, place: np.ndarray, normal: np.ndarray, lit: np.ndarray, sky: np.ndarray
+    def compute_colours(
+        self,
+        points_m: np.ndarray,
+        normals: np.ndarray,
+        light_share: np.ndarray,
+        sky_share: np.ndarray,
     ) -> np.ndarray:
         """Compute the colours of places on the drum.
 
         Parameters
         ----------
-        place, normal : array (M, 3)
+        points_m, normals : array (M, 3)
             Places in m and unit normals there.
-        lit, sky : array (M,)
+        light_share, sky_share : array (M,)
             Shares of the light and of the sky that reach them.
 
         Returns
@@ -121,17 +127,22 @@ class DrumInside:
         array (M, 3)
             Red, green and blue, 0 to 1 or a little above.
         """
-        # Shadows, gaps between grains, and surfaces that face down are darker.
-        tone = (0.62 + 0.38 * lit) * (0.35 + 0.65 * sky) * (0.86 + 0.14 * normal[:, 2])
+        # Shadows, gaps between grains, and surfaces that face down are darker. The
+        # weights were chosen by eye.
+        tone = (
+            (0.62 + 0.38 * light_share)
+            * (0.35 + 0.65 * sky_share)
+            * (0.86 + 0.14 * normals[:, 2])
+        )
         colour = DRUM_TONE * 1.1 * tone[:, None]
 
         # The rim is the ring around the open front end.
-        on_rim = np.hypot(place[:, 0], place[:, 2]) > 0.9999 * self.radius_m
-        on_rim &= place[:, 1] < -0.4999 * self.length_m
+        on_rim = np.hypot(points_m[:, 0], points_m[:, 2]) > 0.9999 * self.radius_m
+        on_rim &= points_m[:, 1] < -0.4999 * self.length_m
         colour[on_rim] = RIM_TONE
 
         # The marks turn with the drum.
-        angle = np.arctan2(place[:, 2], place[:, 0]) - self.turned_rad
+        angle = np.arctan2(points_m[:, 2], points_m[:, 0]) - self.turned_rad
         colour[on_rim & _is_marked(angle)] = MARK_TONE
         return colour
 
@@ -150,7 +161,7 @@ def _is_marked(angle: np.ndarray) -> np.ndarray:
     -------
     array (M,) of bool
     """
-    spacing = 2.0 * math.pi / MARKS
+    spacing = 2.0 * math.pi / N_MARKS
     to_nearest_mark = np.abs((angle + 0.5 * spacing) % spacing - 0.5 * spacing)
     # The bottom is at the angle -pi / 2; the difference is brought to -pi to pi.
     to_bottom = np.abs((angle + 0.5 * math.pi + math.pi) % (2.0 * math.pi) - math.pi)

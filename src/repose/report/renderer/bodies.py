@@ -41,20 +41,21 @@ class Bodies:
         Numbers of their points, the same for all shapes.
     shape_ids : array (N,) of int
         Number of the shape of each body or part.
-    turn : array (N, 3, 3)
-        Rotation of each, body to world.
+    rotations : array (N, 3, 3)
+        Rotation of each body or part to the world.
     vertices : array (N, V, 3)
         Points of each in the world, in m.
     owner : array (N,) of int
-        The body to which a part belongs; itself for a body of one part.
+        Number of the body to which a part belongs.
     largest_m : float
-        Bounding radius of the largest body, or of the first shape without any.
+        Bounding radius of the largest body. Without bodies it is that of the first
+        shape.
     """
 
     normals: np.ndarray
     triangles: np.ndarray
     shape_ids: np.ndarray
-    turn: np.ndarray
+    rotations: np.ndarray
     vertices: np.ndarray
     owner: np.ndarray
     largest_m: float
@@ -103,9 +104,9 @@ def place_bodies(
     scales : array (N,)
         Size of each body as a multiple of its shape.
     """
-    turn = rotation_matrices(quaternions)
+    rotations = rotation_matrices(quaternions)
     parts = _split_into_parts(
-        centres, turn=turn, shapes=shapes, shape_ids=shape_ids, scales=scales
+        centres, rotations=rotations, shapes=shapes, shape_ids=shape_ids, scales=scales
     )
     # The unit sphere is the last shape; a shape of spheres is not drawn itself.
     drawn_shapes = [_Ball() if len(_read_spheres(shape)) else shape for shape in shapes]
@@ -116,10 +117,10 @@ def place_bodies(
     triangles = tessellated[0][2]
 
     # Scale the points of each part, turn them, and move them to its centre.
-    turn_of_parts = turn[parts.owner]
+    rotations_of_parts = rotations[parts.owner]
     scaled_points = parts.scales[:, None, None] * points[parts.shape_ids]
     vertices = parts.centres[:, None, :] + np.einsum(
-        "nij,nvj->nvi", turn_of_parts, scaled_points
+        "nij,nvj->nvi", rotations_of_parts, scaled_points
     )
     radii = np.array([shape.bounding_radius_m for shape in shapes])
     largest = float((radii[shape_ids] * scales).max(initial=0.0))
@@ -127,7 +128,7 @@ def place_bodies(
         normals=normals,
         triangles=triangles,
         shape_ids=parts.shape_ids,
-        turn=turn_of_parts,
+        rotations=rotations_of_parts,
         vertices=vertices,
         owner=parts.owner,
         largest_m=largest or float(radii[0]),
@@ -141,7 +142,7 @@ def _read_spheres(shape: Drawable) -> np.ndarray:
 
 def _split_into_parts(
     centres: np.ndarray,
-    turn: np.ndarray,
+    rotations: np.ndarray,
     shapes: Sequence[Drawable],
     shape_ids: np.ndarray,
     scales: np.ndarray,
@@ -151,8 +152,8 @@ def _split_into_parts(
     Parameters
     ----------
     centres, shapes, shape_ids, scales
-        As of `place_bodies`.
-    turn : array (N, 3, 3)
+        As in `place_bodies`.
+    rotations : array (N, 3, 3)
         Rotations of the bodies to the world.
 
     Returns
@@ -171,7 +172,7 @@ def _split_into_parts(
                 bodies,
                 spheres,
                 centres=centres,
-                turn=turn,
+                rotations=rotations,
                 scales=scales,
                 ball_id=ball_id,
             )
@@ -192,7 +193,7 @@ def _place_spheres(
     bodies: np.ndarray,
     spheres: np.ndarray,
     centres: np.ndarray,
-    turn: np.ndarray,
+    rotations: np.ndarray,
     scales: np.ndarray,
     ball_id: int,
 ) -> _Parts:
@@ -205,13 +206,13 @@ def _place_spheres(
     spheres : array (S, 4)
         Centres and radii of the spheres of their shape in m.
     centres, turn, scales
-        Of all bodies, as of `_split_into_parts`.
+        Of all bodies, as in `_split_into_parts`.
     ball_id : int
         Number of the shape of a sphere.
     """
     owner = np.repeat(bodies, len(spheres))
     spheres_of_bodies = np.tile(spheres, (len(bodies), 1))
-    offsets = np.einsum("nij,nj->ni", turn[owner], spheres_of_bodies[:, :3])
+    offsets = np.einsum("nij,nj->ni", rotations[owner], spheres_of_bodies[:, :3])
     return _Parts(
         centres[owner] + scales[owner, None] * offsets,
         scales[owner] * spheres_of_bodies[:, 3],

@@ -18,22 +18,23 @@ from repose.report.renderer.scenery import (
     Frustum,
     Setting,
     find_frame_points,
-    setting_of,
+    make_setting,
 )
 
 if TYPE_CHECKING:
     from repose.bench.drum import DrumSettings
 
-KEYS = ("time_s", "position", "quaternion")  # of the file of a trajectory
+TRAJECTORY_KEYS = ("time_s", "position", "quaternion")  # of the file of a trajectory
 FORMATS = {".gif": "GIF", ".webp": "WEBP"}
-LAST_S = 1.6  # the last picture is shown this long
+# Times for which a picture is shown
+LAST_FRAME_S = 1.6
 FRAME_S = 0.08
 DRUM_FRAME_S = 0.12
 MAX_BYTES = 3_000_000
 # A grain farther from the axis than this many median distances has left the pile.
 PILE_MEDIANS = 2
 DRUM_MAX_BYTES = 3_900_000
-# Colours of a GIF, and quality of a WebP, the smaller file later.
+# Colours of a GIF and qualities of a WebP to try, from the largest file to the smallest.
 GIF_COLOURS = (128, 96, 64, 48, 32)
 WEBP_QUALITY = (80, 65, 50, 35, 20)
 
@@ -72,7 +73,7 @@ def animate_pour(
         For a bad trajectory, another ending, or a file that stays too large.
     """
     out_path = _check_ending(out_path)
-    record = read_npz(trajectory, KEYS, "the trajectory of a pour")
+    record = read_npz(trajectory, TRAJECTORY_KEYS, "the trajectory of a pour")
     positions = record["position"]
     scales = _read_scales(record)
     default_view: dict[str, Any] = {
@@ -160,7 +161,7 @@ def animate(
     Raises
     ------
     InputError
-        Without a frame, and as of `animate_pour`.
+        If there is no frame, and for the reasons of `animate_pour`.
     """
     out_path = _check_ending(out_path)
     times = frames["time_s"]
@@ -170,7 +171,7 @@ def animate(
     settings = _list_settings(simulation, frames)
     if view.get("frame_m") is None:
         view["frame_m"] = _find_frame_of_ends(shapes, frames, settings[-1])
-    drawn = [
+    drawn_pictures = [
         render_bodies(
             frames["position"][k],
             frames["quaternion"][k],
@@ -182,7 +183,7 @@ def animate(
         )
         for k in _choose_frames(times, pictures)
     ]
-    _write_limited(drawn, FRAME_S, out_path=out_path, max_bytes=MAX_BYTES)
+    _write_limited(drawn_pictures, FRAME_S, out_path=out_path, max_bytes=MAX_BYTES)
 
 
 def _list_settings(
@@ -200,10 +201,10 @@ def _list_settings(
     """
     if "planes" not in frames:
         # All frames have the same walls.
-        return len(frames["time_s"]) * [setting_of(simulation)]
+        return len(frames["time_s"]) * [make_setting(simulation)]
     walls = zip(frames["planes"], frames["wall_frames"], strict=True)
     return [
-        setting_of(simulation, planes, wall_frames) for planes, wall_frames in walls
+        make_setting(simulation, planes, wall_frames) for planes, wall_frames in walls
     ]
 
 
@@ -263,10 +264,12 @@ def animate_drum(
     Raises
     ------
     InputError
-        As of `animate_pour`.
+        For the reasons of `animate_pour`.
     """
     out_path = _check_ending(out_path)
-    record = read_npz(trajectory, (*KEYS, "turned_deg"), "the trajectory of a drum")
+    record = read_npz(
+        trajectory, (*TRAJECTORY_KEYS, "turned_deg"), "the trajectory of a drum"
+    )
     turned_rad = np.radians(record["turned_deg"])
     # The camera looks along the axis, on which the picture is centred.
     default_view: dict[str, Any] = {
@@ -278,12 +281,12 @@ def animate_drum(
     options["height"] = options["width"]  # the picture is a square
     pictures = []
     for k in _choose_frames(record["time_s"], frames):
-        inside = drum_inside(section, turned_rad[k])
+        inside = make_drum_inside(section, turned_rad[k])
         picture = render_pile(
             record["position"][k],
             record["quaternion"][k],
             particle,
-            frame_m=inside.outline(),
+            frame_m=inside.compute_outline_points(),
             backdrop=inside,
             **options,
         )
@@ -291,7 +294,7 @@ def animate_drum(
     _write_limited(pictures, DRUM_FRAME_S, out_path=out_path, max_bytes=DRUM_MAX_BYTES)
 
 
-def drum_inside(section: "DrumSettings", turned_rad: float) -> DrumInside:
+def make_drum_inside(section: "DrumSettings", turned_rad: float) -> DrumInside:
     """Make the drum of a configuration as a backdrop.
 
     Parameters
@@ -353,7 +356,7 @@ def _write_limited(
     pictures : sequence of array
         Pictures (H, W, 3) of uint8.
     frame_s : float
-        Time that each picture is shown; the last one is shown for `LAST_S`.
+        Time that each picture is shown; the last one is shown for `LAST_FRAME_S`.
     out_path : Path
         File that ends in .gif or .webp.
     max_bytes : int
@@ -366,7 +369,7 @@ def _write_limited(
     """
     images = [Image.fromarray(picture) for picture in pictures]
     durations_ms = [round(1000 * frame_s)] * len(images)
-    durations_ms[-1] = round(1000 * LAST_S)
+    durations_ms[-1] = round(1000 * LAST_FRAME_S)
     is_webp = FORMATS[out_path.suffix.lower()] == "WEBP"
     content = b""
     # From the best quality to the worst, until the file is small enough.
@@ -401,7 +404,8 @@ def _encode_gif(
     bytes
         The content of the file.
     """
-    # One palette for all frames, that of the last one: parts at rest keep their colours.
+    # All frames get the palette of the last one, so that parts at rest keep their
+    # colours.
     palette = images[-1].quantize(colours)
     first, *others = (
         image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images

@@ -64,7 +64,7 @@ def _rasterise(x, y, near, triangles, nearest, body, weights, triangle):
                         weights[row, column, 1] = v
 
 
-def draw(
+def draw_triangles(
     x: np.ndarray,
     y: np.ndarray,
     near: np.ndarray,
@@ -107,9 +107,11 @@ def draw(
 
 @compiled
 def _compute_pixel_angle(row, column):
-    """Compute a fixed angle for a pixel that differs between neighbours.
+    """Compute a fixed angle for a pixel, which differs between neighbours.
 
-    By it few samples give fine grain instead of bands.
+    If each pixel turns its samples by this angle, few samples give fine noise instead of
+    bands. The numbers are those of interleaved gradient noise (Jimenez 2014, Next
+    Generation Post Processing in Call of Duty).
     """
     grain = 0.06711056 * column + 0.00583715 * row
     grain = 52.9829189 * (grain - math.floor(grain))
@@ -153,7 +155,7 @@ def write_place(camera, shape, row, column, depth, place):
 def compute_lit_share(
     depth, normals, camera, light_map, axes, origin, pixel_m, softness_m, bias_m, taps
 ):
-    """Compute the share of the light that reaches each visible point; else 1.
+    """Compute the share of the light that reaches each visible point.
 
     Parameters
     ----------

@@ -21,7 +21,7 @@ from repose.report.renderer.scenery import (
     Setting,
     find_frame_points,
     look_at,
-    setting_of,
+    make_setting,
 )
 
 if TYPE_CHECKING:
@@ -47,7 +47,7 @@ def render_pile(
     walls : sequence of Frustum
         Walls that are drawn translucent.
     backdrop : DrumInside, optional
-        It takes the place of the plate at z = 0.
+        Drawn instead of the plate at z = 0.
     **view
         Further arguments of `render_bodies`.
 
@@ -72,7 +72,7 @@ def render_bodies(  # noqa: PLR0913  (each has a default that a picture may chan
     height: int | None = None,
     frame_m: np.ndarray | None = None,
     supersample: int = 2,
-    colour: str = shading.GRAIN,
+    colour: str = shading.GRAIN_COLOUR,
     **angles: Any,
 ) -> np.ndarray:
     """Draw a shaded picture of bodies of several shapes and sizes.
@@ -113,21 +113,21 @@ def render_bodies(  # noqa: PLR0913  (each has a default that a picture may chan
     # Replace the arguments that are left out, and drop the bodies that are not drawn.
     setting = setting or Setting()
     height = height or round(0.6 * width)
-    shown = np.flatnonzero(np.isfinite(centres_m).all(axis=1))
-    centres = np.asarray(centres_m, float)[shown]
+    shown_bodies = np.flatnonzero(np.isfinite(centres_m).all(axis=1))
+    centres = np.asarray(centres_m, float)[shown_bodies]
     if shape_ids is None:
-        shown_ids = np.zeros(len(shown), int)
+        shown_ids = np.zeros(len(shown_bodies), int)
     else:
-        shown_ids = np.asarray(shape_ids)[shown]
+        shown_ids = np.asarray(shape_ids)[shown_bodies]
     if scales is None:
-        shown_scales = np.ones(len(shown))
+        shown_scales = np.ones(len(shown_bodies))
     else:
-        shown_scales = np.asarray(scales, float)[shown]
+        shown_scales = np.asarray(scales, float)[shown_bodies]
 
     # The pixels of the camera are rays; several of them give a pixel of the picture.
     bodies = place_bodies(
         centres,
-        np.asarray(quaternions, float)[shown],
+        np.asarray(quaternions, float)[shown_bodies],
         shapes=shapes,
         shape_ids=shown_ids,
         scales=shown_scales,
@@ -138,13 +138,13 @@ def render_bodies(  # noqa: PLR0913  (each has a default that a picture may chan
         )
     camera = look_at(frame_m, width * supersample, height * supersample, **angles)
     tints = shading.choose_tints(
-        shown[bodies.owner],
+        shown_bodies[bodies.owner],
         shown_ids[bodies.owner],
         count=len(centres_m),
         shapes=len(shapes),
         colour=colour,
     )
-    return shading.paint(
+    return shading.paint_picture(
         camera,
         bodies,
         tints=tints,
@@ -190,14 +190,14 @@ def render_mesh(
         normals=np.asarray(mesh.vertex_normals)[None],
         triangles=np.asarray(mesh.faces),
         shape_ids=first,
-        turn=np.eye(3)[None],
+        rotations=np.eye(3)[None],
         vertices=np.asarray(mesh.vertices)[None],
         owner=first,
         largest_m=float(np.linalg.norm(mesh.extents)) / 2,
     )
     camera = look_at(frame_m, width * supersample, height * supersample, **angles)
     tints = shading.choose_tints(first, first, count=1, shapes=1, colour=colour)
-    return shading.paint(
+    return shading.paint_picture(
         camera,
         bodies,
         tints=tints,
@@ -229,6 +229,6 @@ def render_simulation(simulation: Simulation, **view: Any) -> np.ndarray:
         shapes=list(simulation.shapes.values()),
         shape_ids=simulation.shape_ids,
         scales=simulation.scales,
-        setting=setting_of(simulation),
+        setting=make_setting(simulation),
         **view,
     )

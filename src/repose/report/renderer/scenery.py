@@ -88,10 +88,10 @@ class Camera:
         near : array (...,)
             Inverse depth in 1/m.
         """
-        seen = (points_m - self.eye_m) @ self.axes.T
-        near = 1.0 / seen[..., 2]
-        x = self.width / 2 + self.focal_px * seen[..., 0] * near
-        y = self.height / 2 - self.focal_px * seen[..., 1] * near
+        view_points = (points_m - self.eye_m) @ self.axes.T
+        near = 1.0 / view_points[..., 2]
+        x = self.width / 2 + self.focal_px * view_points[..., 0] * near
+        y = self.height / 2 - self.focal_px * view_points[..., 1] * near
         return x, y, near
 
     def rays(self, rows: slice = slice(None)) -> np.ndarray:
@@ -146,7 +146,7 @@ def look_at(
         Direction from the points to the camera: above the horizontal plane, and about
         the z axis from the x axis.
     margin : float
-        Size of the picture as a multiple of that which just holds the points.
+        Size of the picture, as a multiple of the smallest one that holds the points.
     field_of_view_deg : float
         Angle of the longer side of the picture at the camera.
 
@@ -171,9 +171,9 @@ def look_at(
 
     # Look at the middle of the points, from the smallest distance at which each of
     # them is in the picture.
-    seen = points_m @ axes.T
-    middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
-    offset = seen - middle
+    view_points = points_m @ axes.T
+    middle = (view_points.min(axis=0) + view_points.max(axis=0)) / 2
+    offset = view_points - middle
     share = margin * (np.abs(offset[:, :2]) * 2 / (width, height)).max(axis=1)
     distance = np.max(share * focal_px - offset[:, 2])
     return Camera(
@@ -211,7 +211,7 @@ def find_frame_points(
     walls: Sequence[Frustum],
     panels: Sequence[Panel] = (),
 ) -> np.ndarray:
-    """Compute points that a picture of bodies and walls must contain.
+    """Find points that a picture of bodies and walls must contain.
 
     Parameters
     ----------
@@ -247,7 +247,7 @@ def _make_circle(radius: float, z: float) -> np.ndarray:
     )
 
 
-def funnel_walls(funnel: Funnel) -> list[Frustum]:
+def make_funnel_walls(funnel: Funnel) -> list[Frustum]:
     """Make the walls of a funnel: its cone and, if it has one, its tube.
 
     The tube comes first.
@@ -268,15 +268,15 @@ def funnel_walls(funnel: Funnel) -> list[Frustum]:
     return [tube, cone]
 
 
-def setting_of(
+def make_setting(
     simulation: Simulation,
     planes: np.ndarray | None = None,
     frames: np.ndarray | None = None,
 ) -> Setting:
     """Make the setting of a simulation's walls, at present or in a recorded frame.
 
-    A level endless plane below all others is the plate; planes end at the simulation's
-    box; rounded edges are not drawn.
+    A level endless plane is the plate if no other plane is endless. The other planes
+    end at the box of the simulation. Rounded edges are not drawn.
 
     Parameters
     ----------
@@ -285,7 +285,7 @@ def setting_of(
     planes : array (P, 7), optional
         Planes of a frame of `repose.dem.Recorder`; by default the present ones.
     frames : array (C, 12), optional
-        Frames of the other walls, likewise.
+        Frames of the other walls, also from the recorder; by default the present ones.
     """
     if planes is None:
         planes = simulation.walls.planes

@@ -11,17 +11,19 @@ from repose.report.renderer import raster
 from repose.report.renderer.backdrop import DrumInside
 from repose.report.renderer.bodies import Bodies
 from repose.report.renderer.scenery import Camera, Frustum, Setting
-from repose.report.renderer.view import View, look
+from repose.report.renderer.view import View, compute_view
 
-BACKGROUND = np.array([0.975, 0.977, 0.980])
-PLATE = np.array([0.835, 0.842, 0.850])
-FUNNEL = np.array([0.40, 0.50, 0.58])
-GRAIN = "#cca86b"  # default colour of the first shape
+BACKGROUND_COLOUR = np.array([0.975, 0.977, 0.980])
+PLATE_COLOUR = np.array([0.835, 0.842, 0.850])
+FUNNEL_COLOUR = np.array([0.40, 0.50, 0.58])
+GRAIN_COLOUR = "#cca86b"  # default colour of the first shape
 # Colours of the second shape and on.
-OTHER_SHAPES = np.array([[0.30, 0.42, 0.56], [0.45, 0.52, 0.26], [0.76, 0.125, 0.045]])
+OTHER_SHAPE_COLOURS = np.array(
+    [[0.30, 0.42, 0.56], [0.45, 0.52, 0.26], [0.76, 0.125, 0.045]]
+)
 PANEL_SHARE = 0.93  # of the plate's brightness
 # Direction towards the light: right of the camera, ahead of it, up.
-LIGHT = np.array([0.42, -0.38, 0.82]) / np.linalg.norm([0.42, -0.38, 0.82])
+LIGHT_DIRECTION = np.array([0.42, -0.38, 0.82]) / np.linalg.norm([0.42, -0.38, 0.82])
 LIGHT_PIXELS = 1400  # of the longer side of the depth map seen from the light
 # Lengths as shares of the largest body: radius of the soft edge of a shadow, distance
 # at which a surface begins to shade, radius of the neighbours that hide the sky.
@@ -68,7 +70,11 @@ class ConeSide(NamedTuple):
 
 
 def choose_tints(
-    body: np.ndarray, shape: np.ndarray, count: int, shapes: int, colour: str = GRAIN
+    body: np.ndarray,
+    shape: np.ndarray,
+    count: int,
+    shapes: int,
+    colour: str = GRAIN_COLOUR,
 ) -> np.ndarray:
     """Choose the colours of bodies or parts, slightly different for each body.
 
@@ -87,15 +93,18 @@ def choose_tints(
         Red, green and blue, about 0 to 1.
     """
     first_colour = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
-    other_colours = [OTHER_SHAPES[k % len(OTHER_SHAPES)] for k in range(shapes - 1)]
+    other_colours = [
+        OTHER_SHAPE_COLOURS[k % len(OTHER_SHAPE_COLOURS)] for k in range(shapes - 1)
+    ]
     colours = np.array([first_colour, *other_colours])
-    # Each body is lighter or darker, and more or less yellow, by a fixed random number.
+    # Each body is lighter or darker, and more or less yellow, by random numbers with a
+    # fixed seed. The factors were chosen by eye.
     ripeness, shade = np.random.RandomState(2026).uniform(-1, 1, (2, count))
     shaded = colours[shape] * (1 + 0.16 * shade[body, None])
     return shaded + np.array([0.045, 0.050, 0.004]) * ripeness[body, None]
 
 
-def paint(
+def paint_picture(
     camera: Camera,
     bodies: Bodies,
     tints: np.ndarray,
@@ -125,7 +134,7 @@ def paint(
     array (H / supersample, W / supersample, 3) of uint8
         Red, green and blue.
     """
-    view = look(camera, bodies, setting)
+    view = compute_view(camera, bodies, setting)
     lit, sky = _compute_light_and_sky(camera, bodies, view)
     height = camera.height // supersample
     width = camera.width // supersample
@@ -133,7 +142,7 @@ def paint(
     order = _sort_far_to_near(setting.frusta, camera)
     for rows in camera.bands(supersample):
         rays = camera.rays(rows)
-        image = np.broadcast_to(BACKGROUND, rays.shape).copy()
+        image = np.broadcast_to(BACKGROUND_COLOUR, rays.shape).copy()
         band = Band(image, view.rows(rows), rays=rays, lit=lit[rows], sky=sky[rows])
         _paint_plate(band, camera, frame)
         _paint_backdrop(band, camera, setting.backdrop)
@@ -218,7 +227,11 @@ def _compute_light_axes(camera: Camera) -> np.ndarray:
     if length > 1e-9:
         heading = level_forward / length
     vertical = np.array([0.0, 0.0, 1.0])
-    towards_light = LIGHT[0] * right + LIGHT[1] * heading + LIGHT[2] * vertical
+    towards_light = (
+        LIGHT_DIRECTION[0] * right
+        + LIGHT_DIRECTION[1] * heading
+        + LIGHT_DIRECTION[2] * vertical
+    )
     across = np.cross(vertical, towards_light)
     across /= np.linalg.norm(across)
     return np.stack([across, np.cross(towards_light, across), towards_light])
@@ -241,9 +254,10 @@ def _draw_light_map(bodies: Bodies, axes: np.ndarray) -> LightMap:
     x = (points[..., 0] - corner[0]) / pixel_m
     y = (points[..., 1] - corner[1]) / pixel_m
     shape = (int(y.max()) + 2, int(x.max()) + 2)
-    # The rows count upwards, so what is anticlockwise in a picture is clockwise here.
+    # Rows of the map count upwards. Triangles that are anticlockwise in a picture are
+    # therefore clockwise in the map.
     clockwise = bodies.triangles[:, ::-1]
-    heights, *_ = raster.draw(
+    heights, *_ = raster.draw_triangles(
         x, y, near=points[..., 2], triangles=clockwise, shape=shape
     )
     return LightMap(heights, corner, pixel_m)
@@ -253,7 +267,9 @@ def _draw_light_map(bodies: Bodies, axes: np.ndarray) -> LightMap:
 
 
 def _paint_bodies(band: Band, camera: Camera, tints: np.ndarray) -> None:
-    """Paint bodies by Lambert's law, with a waxy highlight and a rim of sky light.
+    """Paint bodies by Lambert's law, with waxy highlights and sky light at their edges.
+
+    The weights of the parts were chosen by eye.
 
     Parameters
     ----------
@@ -312,15 +328,17 @@ def _paint_plate(band: Band, camera: Camera, frame: np.ndarray) -> None:
     diagonal = np.linalg.norm(high - low)
     # Share of the plate's colour: 1 up to half a diagonal, 0 from 1.3 diagonals on.
     opacity = np.clip((2.6 - 2 * distance / diagonal) / 1.6, 0, 1) ** 1.5
-    plate = PLATE * 1.13 * band.tone(mask)[:, None]
-    band.image[mask] = BACKGROUND + opacity[:, None] * (plate - BACKGROUND)
+    plate = PLATE_COLOUR * 1.13 * band.tone(mask)[:, None]
+    band.image[mask] = BACKGROUND_COLOUR + opacity[:, None] * (
+        plate - BACKGROUND_COLOUR
+    )
 
 
 def _paint_backdrop(band: Band, camera: Camera, backdrop: DrumInside | None) -> None:
     """Paint the backdrop, if there is one."""
     mask = band.view.behind
     if backdrop is not None and mask.any():
-        band.image[mask] = backdrop.paint(
+        band.image[mask] = backdrop.compute_colours(
             band.places(camera, mask),
             band.view.normal[mask],
             band.lit[mask],
@@ -329,11 +347,11 @@ def _paint_backdrop(band: Band, camera: Camera, backdrop: DrumInside | None) -> 
 
 
 def _paint_panels(band: Band) -> None:
-    """Paint flat walls, the darker the steeper."""
+    """Paint flat walls. A steeper wall is darker."""
     mask = band.view.panel
     steepness = 0.80 + 0.20 * np.clip(band.view.normal[mask][:, 2], 0, 1)
     tone = (band.tone(mask) * steepness)[:, None]
-    band.image[mask] = PLATE * 1.13 * PANEL_SHARE * tone
+    band.image[mask] = PLATE_COLOUR * 1.13 * PANEL_SHARE * tone
 
 
 # --- Walls of glass -------------------------------------------------------------------
@@ -386,9 +404,9 @@ def _find_cone_sides(wall: Frustum, camera: Camera, rays: np.ndarray) -> list[Co
         The far and the near side.
     """
     # In the frame of the wall, its axis is the z axis.
-    turn = np.reshape(wall.frame[3:], (3, 3)).astype(float)
-    eye = (camera.eye_m - wall.frame[:3]) @ turn
-    local_rays = rays @ turn
+    rotation = np.reshape(wall.frame[3:], (3, 3)).astype(float)
+    eye = (camera.eye_m - wall.frame[:3]) @ rotation
+    local_rays = rays @ rotation
     # The radius of the cone at the height of the eye, and its gain along each ray.
     radius = wall.r_low_m + wall.slope * (eye[2] - wall.z_low_m)
     radius_gain = wall.slope * local_rays[..., 2]
@@ -442,11 +460,11 @@ def _blend_side(band: Band, camera: Camera, side: ConeSide) -> None:
         The side, as rays through these pixels meet it.
     """
     wall, distance, is_met = side
-    turn = np.reshape(wall.frame[3:], (3, 3)).astype(float)
+    rotation = np.reshape(wall.frame[3:], (3, 3)).astype(float)
     eye = camera.eye_m - wall.frame[:3]
 
     # The frustum is the part of the endless cone between its two ends.
-    height = eye @ turn[:, 2] + distance * (band.rays @ turn[:, 2])
+    height = eye @ rotation[:, 2] + distance * (band.rays @ rotation[:, 2])
     mask = is_met & (distance > 0) & (distance < band.view.depth)
     mask &= (height >= wall.z_low_m) & (height <= wall.z_high_m)
     if not mask.any():
@@ -454,9 +472,9 @@ def _blend_side(band: Band, camera: Camera, side: ConeSide) -> None:
 
     # Points and directions in the frame of the wall.
     rays = band.rays[mask]
-    point = (eye + distance[mask][:, None] * rays) @ turn
-    sight = rays @ turn / np.linalg.norm(rays, axis=1, keepdims=True)
-    towards_light = _compute_light_axes(camera)[2] @ turn
+    point = (eye + distance[mask][:, None] * rays) @ rotation
+    sight = rays @ rotation / np.linalg.norm(rays, axis=1, keepdims=True)
+    towards_light = _compute_light_axes(camera)[2] @ rotation
     # The normal of a cone points away from its axis, and down by the slope.
     normal = point / np.hypot(point[:, 0], point[:, 1])[:, None]
     normal[:, 2] = -wall.slope
@@ -470,4 +488,6 @@ def _blend_side(band: Band, camera: Camera, side: ConeSide) -> None:
     opacity = np.clip(0.07 + 0.45 * grazing**3 + 0.45 * is_rim, 0, 0.75)
     shine = 0.35 * np.clip(np.abs(normal @ towards_light), 0, 1) ** 12
     background = band.image[mask]
-    band.image[mask] += opacity[..., None] * (FUNNEL + shine[:, None] - background)
+    band.image[mask] += opacity[..., None] * (
+        FUNNEL_COLOUR + shine[:, None] - background
+    )

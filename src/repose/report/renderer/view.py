@@ -33,11 +33,11 @@ class View:
         return np.isfinite(self.depth) & ~(self.hit | self.plate | self.behind)
 
     def rows(self, rows: slice) -> "View":
-        """Return the view of some rows, in the same memory."""
+        """Return the view of some rows. It shares memory with this view."""
         return View(*(getattr(self, field.name)[rows] for field in fields(self)))
 
 
-def look(camera: Camera, bodies: Bodies, setting: Setting) -> View:
+def compute_view(camera: Camera, bodies: Bodies, setting: Setting) -> View:
     """Find what each pixel of a camera shows of bodies in a setting.
 
     Parameters
@@ -51,7 +51,7 @@ def look(camera: Camera, bodies: Bodies, setting: Setting) -> View:
     """
     shape = (camera.height, camera.width)
     x, y, near = camera.project(bodies.vertices)
-    nearest, body, triangle, weights = raster.draw(
+    nearest, body, triangle, weights = raster.draw_triangles(
         x, y, near=near, triangles=bodies.triangles, shape=shape
     )
     view = View(
@@ -83,15 +83,15 @@ def look(camera: Camera, bodies: Bodies, setting: Setting) -> View:
 def _add_setting(
     view: View, nearest: np.ndarray, eye: np.ndarray, rays: np.ndarray, setting: Setting
 ) -> None:
-    """Add panels, plate and backdrop to a view of bodies.
+    """Add panels, plate and backdrop to a view of bodies, in place.
 
     Parameters
     ----------
     view : View
         The view (H, W), whose depth, normals and kinds of content are written to.
     nearest : array (H, W)
-        Inverse depth of the bodies; 0 or less where there is none in front of the
-        camera.
+        Inverse depth of the bodies. It is 0 or less if the pixel shows no body in front
+        of the camera.
     eye : array (3,)
         Place of the camera in m.
     rays : array (H, W, 3)
@@ -99,7 +99,8 @@ def _add_setting(
     setting : Setting
         What is added.
     """
-    view.body[nearest <= 0] = -1  # behind the camera
+    # A body behind the camera is not seen.
+    view.body[nearest <= 0] = -1
     depth = np.where(view.hit, 1.0 / nearest, np.inf)
     view.normal[..., 2] = 1.0
 
@@ -119,7 +120,7 @@ def _add_setting(
         depth[view.plate] = plate_depth[view.plate]
 
     if setting.backdrop is not None:
-        backdrop_depth, backdrop_normal = setting.backdrop.meet(eye, rays)
+        backdrop_depth, backdrop_normal = setting.backdrop.find_intersections(eye, rays)
         view.behind[...] = np.isinf(depth) & np.isfinite(backdrop_depth)
         depth[view.behind] = backdrop_depth[view.behind]
         view.normal[view.behind] = backdrop_normal[view.behind]
@@ -155,7 +156,7 @@ def _compute_body_normals(
     normals = np.einsum("mk,mki->mi", shares, corner_normals)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     # Turn each from the frame of its part to the world.
-    return np.einsum("mij,mj->mi", bodies.turn[part], normals)
+    return np.einsum("mij,mj->mi", bodies.rotations[part], normals)
 
 
 def _compute_panel_depth(panel: Panel, eye: np.ndarray, rays: np.ndarray) -> np.ndarray:
