@@ -143,7 +143,7 @@ def test_the_runs_of_a_study_are_counted():
 
 
 def test_the_program_its_deck_and_its_runs_are_described(monkeypatch):
-    monkeypatch.setattr(simulate, "program_of", lambda command: "/bin/python")
+    monkeypatch.setattr(simulate, "find_program", lambda command: "/bin/python")
     study = loaded()
     program, deck, *_, responses, run = describe_program(study, study.simulator)
     assert program == "toy 1.0: python toy.py; the program is /bin/python"

@@ -83,7 +83,7 @@ def draw_small(name, inputs, path):
     save = style.save
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(testbench, "PILE_PIXELS", 300)
-        patch.setattr(rotation, "PIXELS", 120)
+        patch.setattr(rotation, "PICTURE_PIXELS", 120)
         patch.setattr(berries, "PICTURE_PIXELS", 100)
         patch.setattr(
             style,
@@ -253,7 +253,7 @@ def test_failed_samples_are_counted(inputs):
 
 
 def test_a_drum_that_never_slips_is_shown_at_the_report(inputs, tmp_path, monkeypatch):
-    monkeypatch.setattr(rotation, "PIXELS", 120)
+    monkeypatch.setattr(rotation, "PICTURE_PIXELS", 120)
     states = tmp_path / "states.npz"
     with np.load(inputs["states"]) as file:
         arrays = {
@@ -266,7 +266,7 @@ def test_a_drum_that_never_slips_is_shown_at_the_report(inputs, tmp_path, monkey
 
 def test_the_drum_names_the_run_that_it_shows(inputs, monkeypatch, tmp_path):
     """Of four slips, the second smallest is the lower of the middle two."""
-    monkeypatch.setattr(rotation, "PIXELS", 120)
+    monkeypatch.setattr(rotation, "PICTURE_PIXELS", 120)
     turned_deg = [52.5, np.nan, 46.5, 51.0, 48.0]
     runs = pd.DataFrame(
         {

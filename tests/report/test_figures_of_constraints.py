@@ -39,7 +39,7 @@ def files(tmp_path_factory):
     }
 
 
-@pytest.mark.parametrize("name", ["sobol_indices", "main_effects"])
+@pytest.mark.parametrize("name", ["draw_sobol_indices", "draw_main_effects"])
 def test_figures_name_the_shares_and_no_index(files, name):
     with style.applied():
         figure = getattr(sensitivity, name)(files, StudyView(CONFIG))
@@ -48,7 +48,7 @@ def test_figures_name_the_shares_and_no_index(files, name):
     assert "Var(E[y|x]) / Var(y)" in words
     assert "constraints allow" in words
     assert "first" not in words
-    if name == "main_effects":
+    if name == "draw_main_effects":
         # On the triangle x1 <= x2, each explains (1 - 1/2)^2 = 1/4 of x1 - x2.
         panel = figure.axes[list(PARAMETERS).index("mus_gg")]
         percent = float(panel.get_title(loc="right").removesuffix(" %"))
