@@ -30,7 +30,7 @@ from scipy.spatial import cKDTree
 from repose import export
 from repose.bench import Scene, funnel
 from repose.bench.settings import SceneSettings, SimulationSettings
-from repose.common.places import configs
+from repose.common.places import list_default_configs
 from repose.config.pipeline import PipelineConfig
 from repose.dem.rotations import rotation_matrices
 from repose.export.job import make, sphere_of_volume
@@ -123,7 +123,7 @@ def grain(source, spheres):
 @cache
 def study(set_name):
     """Configuration, grain, particle, and what is exported, of a parameter set."""
-    source = str(configs()[-1])
+    source = str(list_default_configs()[-1])
     config = PipelineConfig.load(source).config
     config["funnel"] |= {
         "berries": GRAINS[set_name],

@@ -183,7 +183,7 @@ def main(words=None):
             for threads in arguments.threads
         ]
         blocks["fall"] = table(header, falls)
-    machine = provenance.machine()
+    machine = provenance.describe_machine()
     origin = f"{machine['processor']}; {str(machine['commit'])[:8]}"
     blocks = {name: f"{text}\n({origin})\n" for name, text in blocks.items()}
     text = written(arguments.page.read_text(encoding="utf-8"), blocks)

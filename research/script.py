@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from repose.common import places, provenance
 from repose.common.errors import BAD_INPUT, InputError, print_fault
-from repose.common.lock import join_folder
+from repose.common.lock import lock_folder_for_job
 from repose.config import dependencies
 from repose.config.pipeline import PipelineConfig
 from research import settings
@@ -58,7 +58,9 @@ class Script:
             parser = self.parts.add_parser(
                 name, description=work.__doc__, help=work.__doc__
             )
-            parser.add_argument("--config", default=str(places.configs()[-1]))
+            parser.add_argument(
+                "--config", default=str(places.list_default_configs()[-1])
+            )
             parser.add_argument(
                 "--out", default=out, help=f"file or folder to write ({out})"
             )
@@ -76,13 +78,13 @@ class Script:
         args = self.parser.parse_args(arguments)
         try:
             stage = f"{self.name}_{args.part}"
-            folder = join_folder(Path(args.config).parent)
+            folder = lock_folder_for_job(Path(args.config).parent)
             runs: Literal["", "made"] = "made" if args.simulates else ""
             # the cells of a study differ on purpose: each is a table of its own
             cell = getattr(args, "cell", None)
             with (
                 folder,
-                provenance.stage(
+                provenance.record_stage(
                     stage, _files(args), args.depends_on, runs=runs, apparatus=cell
                 ),
             ):

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from repose.common.errors import InputError, YamlError, raise_together
-from repose.common.reading import read
+from repose.common.reading import read_yaml
 
 HERE = Path(__file__).parent
 OWN = Path("research.yaml")  # of the working folder
@@ -41,13 +41,13 @@ def of(config: Mapping[str, Any]) -> dict[str, Any]:
 
     An InputError names all keys that are unknown and all values that have another type than the default.
     """
-    settings = read(HERE / "config.yaml")
-    known = read(HERE / "config.yaml")
+    settings = read_yaml(HERE / "config.yaml")
+    known = read_yaml(HERE / "config.yaml")
     files = [
         *([HERE / "quick.yaml"] if config["small_run"] else []),
         *([OWN] if OWN.is_file() else []),
     ]
-    contents = [(str(path), read(path)) for path in files]
+    contents = [(str(path), read_yaml(path)) for path in files]
     raise_together(
         fault for path, more in contents for fault in _faults(more, known, path)
     )

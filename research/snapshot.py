@@ -10,9 +10,9 @@ from pathlib import Path
 from repose.bench import names as bench_tests
 from repose.calibrate import strategies
 from repose.common import ledger
-from repose.common.attached import SIDECAR
+from repose.common.attached import SIDECAR_SUFFIX
 from repose.common.errors import BAD_INPUT, InputError, print_fault
-from repose.common.ledger import write_whole
+from repose.common.ledger import write_listed_file
 from repose.config.results_folder import run_folder
 
 # Folders of a study; those of `research` and of its strategies are among them.
@@ -62,7 +62,7 @@ def take(results_dir: str | Path, out: str | Path) -> list[Path]:
     source = Path(results_dir)
     out = Path(out)
     files = _kept(source)
-    sidecars = (path.with_name(f"{path.name}{SIDECAR}") for path in files)
+    sidecars = (path.with_name(f"{path.name}{SIDECAR_SUFFIX}") for path in files)
     files = list(
         dict.fromkeys([*files, *(path for path in sidecars if path.is_file())])
     )
@@ -79,7 +79,7 @@ def take(results_dir: str | Path, out: str | Path) -> list[Path]:
     for path, name in zip(files, names, strict=True):
         _write(out / name, path.read_bytes())
     for name in earlier - set(names):
-        ledger.remove(out / name)
+        ledger.remove_own_file(out / name)
     _write(out / MANIFEST, _lines(names))
     return [out / name for name in names]
 
@@ -131,7 +131,7 @@ def _lines(names: Iterable[str]) -> bytes:
 
 def _write(path: Path, content: bytes) -> None:
     """Write bytes as they are: a copy keeps the record of its original, and gets none of its own."""
-    write_whole(path, lambda handle: handle.write(content))
+    write_listed_file(path, lambda handle: handle.write(content))
 
 
 def main() -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from matplotlib.figure import Figure
 
-from repose.common.keys import section
+from repose.common.keys import require_section
 from repose.report.figures import style
 from repose.report.figures.testbench import dimension
 
@@ -106,7 +106,7 @@ class Sketch:
 
 def lifted_cylinder(config: Config) -> Figure:
     """Draw the tube on its plate, and its motion."""
-    keys = section(config, "lifted_cylinder")
+    keys = require_section(config, "lifted_cylinder")
     radius = keys["diameter_mm"] / 2
     length = keys["length_mm"]
     half = 2.2 * radius
@@ -136,7 +136,7 @@ def lifted_cylinder(config: Config) -> Figure:
 
 def inclined_plane(config: Config) -> Figure:
     """Draw the steepest plane with a grain, and its rate; lengths are not to scale."""
-    keys = section(config, "inclined_plane")
+    keys = require_section(config, "inclined_plane")
     steepest = math.radians(keys["steepest_deg"])
     sketch = Sketch(x=(-15, 130), z=(-12, 115))
     along = np.array([math.cos(steepest), math.sin(steepest)])
@@ -161,7 +161,7 @@ def inclined_plane(config: Config) -> Figure:
 
 def drop_test(config: Config) -> Figure:
     """Draw the grain above its plate."""
-    keys = section(config, "drop_test")
+    keys = require_section(config, "drop_test")
     height = keys["height_mm"]
     half = max(0.35 * height, 2 * GRAIN_MM)
     sketch = Sketch(x=(-half, half), z=(-0.1 * height, 1.1 * height + 2 * GRAIN_MM))
@@ -176,7 +176,7 @@ def drop_test(config: Config) -> Figure:
 
 def drawdown(config: Config) -> Figure:
     """Draw both chambers, slot and gate."""
-    keys = section(config, "drawdown")
+    keys = require_section(config, "drawdown")
     width = keys["width_mm"] / 2
     slot = keys["slot_mm"] / 2
     lower = keys["lower_width_mm"] / 2
@@ -206,7 +206,7 @@ def drawdown(config: Config) -> Figure:
 
 def cylinder(config: Config) -> Figure:
     """Draw the vessel, its collar, and the core that gives the bulk density."""
-    keys = section(config, "cylinder")
+    keys = require_section(config, "cylinder")
     radius = keys["diameter_mm"] / 2
     height = keys["height_mm"]
     top = height + keys["collar_mm"]
@@ -237,7 +237,7 @@ def cylinder(config: Config) -> Figure:
 
 def discharge(config: Config) -> Figure:
     """Draw the funnel with its collar above, and the lid below, which opens."""
-    keys = section(config, "discharge")
+    keys = require_section(config, "discharge")
     inlet = keys["inlet_diameter_mm"] / 2
     outlet = keys["outlet_diameter_mm"] / 2
     tube = keys["tube_length_mm"]
@@ -272,7 +272,7 @@ def discharge(config: Config) -> Figure:
 
 def turning(config: Config) -> Figure:
     """Draw the drum along its axis, its speeds, and the part of its bed that is fitted."""
-    keys = section(config, "turning")
+    keys = require_section(config, "turning")
     outer = keys["outer_diameter_mm"] / 2
     inner = outer - keys["wall_thickness_mm"]
     sketch = Sketch(x=(-1.5 * outer, 1.5 * outer), z=(-1.4 * outer, 1.4 * outer))

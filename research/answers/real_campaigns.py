@@ -155,7 +155,9 @@ def collect(folder, kind):
     """Write one table of all campaigns, with the record of what their answers stand on."""
     tables = sorted(folder.glob(f"{kind}_?/campaign.csv"))
     answers = [path.parent / "answer/check.csv" for path in tables]
-    with provenance.stage(f"{kind}_campaigns", answers, lambda config, _: config):
+    with provenance.record_stage(
+        f"{kind}_campaigns", answers, lambda config, _: config
+    ):
         write_table(
             folder / f"{kind}.csv", pd.concat([read_table(path) for path in tables])
         )

@@ -103,7 +103,7 @@ def main():
         for k, at in parts
         for t in ("dataset", "runs")
     }
-    with provenance.stage(
+    with provenance.record_stage(
         "sample_weights", list(files.values()), lambda config, _: config
     ):
         table = pd.DataFrame(compared(files, args.response))

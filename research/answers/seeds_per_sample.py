@@ -91,8 +91,8 @@ class Rows:
         self.rows = {}
         self.written = 0.0
         if self.path.exists():
-            now = provenance.current()
-            then = attached.read(self.path)
+            now = provenance.get_current_record()
+            then = attached.read_record(self.path)
             if then is None or now is None or then["origin"] != now["origin"]:
                 allowed = "the same settings, engine and tables as now, or another place for this file"
                 raise InputError(

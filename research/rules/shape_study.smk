@@ -9,7 +9,7 @@ SHAPE = f"{RESULTS}/shape"
 
 def first_cells(wildcards):
     """Pours of the selection; the study's own keys are checked here, when someone asks for the study."""
-    with one_message():
+    with exit_on_fault():
         shape_cells.check(STUDIES)
     return expand(rules.shape_cell.output.runs, cell=shape_cells.first_cells(STUDIES))
 

@@ -221,7 +221,7 @@ def test_a_cell_that_was_killed_goes_on_and_pours_nothing_twice(
             name: config[name] | keys for name, keys in changes.items()
         }
         name = "bulk-egg-keep-cylinder"
-        with provenance.stage("shape_cell", (), depends_on, runs="made"):
+        with provenance.record_stage("shape_cell", (), depends_on, runs="made"):
             provenance.note_config(shape_cells.cell_settings(settings, name)[2])
             shape_study.poured(settings, name, sets, None, {}, tmp_path)
         return len(ran)
@@ -249,7 +249,7 @@ def test_a_cell_takes_no_longer_step_than_its_own_particle_bears(
     write_json(tmp_path / "berry.json", PipelineConfig.load("config/quick.yaml").grain)
     for own_s in (1e-4, 9e-3):
         config["simulation"]["time_step_s"] = own_s
-        with provenance.stage("shape_cell", (), depends_on):
+        with provenance.record_stage("shape_cell", (), depends_on):
             shape_study.run_cell(
                 config, "published-egg-keep-here", tmp_path / "berry.json", "", tmp_path
             )
@@ -283,7 +283,7 @@ def test_cells_of_one_study_are_read_together_though_their_settings_differ(
                 str(tmp_path),
             ]
         )
-    first, second = (attached.read(path) for path in paths)
+    first, second = (attached.read_record(path) for path in paths)
     assert first["origin"] != second["origin"]
     provenance.refuse_mixture(zip(paths, (first, second), strict=True))
 

@@ -88,7 +88,7 @@ def test_the_script_writes_tables_with_a_record_and_the_figure_is_drawn(
         str(tmp_path),
     ]
     script.run(["whole", *arguments])
-    assert attached.read(tmp_path / "whole.csv")["verb"] == "comparison_whole"
+    assert attached.read_record(tmp_path / "whole.csv")["verb"] == "comparison_whole"
     shown = [
         "whole",
         "--config",

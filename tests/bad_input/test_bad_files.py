@@ -131,7 +131,7 @@ def test_a_reader_reads_any_bytes_and_text_or_reports_what_is_wrong(tmp_path):
         "a.npz": (files.read_npz,),
         "a.stl": (load_mesh,),
         "a.png": (read_image,),
-        "a.yaml": (reading.read,),
+        "a.yaml": (reading.read_yaml,),
     }
     text = st.text(
         alphabet='ab1.,;"\n\r \t-#é[]{}:&*!?|>%@`\x00\ufeff', max_size=60

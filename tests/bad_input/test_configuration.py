@@ -13,7 +13,7 @@ from repose.bench import bench_tests
 from repose.bench.parameters import LAW_PARAMETERS, PARAMETERS
 from repose.common import faults
 from repose.common.errors import InputError, YamlError
-from repose.common.reading import parse
+from repose.common.reading import parse_yaml
 from repose.config.computed import COMPUTED
 from repose.config.models import settings_type
 from repose.config.pipeline import PipelineConfig
@@ -31,7 +31,7 @@ def good():
 def resolved(schema):
     """A schema with its references followed, and that of its numbers where it may also be null or auto."""
     while "$ref" in schema:
-        schema = faults.schema(settings_type())["$defs"][
+        schema = faults.make_schema(settings_type())["$defs"][
             schema["$ref"].rsplit("/", 1)[1]
         ]
     others = [kind for kind in schema.get("anyOf", []) if kind not in (NULL, AUTO)]
@@ -57,7 +57,7 @@ def leaves():
     """Entries with values, so neither sections nor those of the research, which have any keys; and keys of a target."""
     found = {
         key: field
-        for key, field in entries(faults.schema(settings_type()))
+        for key, field in entries(faults.make_schema(settings_type()))
         if "properties" not in field and field.get("type") != "object"
     }
     of_target = resolved(found["targets"]["items"])["properties"]
@@ -70,7 +70,7 @@ def leaves():
 def sections():
     return [
         name
-        for name, schema in entries(faults.schema(settings_type()))
+        for name, schema in entries(faults.make_schema(settings_type()))
         if "properties" in schema
     ]
 
@@ -190,7 +190,7 @@ def test_every_missing_key_is_reported():
     required += [
         name
         for name in sections()
-        if name in faults.schema(settings_type())["required"]
+        if name in faults.make_schema(settings_type())["required"]
     ]
     check_all(missing, [(key, key) for key in required])
 
@@ -354,7 +354,7 @@ def test_aliases_that_multiply_end_in_a_short_message_at_once_and_plain_ones_are
         assert len(message) < 10_000, levels
         assert ("every alias is replaced" in message) == (levels > 5), levels
     expected = [{"b": [1, 2]}] * 2
-    assert parse("a: &a {b: [1, 2]}\nc: [*a, *a]", "mine.yaml")["c"] == expected
+    assert parse_yaml("a: &a {b: [1, 2]}\nc: [*a, *a]", "mine.yaml")["c"] == expected
 
 
 def test_a_message_shows_a_large_value_in_part_and_a_small_one_as_it_is():
@@ -409,5 +409,5 @@ def test_thousands_of_unknown_keys_take_as_many_guesses_as_are_reported(
 
 @pytest.mark.parametrize("content", [5, [1], None, "text"])
 def test_a_configuration_without_keys_is_refused_as_a_whole(content):
-    [fault] = faults.check(content, "a.yaml", settings_type()).faults
+    [fault] = faults.find_faults(content, "a.yaml", settings_type()).faults
     assert str(fault).endswith("expected keys with values")

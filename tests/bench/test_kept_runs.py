@@ -17,7 +17,7 @@ from repose.config.pipeline import PipelineConfig
 from repose.stages import kept_runs
 from repose.stages.job import run_job
 
-CONFIG = PipelineConfig.load(places.root() / "config/quick.yaml").config
+CONFIG = PipelineConfig.load(places.find_program_folder() / "config/quick.yaml").config
 SET = dict.fromkeys(PARAMETERS, 0.3)
 
 
@@ -48,7 +48,7 @@ def pours():
         for path in folder.glob("001*.*"):  # as snakemake removes outputs
             path.unlink()
         test = SimpleNamespace(name="funnel", run=run)
-        stage = provenance.stage(
+        stage = provenance.record_stage(
             "pour",
             (),
             lambda configuration, _: dependencies.settings_of(configuration, "pour"),

@@ -190,7 +190,7 @@ def test_messages_name_pages_that_a_wheel_has():
     files += [
         path
         for folder in ("config", "profiles")
-        for path in (places.root() / folder).rglob("*.yaml")
+        for path in (places.find_program_folder() / folder).rglob("*.yaml")
     ]
     texts = [*messages(), *((path.name, path.read_text()) for path in files)]
     named = {

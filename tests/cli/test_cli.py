@@ -108,7 +108,7 @@ def test_a_verb_is_registered_once():
 
 @pytest.mark.parametrize("commit", ["0123456789ab", None])
 def test_the_version_and_the_commit_are_printed(monkeypatch, command, commit):
-    monkeypatch.setattr(provenance, "machine", lambda: {"commit": commit})
+    monkeypatch.setattr(provenance, "describe_machine", lambda: {"commit": commit})
     after = f", commit {commit}" if commit else ""
     assert re.fullmatch(rf"repose \d+\.\d+\.\d+{after}\n", command("--version").out)
 

@@ -9,7 +9,7 @@ from refusals import input_error
 from shared import ROOT, run_python
 
 from repose.common import places
-from repose.common.reading import read
+from repose.common.reading import read_yaml
 from repose.config.pipeline import PipelineConfig
 
 SIZES = "6.4,3.1,2.8\n6.0,3.0,2.7\n6.8,3.3,2.9\n"
@@ -150,7 +150,7 @@ def test_a_name_that_yaml_takes_for_something_else_stays_a_name(
 ):
     monkeypatch.chdir(tmp_path)
     command("new", name)
-    assert read(tmp_path / name / "config.yaml")["label"] == name
+    assert read_yaml(tmp_path / name / "config.yaml")["label"] == name
 
 
 def test_its_configuration_is_one_of_wheat_alone_with_known_and_explained_keys(folder):
@@ -169,7 +169,7 @@ def test_its_configuration_is_one_of_wheat_alone_with_known_and_explained_keys(f
         len([line for line in text.splitlines() if re.match(r"\s*[^#\s]", line)]) <= 31
     )
     assert set(yaml.safe_load(text)) <= set(
-        PipelineConfig.load(places.root() / places.DEFAULT_CONFIG).config
+        PipelineConfig.load(places.find_program_folder() / places.DEFAULT_CONFIG).config
     )
     (folder / "more.yaml").write_text("funnel: {speed: 1}")
     input_error("a known key", PipelineConfig.load, "config.yaml", "more.yaml")

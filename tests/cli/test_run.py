@@ -19,11 +19,11 @@ from repose.calibrate import strategies
 from repose.cli.interruption import Interruption
 from repose.common import places
 
-SNAKEFILE = ["--snakefile", str(places.root() / "Snakefile")]
+SNAKEFILE = ["--snakefile", str(places.find_program_folder() / "Snakefile")]
 ALL = ["--cores", "all"]
 WRONG = "command line: --config is"
-QUICK = str(places.root() / "config/quick.yaml")
-SLURM = str(places.root() / "profiles/slurm")
+QUICK = str(places.find_program_folder() / "config/quick.yaml")
+SLURM = str(places.find_program_folder() / "profiles/slurm")
 
 
 @pytest.fixture
@@ -244,7 +244,8 @@ def test_the_list_names_targets_with_their_cost_and_strategies_that_cannot_be(
 ):
     out = command("run", "--list", "--configfile", "config/quick.yaml").out
     rules = "".join(
-        path.read_text() for path in (places.root() / "workflow").rglob("*.smk")
+        path.read_text()
+        for path in (places.find_program_folder() / "workflow").rglob("*.smk")
     )
     named = [
         line.split()[0]
@@ -256,7 +257,7 @@ def test_the_list_names_targets_with_their_cost_and_strategies_that_cannot_be(
     assert all(f"rule {name}:" in rules or name in of_strategies for name in named)
     assert "Studies of quick" in out
     assert {"response_surface", "sequential", "uncertainty"} <= set(named)
-    monkeypatch.chdir(places.root() / "crops/wheat")
+    monkeypatch.chdir(places.find_program_folder() / "crops/wheat")
     assert (
         "not with this configuration: response_surface.surface; expected "
         in command("run", "--list").out
@@ -395,7 +396,7 @@ def naps(tmp_path):
     """A folder with a workflow whose jobs sleep."""
     (tmp_path / "Snakefile").write_text(WORKFLOW)
     profile = Path("profiles") / "default"
-    shutil.copytree(places.root() / profile, tmp_path / profile)
+    shutil.copytree(places.find_program_folder() / profile, tmp_path / profile)
     (tmp_path / "seconds").write_text("0.1")
     return tmp_path
 

@@ -17,15 +17,15 @@ from refusals import input_error, raised
 
 from repose.bench.parameters import LAW_PARAMETERS
 from repose.common import files, ledger, lock, places, tables, usage
-from repose.common.lock import join_folder, take_folder
+from repose.common.lock import lock_folder, lock_folder_for_job
 
 TABLE = pd.DataFrame(
     {"sample": [1, 2], "aor_deg": [31.25, np.nan], "reason": ["", "stuck, twice"]}
 )
 A_JOB = """
 import sys, time
-from repose.common.lock import join_folder
-with join_folder(sys.argv[1]):
+from repose.common.lock import lock_folder_for_job
+with lock_folder_for_job(sys.argv[1]):
     print("holds it", flush=True)
     time.sleep(float(sys.argv[2]))
 """
@@ -172,24 +172,24 @@ def started_job(folder, lasts_s):
 
 
 def test_jobs_of_a_workflow_that_was_killed_are_waited_for(tmp_path, capfd):
-    with take_folder(tmp_path):
+    with lock_folder(tmp_path):
         pass
     with started_job(tmp_path, 0.5) as job:
         assert job.poll() is None
-        with take_folder(tmp_path):
+        with lock_folder(tmp_path):
             assert job.wait(timeout=5) == 0
     message = "waiting until the jobs of a workflow that was killed have ended"
     assert message in capfd.readouterr().err
 
 
 def test_a_job_that_was_killed_holds_nothing_and_leaves_nothing(tmp_path, capfd):
-    with take_folder(tmp_path):
+    with lock_folder(tmp_path):
         pass
     with started_job(tmp_path, 60) as job:
-        assert len(list(tmp_path.glob(f"{lock.JOB}*"))) == 1
+        assert len(list(tmp_path.glob(f"{lock.JOB_LOCK_PREFIX}*"))) == 1
         job.kill()
-    with take_folder(tmp_path):
-        assert {path.name for path in tmp_path.iterdir()} == {lock.WORKFLOW}
+    with lock_folder(tmp_path):
+        assert {path.name for path in tmp_path.iterdir()} == {lock.WORKFLOW_LOCK}
     assert "waiting" not in capfd.readouterr().err
 
 
@@ -204,9 +204,9 @@ def test_a_file_system_without_locks_holds_and_refuses_nothing_and_other_faults_
 
     monkeypatch.setattr(fcntl, "flock", flock)
     if number == errno.EIO:
-        raised(OSError, os.strerror(number), take_folder, tmp_path)
+        raised(OSError, os.strerror(number), lock_folder, tmp_path)
         return
-    with take_folder(tmp_path), take_folder(tmp_path), join_folder(tmp_path):
+    with lock_folder(tmp_path), lock_folder(tmp_path), lock_folder_for_job(tmp_path):
         pass
     assert capfd.readouterr().err.count("no locks on this system") == 1
 
@@ -226,9 +226,9 @@ def test_locks_obey_the_rules_of_nfs(tmp_path, monkeypatch):
         return flock(file, kind)
 
     monkeypatch.setattr(fcntl, "flock", flock_of_nfs)
-    with take_folder(tmp_path), join_folder(tmp_path):
+    with lock_folder(tmp_path), lock_folder_for_job(tmp_path):
         pass
-    with lock.exclusive(tmp_path / "runs.csv"):
+    with lock.lock_file(tmp_path / "runs.csv"):
         pass
     assert len(kinds) >= 6  # each is taken and released
 
@@ -236,29 +236,29 @@ def test_locks_obey_the_rules_of_nfs(tmp_path, monkeypatch):
 def test_jobs_share_the_folder_and_a_second_workflow_is_refused_until_the_first_has_ended(
     tmp_path,
 ):
-    with take_folder(tmp_path):
-        with join_folder(tmp_path), join_folder(tmp_path):
+    with lock_folder(tmp_path):
+        with lock_folder_for_job(tmp_path), lock_folder_for_job(tmp_path):
             pass
         pattern = r"workflow is 'process \d+ on .*'; expected one at a time"
-        input_error(pattern, take_folder, tmp_path)
-    with take_folder(tmp_path):
+        input_error(pattern, lock_folder, tmp_path)
+    with lock_folder(tmp_path):
         pass
 
 
 def test_a_folder_without_a_workflow_is_not_held(tmp_path):
-    with join_folder(tmp_path):
+    with lock_folder_for_job(tmp_path):
         pass
     assert list(tmp_path.iterdir()) == []
 
 
-@pytest.mark.parametrize("name", [lock.WORKFLOW, ".a.csv.lock"])
+@pytest.mark.parametrize("name", [lock.WORKFLOW_LOCK, ".a.csv.lock"])
 def test_a_lock_follows_no_link(tmp_path, name):
     mine = tmp_path / "mine.txt"
     mine.write_text("mine")
     (tmp_path / name).symlink_to(mine)
 
     def hold():
-        with take_folder(tmp_path), lock.exclusive(tmp_path / "a.csv"):
+        with lock_folder(tmp_path), lock.lock_file(tmp_path / "a.csv"):
             pass
 
     raised(OSError, "symbolic link", hold)
@@ -277,23 +277,26 @@ def test_what_cannot_be_a_path_is_refused_by_name(tmp_path):
     }
     for name, reason in cases.items():
         input_error(
-            f"study: file is .*; expected .*{reason}", files.path_of, "file", name
+            f"study: file is .*; expected .*{reason}",
+            files.convert_to_path,
+            "file",
+            name,
         )
     for name in ("a.csv", "new/a.csv", tmp_path):
-        assert files.path_of("file", name) == Path(name)
+        assert files.convert_to_path("file", name) == Path(name)
 
 
 def test_a_line_and_the_name_of_the_holder_follow_no_link(tmp_path):
     mine = tmp_path / "mine.txt"
     mine.write_text("mine")
     (tmp_path / "benchmarks").mkdir()
-    (tmp_path / usage.TABLE).symlink_to(mine)
-    usage.note(tmp_path)
+    (tmp_path / usage.TABLE_PATH).symlink_to(mine)
+    usage.record_process(tmp_path)
     assert mine.read_text() == "mine"
     for flag in (os.O_APPEND, os.O_TRUNC):
         with (
             pytest.raises(OSError, match="symbolic link"),
-            ledger.open_descriptor(tmp_path / usage.TABLE, flag),
+            ledger.open_descriptor(tmp_path / usage.TABLE_PATH, flag),
         ):
             pass
     assert mine.read_text() == "mine"
@@ -305,8 +308,8 @@ def test_a_lock_is_open_to_the_group_or_the_message_says_what_to_set(
 ):
     before = os.umask(0o002)
     try:
-        with take_folder(tmp_path):
-            assert (tmp_path / lock.WORKFLOW).stat().st_mode & 0o777 == 0o664
+        with lock_folder(tmp_path):
+            assert (tmp_path / lock.WORKFLOW_LOCK).stat().st_mode & 0o777 == 0o664
     finally:
         os.umask(before)
 
@@ -315,7 +318,7 @@ def test_a_lock_is_open_to_the_group_or_the_message_says_what_to_set(
 
     monkeypatch.setattr("filelock.FileLock.acquire", denied)
     message = r"\.lock: access is 'for others'; expected write access for you; .*umask 002.*chmod -R g\+rwX"
-    input_error(message, take_folder, tmp_path)
+    input_error(message, lock_folder, tmp_path)
 
 
 @pytest.fixture
@@ -328,7 +331,7 @@ def folder(tmp_path):
 def test_the_folder_knows_its_files_and_a_full_disk_is_reported(folder):
     (folder / "somebodys.json").write_text("{}")
     (folder / "b.json").unlink()
-    assert ledger.names(folder) == {"a.json", "b.json"}
+    assert ledger.list_names(folder) == {"a.json", "b.json"}
     assert (folder / ledger.LEDGER).stat().st_mode & 0o111 == 0
 
     def full(handle):
@@ -338,7 +341,7 @@ def test_the_folder_knows_its_files_and_a_full_disk_is_reported(folder):
     raised(
         OSError,
         r"No space left on device: '.*a\.json'",
-        ledger.write_whole,
+        ledger.write_listed_file,
         folder / "a.json",
         full,
     )
@@ -346,13 +349,13 @@ def test_the_folder_knows_its_files_and_a_full_disk_is_reported(folder):
 
 
 def test_files_that_hold_something_else_are_found_and_lost_ones_are_not(folder):
-    assert ledger.changed(folder) == []
+    assert ledger.find_changed_files(folder) == []
     content = bytearray((folder / "a.json").read_bytes())
     content[5] ^= 1
     (folder / "a.json").write_bytes(bytes(content))
     (folder / "b.json").unlink()
     (folder / "somebodys.json").write_text("{}")
-    assert ledger.changed(folder) == [folder / "a.json"]
+    assert ledger.find_changed_files(folder) == [folder / "a.json"]
 
 
 @pytest.mark.parametrize("kept", [0, 20, 65, 72, 80, 140])
@@ -362,7 +365,7 @@ def test_a_ledger_that_a_full_disk_cut_off_is_written_on(folder, kept):
     files.write_json(folder / "c.json", {})
     files.write_json(folder / "c.json", {"again": True})
     assert ledger.is_own_file(folder / "c.json")
-    assert ledger.changed(folder) == []
+    assert ledger.find_changed_files(folder) == []
 
 
 @pytest.mark.parametrize("name", ["", "..", ledger.LEDGER, "a\nb"])
@@ -386,8 +389,8 @@ def test_somebodys_file_of_the_ledgers_name_is_left_alone(tmp_path, content):
 def test_a_ledger_with_a_strange_line_is_still_one(folder):
     with (folder / ledger.LEDGER).open("a") as file:
         file.write("mine\n")
-    assert ledger.names(folder) == {"a.json", "b.json"}
-    assert ledger.changed(folder) == []
+    assert ledger.list_names(folder) == {"a.json", "b.json"}
+    assert ledger.find_changed_files(folder) == []
 
 
 # Calls that write, rename or remove; what stands in these files is tested in tests/common and tests/faults.

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from repose.common.numbers import with_error
+from repose.common.numbers import format_with_error
 
 
 @pytest.mark.parametrize(
@@ -25,4 +25,4 @@ from repose.common.numbers import with_error
     ],
 )
 def test_a_mean_has_the_decimals_of_its_error(mean, error, text):
-    assert with_error(mean, error) == text
+    assert format_with_error(mean, error) == text

@@ -10,8 +10,8 @@ from repose.common import places
 from repose.config import loader
 from repose.config.pipeline import PipelineConfig
 
-METHOD = places.root() / "config" / "method.yaml"
-CONFIG = places.root() / "config" / "config.yaml"
+METHOD = places.find_program_folder() / "config" / "method.yaml"
+CONFIG = places.find_program_folder() / "config" / "config.yaml"
 
 
 @pytest.fixture
@@ -36,16 +36,16 @@ def test_a_file_is_the_folders_own_or_the_programs_or_keeps_its_name(folder):
         "profiles/default/config.yaml",
         "config",
     ):
-        assert places.find(name) == places.root() / name
-        assert (places.root() / name).exists()
+        assert places.find_file(name) == places.find_program_folder() / name
+        assert (places.find_program_folder() / name).exists()
     path.parent.mkdir()
     path.touch()
-    assert places.find("resources/berries.csv") == path
-    assert places.find("mine.csv") == Path("mine.csv")
+    assert places.find_file("resources/berries.csv") == path
+    assert places.find_file("mine.csv") == Path("mine.csv")
 
 
 def test_a_study_of_a_crop_lies_over_the_programs_which_it_replaces(folder):
-    assert places.configs() == [METHOD, CONFIG]
+    assert places.list_default_configs() == [METHOD, CONFIG]
     config = PipelineConfig.load(inputs=True).config
     for path in (
         config["berry"]["sizes"],
@@ -57,14 +57,14 @@ def test_a_study_of_a_crop_lies_over_the_programs_which_it_replaces(folder):
     config_file = folder / "config/config.yaml"
     config_file.parent.mkdir()
     config_file.write_text("label: mine\n")
-    assert places.configs() == [METHOD, CONFIG, Path("config/config.yaml")]
+    assert places.list_default_configs() == [METHOD, CONFIG, Path("config/config.yaml")]
     assert PipelineConfig.load(inputs=True).config["label"] == "mine"
     # another crop: no layer of the program's lies under it
     config_file.write_text("berry: {sizes: sizes.csv}\n")
     assert loader.list_files_with_defaults([]) == [METHOD, Path("config/config.yaml")]
     config_file.unlink()
     (folder / "config.yaml").write_text("label: mine\n")
-    assert places.configs() == [METHOD, Path("config.yaml")]
+    assert places.list_default_configs() == [METHOD, Path("config.yaml")]
     assert {"berry.sizes", "parameters", "targets", "funnel.berries"} <= faulty(
         "config.yaml", inputs=True
     )
@@ -106,7 +106,10 @@ def test_a_given_file_lies_over_what_every_crop_or_the_folders_crop_shares(folde
 
 
 def test_in_the_programs_own_folder_there_is_one_configuration():
-    assert places.configs() == [Path("config/method.yaml"), Path("config/config.yaml")]
+    assert places.list_default_configs() == [
+        Path("config/method.yaml"),
+        Path("config/config.yaml"),
+    ]
     assert (
         PipelineConfig.load("config/config.yaml").config["berry"]["sizes"]
         == "resources/berries.csv"

@@ -14,7 +14,7 @@ from repose.common import attached, files, places, provenance
 from repose.config import dependencies
 from repose.config.pipeline import PipelineConfig
 
-CONFIG = PipelineConfig.load(places.root() / "config/quick.yaml").config
+CONFIG = PipelineConfig.load(places.find_program_folder() / "config/quick.yaml").config
 KEYS = {
     "verb",
     "settings",
@@ -54,7 +54,9 @@ def run(
         return dependencies.settings_of(configuration, verb, bench_test, name=strategy)
 
     runs = {"pour": "made", "measure_runs": "measured"}.get(verb, "")
-    with provenance.stage(verb, paths, settings_of, apparatus, runs, strategy, check):
+    with provenance.record_stage(
+        verb, paths, settings_of, apparatus, runs, strategy, check
+    ):
         provenance.note_config(config)
         write()
 
@@ -71,7 +73,7 @@ def test_every_type_of_file_carries_the_record_and_equal_runs_are_equal_bytes(
     paths = [tmp_path / folder / name for folder in ("one", "two")]
     for path in paths:
         run("design", (), lambda path=path: WRITERS[name](path))
-    record = attached.read(paths[0])
+    record = attached.read_record(paths[0])
     assert set(record) == KEYS
     assert record["verb"] == "design"
     assert record["seed"] == CONFIG["design"]["seed"]
@@ -83,7 +85,7 @@ def test_every_type_of_file_carries_the_record_and_equal_runs_are_equal_bytes(
 def test_readers_leave_the_record_out_and_without_a_stage_a_file_is_plain(tmp_path):
     for name, write in WRITERS.items():
         write(tmp_path / name)
-        assert attached.read(tmp_path / name) is None
+        assert attached.read_record(tmp_path / name) is None
     assert {path.name for path in tmp_path.iterdir()} == {*WRITERS, ".repose"}
     run(
         "design",
@@ -117,7 +119,7 @@ def test_settings_are_those_that_the_stage_and_the_results_it_reads_stand_on(
         path = tmp_path / f"{k}.json"
         config = changed(**changes) | {"label": f"study {k}", "results_dir": str(k)}
         run(verb, (), lambda path=path: files.write_json(path, {}), config)
-        settings.append(attached.read(path)["settings"])
+        settings.append(attached.read_record(path)["settings"])
     assert settings[0] == settings[1] == settings[2] != settings[3]
 
 
@@ -127,7 +129,7 @@ def test_a_berrys_sizes_count_by_their_content(tmp_path):
     for folder, text in (("a", "1"), ("b", "1"), ("b", "2")):
         sizes = written(tmp_path / f"{folder}.csv", text)
         hashes.append(
-            provenance.hash_of(
+            provenance.hash_content(
                 dependencies.settings_of(changed(berry={"sizes": str(sizes)}), "berry")
             )
         )
@@ -143,7 +145,7 @@ def test_the_origin_follows_the_files_and_names_the_engine(tmp_path):
     for path in pours:
         out = path.with_suffix(".measured.json")
         run("measure_runs", [path], lambda out=out: files.write_json(out, {}))
-        record = attached.read(out)
+        record = attached.read_record(out)
         assert record["apparatus"] == "funnel"
         assert record["engine"] == provenance.engine_hash()
         origins.append(record["origin"])
@@ -165,7 +167,9 @@ def test_runs_and_results_of_two_settings_or_engines_are_refused_and_named(
         lambda: None,
     )
     first = pour(tmp_path / "a.json")
-    monkeypatch.setattr(provenance, "machine", lambda: {"processor": "another"})
+    monkeypatch.setattr(
+        provenance, "describe_machine", lambda: {"processor": "another"}
+    )
     run("measure_runs", [first, pour(tmp_path / "b.json")], lambda: None)
     run(
         "dataset",
@@ -378,13 +382,13 @@ def test_the_processor_type_is_reported_with_what_stands_in_for_another(
 
 def test_the_version_and_commit_are_those_of_the_code_that_runs(monkeypatch, tmp_path):
     monkeypatch.setattr(provenance, "__version__", "9.9")
-    assert provenance.machine.__wrapped__()["repose"] == "9.9"
+    assert provenance.describe_machine.__wrapped__()["repose"] == "9.9"
     monkeypatch.setattr(
         provenance, "PACKAGE", tmp_path / "lib" / "site-packages" / "repose"
     )
-    monkeypatch.setattr(provenance.places, "root", lambda: tmp_path)
+    monkeypatch.setattr(provenance.places, "find_program_folder", lambda: tmp_path)
     assert provenance._find_commit() is None
-    (tmp_path / provenance.BUILT_FROM).write_text("0123456789ab\n")
+    (tmp_path / provenance.COMMIT_FILE).write_text("0123456789ab\n")
     assert provenance._find_commit() == "0123456789ab"
 
 

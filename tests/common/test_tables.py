@@ -351,10 +351,10 @@ def test_a_cell_of_whole_numbers_is_finite_and_whole(tmp_path, cell):
 
 
 def test_a_column_of_whole_numbers_may_be_of_labels():
-    assert tables.is_number(["1", "2", ""])
-    assert not tables.is_measured(["1", "2", ""])
-    assert tables.is_measured(["1", "2.5", ""])
-    assert not tables.is_measured(["a", "b", "2.5"])
+    assert tables.holds_numbers(["1", "2", ""])
+    assert not tables.holds_measurements(["1", "2", ""])
+    assert tables.holds_measurements(["1", "2.5", ""])
+    assert not tables.holds_measurements(["a", "b", "2.5"])
 
 
 def test_a_comment_is_no_row(tmp_path):

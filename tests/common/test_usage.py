@@ -15,7 +15,7 @@ import subprocess, sys, time
 from repose.common import usage
 subprocess.run([sys.executable, "-c", "import time\\nwhile time.process_time() < 0.3: pass"])
 while time.process_time() < 0.5: pass
-usage.note(sys.argv[1])
+usage.record_process(sys.argv[1])
 """
 
 
@@ -33,11 +33,11 @@ def test_processes_note_their_time_and_those_outside_jobs_none(tmp_path, monkeyp
     for name in ("logs/heaps", "benchmarks/heaps"):
         (tmp_path / "results" / name).mkdir(parents=True)
     used_s = job("results", tmp_path / "results/logs/heaps/001.log")
-    (entry,) = usage.since("results", 0)
+    (entry,) = usage.list_processes_since("results", 0)
     assert entry.cpu_s == pytest.approx(used_s, abs=0.1)
     assert 0.8 < entry.cpu_s <= used_s
     assert str(os.getpid()) in entry.ancestors.split()
-    assert usage.since("results", entry.ended_s + 1) == []
+    assert usage.list_processes_since("results", entry.ended_s + 1) == []
     benchmark = written(
         tmp_path / "results/benchmarks/heaps/001.tsv",
         "s\tmax_rss\tcpu_time\n1.5\t80.0\t0.2\n",
@@ -49,8 +49,8 @@ def test_processes_note_their_time_and_those_outside_jobs_none(tmp_path, monkeyp
     expected = f"s\tmax_rss\tcpu_time\n1.5\t80.0\t{entry.cpu_s:.2f}\n"
     assert benchmark.read_text() == expected
     (tmp_path / "benchmarks").mkdir()
-    usage.note(tmp_path)
-    usage.correct_benchmarks(tmp_path, usage.since(tmp_path, 0))
+    usage.record_process(tmp_path)
+    usage.correct_benchmarks(tmp_path, usage.list_processes_since(tmp_path, 0))
     assert [path.name for path in (tmp_path / "benchmarks").iterdir()] == [
         "processes.csv"
     ]
@@ -60,7 +60,7 @@ AFTER_OTHERS = """
 import time
 from repose.common import usage
 print(time.process_time())
-usage.note(".")
+usage.record_process(".")
 """
 
 
@@ -75,10 +75,12 @@ def test_a_program_counts_no_command_that_its_shell_ran_before(tmp_path):
             text=True,
         )
         used_s = float(done.stdout)
-        assert usage.since(tmp_path, 0)[-1].cpu_s == pytest.approx(used_s, abs=0.3)
+        assert usage.list_processes_since(tmp_path, 0)[-1].cpu_s == pytest.approx(
+            used_s, abs=0.3
+        )
 
 
 def test_a_folder_in_the_place_of_the_table_ends_no_job(tmp_path):
-    (tmp_path / usage.TABLE).mkdir(parents=True)
-    usage.note(tmp_path)
-    assert usage.since(tmp_path, 0.0) == []
+    (tmp_path / usage.TABLE_PATH).mkdir(parents=True)
+    usage.record_process(tmp_path)
+    assert usage.list_processes_since(tmp_path, 0.0) == []

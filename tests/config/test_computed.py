@@ -12,7 +12,7 @@ from repose.common import places
 from repose.config import computed
 from repose.config.pipeline import PipelineConfig
 
-CROPS = places.root() / "crops"
+CROPS = places.find_program_folder() / "crops"
 KEYS = [setting.key for setting in computed.COMPUTED]
 
 

@@ -254,7 +254,7 @@ def test_missing_keys_have_the_defaults_of_a_study_with_our_simulator():
     names = ("label", "parameters", "targets", "funnel")
     ours = {name: OURS[name] for name in names} | {"funnel": {"berries": 150}}
     study = layered(ours, ADDED)
-    defaults = loader.read(places.find(places.METHOD_CONFIG))
+    defaults = loader.read(places.find_file(places.METHOD_CONFIG))
     assert study.settings.strategy == defaults["strategy"] == "published"
     assert study.settings.surrogate == defaults["surrogate"]
     assert study.settings.seeds == defaults["funnel"]["seeds"]

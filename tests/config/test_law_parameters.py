@@ -20,7 +20,7 @@ from repose.bench.settings import SimulationSettings
 from repose.calibrate.designs.latin_hypercube import design
 from repose.calibrate.designs.settings import DesignSettings
 from repose.common import faults
-from repose.common.provenance import hash_of
+from repose.common.provenance import hash_content
 from repose.config import dependencies
 from repose.config.models import settings_type
 from repose.config.pipeline import PipelineConfig
@@ -42,13 +42,13 @@ def study(contact_law, rolling_law="budget", **parameters):
 
 def test_the_configuration_knows_the_laws():
     for key, laws in (("contact_law", CONTACT_LAWS), ("rolling_law", ROLLING_LAWS)):
-        assert faults.subschema(["simulation", key], settings_type())["enum"] == list(
+        assert faults.find_schema(["simulation", key], settings_type())["enum"] == list(
             laws
         )
         config = copy.deepcopy(study("hertz_mindlin").config)
-        before = hash_of(dependencies.settings_of(config, "pour"))
+        before = hash_content(dependencies.settings_of(config, "pour"))
         config["simulation"][key] = "linear_spring" if key == "contact_law" else "epsd"
-        assert hash_of(dependencies.settings_of(config, "pour")) != before
+        assert hash_content(dependencies.settings_of(config, "pour")) != before
 
 
 def test_the_card_tells_the_conventions_of_a_law():

@@ -23,9 +23,9 @@ from repose.config.pipeline import PipelineConfig
 )
 def test_numbers_may_be_written_in_any_way(tmp_path, text):
     path = written(tmp_path / "my.yaml", f"simulation: {{time_step_s: {text}}}\n")
-    assert reading.read(path)["simulation"]["time_step_s"] == 2e-4
+    assert reading.read_yaml(path)["simulation"]["time_step_s"] == 2e-4
     written(path, f"one: &one {{a: {text}, b: 1}}\ntwo: {{<<: *one, b: 2}}\n")
-    assert reading.read(path)["two"] == {"a": 2e-4, "b": 2}
+    assert reading.read_yaml(path)["two"] == {"a": 2e-4, "b": 2}
 
 
 @pytest.mark.parametrize(
@@ -76,7 +76,7 @@ def test_files_that_are_no_configuration(tmp_path, text, message):
     path = tmp_path / "my.yaml"
     if text is not None:
         path.write_text(text)
-    input_error(f"my.yaml(.|\n)*{message}", reading.read, path)
+    input_error(f"my.yaml(.|\n)*{message}", reading.read_yaml, path)
 
 
 def test_files_and_command_line_lie_over_each_other_for_verbs_and_workflow_alike(
@@ -125,7 +125,7 @@ def test_a_complete_file_and_the_built_in_crop_stand_in_for_the_folders_own(
     assert PipelineConfig.load(path).config["funnel"] == config["funnel"]
     (tmp_path / "config.yaml").unlink()
     (tmp_path / "mine.yaml").write_text("label: mine\n")
-    default_config = places.root() / places.DEFAULT_CONFIG
+    default_config = places.find_program_folder() / places.DEFAULT_CONFIG
     assert find_substitute_crop("mine.yaml") == default_config
     assert find_substitute_crop(str(default_config.parent / "quick.yaml")) is None
 
@@ -237,10 +237,10 @@ def test_values_of_snakemake_are_read_as_the_file_of_each_key_has_them(tmp_path)
     assert config["simulation"]["gravity_m_s2"] == 1.62
     assert config["miga"]["rounds"] == 20
     assert config["miga"]["seed"] == 7
-    assert origin.of("simulation.time_step_s") == str(path)
-    assert origin.of("miga.rounds") == str(path)
-    assert origin.of("simulation.gravity_m_s2") == loader.COMMAND_LINE
-    assert origin.of("miga.seed") == loader.COMMAND_LINE
+    assert origin.find_file("simulation.time_step_s") == str(path)
+    assert origin.find_file("miga.rounds") == str(path)
+    assert origin.find_file("simulation.gravity_m_s2") == loader.COMMAND_LINE
+    assert origin.find_file("miga.seed") == loader.COMMAND_LINE
 
 
 def test_texts_of_the_command_line_are_read_wherever_they_stand():

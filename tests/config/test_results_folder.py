@@ -109,7 +109,7 @@ def test_a_folder_that_has_lost_its_lists_is_taken_over_by_the_records_of_its_re
     (folder / "published").mkdir(parents=True)
     (folder / "published/table.csv").write_text("theirs")
     table = pd.DataFrame({"x": [1]})
-    with provenance.stage("dataset", (), lambda *_: {}):
+    with provenance.record_stage("dataset", (), lambda *_: {}):
         provenance.note_config(config)
         write_table(folder / "dataset.csv", table)
         write_json(folder / "heaps/001.json", {"x": 1})

@@ -85,7 +85,7 @@ def test_a_section_without_a_table_on_the_page_is_named(tmp_path, monkeypatch, c
     for copied in (method, file):
         copied.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / copied.relative_to(tmp_path), copied)
-    monkeypatch.setattr(page.places, "root", lambda: tmp_path)
+    monkeypatch.setattr(page.places, "find_program_folder", lambda: tmp_path)
     page.main()
     assert capsys.readouterr().out.count("no table of the section") == len(ADDED)
 
@@ -113,7 +113,7 @@ def test_what_every_key_takes_is_known():
                 continue
             for key in keys:
                 allowed = faults.describe_schema(
-                    faults.subschema([section, key], model)
+                    faults.find_schema([section, key], model)
                 )
                 lines.append(f"{section}.{key}: {allowed}")
     is_known("keys.txt", without_names("\n".join(lines)))
@@ -208,13 +208,13 @@ def test_every_key_is_explained():
     explained = (ROOT / "config" / "README.md").read_text()
     for name in PipelineConfig.load().config:
         assert f"`{name}`" in explained
-        section = faults.subschema([name], settings_type())
+        section = faults.find_schema([name], settings_type())
         for key in section.get("properties", ()):
             assert f"`{key}`" in explained, f"{name}.{key}"
 
 
 def test_no_unknown_key_is_allowed_and_few_are_optional():
-    schema = faults.schema(settings_type())
+    schema = faults.make_schema(settings_type())
     bench_tests = {*names()} - {"funnel"}
     computed = {setting.key.partition(".")[2] for setting in COMPUTED}
     may_be_absent = {
@@ -231,7 +231,7 @@ def test_no_unknown_key_is_allowed_and_few_are_optional():
         "shape_study",
     }
     sections = [
-        faults.subschema([name], settings_type())
+        faults.find_schema([name], settings_type())
         for name in schema["properties"]
         if name not in ADDED
     ]
@@ -245,8 +245,8 @@ def test_no_unknown_key_is_allowed_and_few_are_optional():
 
 def test_a_key_may_be_auto_where_it_is_computed():
     found = set()
-    for name in faults.schema(settings_type())["properties"]:
-        section = faults.subschema([name], settings_type())
+    for name in faults.make_schema(settings_type())["properties"]:
+        section = faults.find_schema([name], settings_type())
         for key, field in section.get("properties", {}).items():
             if field.get("default") == "auto":
                 found.add(f"{name}.{key}")
@@ -636,7 +636,7 @@ def test_a_study_of_another_simulator_is_told_as_such_and_nothing_else_of_it():
     ],
 )
 def test_a_path_in_double_quotes_and_a_tab_are_told_with_what_to_write(text, message):
-    input_error(message, reading.parse, text, "a.yaml")
+    input_error(message, reading.parse_yaml, text, "a.yaml")
 
 
 def test_a_parameter_that_begins_a_comment_is_refused():

@@ -3,11 +3,11 @@
 import numpy as np
 
 from repose.bench.space import contact_space
-from repose.common.places import find
+from repose.common.places import find_file
 from repose.export.job import make
 from repose.grain.particle import Particle
 
-CONFIG = str(find("config/quick.yaml"))
+CONFIG = str(find_file("config/quick.yaml"))
 MM = 1e-3
 BERRY = {"shear_modulus_pa": 43004.8, "poisson_ratio": 0.32, "density_kg_m3": 840.47}
 

@@ -184,7 +184,12 @@ def outcome(number: int, folder: Path) -> Outcome:
         missed = seen.aor_deg - true.angle, seen.height_mm - true.height
     show(found, folder / f"{number}.png")
     return Outcome(
-        number, trouble(number), plain(drawn), found.refusal_reason, found.remarks, *missed
+        number,
+        trouble(number),
+        plain(drawn),
+        found.refusal_reason,
+        found.remarks,
+        *missed,
     )
 
 

@@ -53,8 +53,12 @@ def test_white_rice_before_grey_is_measured_by_its_roughness(tmp_path, monkeypat
     assert (np.abs(rice.errors(8103, photograph)) < sixty.WRONG).all()
     assert not photograph.doubts
     find = finding.find_pile
-    monkeypatch.setattr(finding, "find_pile", lambda view, _: find(view))  # by colour alone
-    assert "or the background is not plain" in rice.measured(8103, tmp_path).refusal_reason
+    monkeypatch.setattr(
+        finding, "find_pile", lambda view, _: find(view)
+    )  # by colour alone
+    assert (
+        "or the background is not plain" in rice.measured(8103, tmp_path).refusal_reason
+    )
 
 
 @pytest.mark.slow

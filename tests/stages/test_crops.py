@@ -18,7 +18,7 @@ from repose.stages import card
 from repose.stages.card_study import describe_response
 from repose.stages.published import read_parameter_sets
 
-CROPS = places.root() / "crops"
+CROPS = places.find_program_folder() / "crops"
 NAMES = sorted(path.parent.name for path in CROPS.glob("*/config.yaml"))
 
 # A pour of a tenth of a second. The numbers mean nothing.

@@ -44,7 +44,7 @@ def as_ours(folder):
             content = path.read_bytes()
             times = path.stat()
             path.unlink()
-            ledger.write_whole(
+            ledger.write_listed_file(
                 path, lambda handle, content=content: handle.write(content)
             )
             os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))

@@ -62,5 +62,5 @@ def test_results_of_a_run_without_records_of_snakemake_are_those_of_its_study(ma
     before = (made / TARGET).read_text()
     snakemake(made, *arguments, *OTHER, "--forceall", status=0)
     assert planned(made, *arguments, *OTHER) == {}
-    assert attached.read(made / TARGET)["settings"]["design"]["seed"] == 5
+    assert attached.read_record(made / TARGET)["settings"]["design"]["seed"] == 5
     assert (made / TARGET).read_text() != before

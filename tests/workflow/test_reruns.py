@@ -9,7 +9,7 @@ from plans import planned, snakemake
 from shared import target
 
 from repose.common import source_code
-from repose.common.lock import take_folder
+from repose.common.lock import lock_folder
 from repose.common.places import PACKAGE
 
 pytestmark = pytest.mark.slow
@@ -32,7 +32,7 @@ STAGES = {
 @pytest.mark.essential
 def test_a_second_workflow_stops_with_one_message_before_it_writes(project):
     folder = project / "results" / "quick"
-    with take_folder(folder):
+    with lock_folder(folder):
         done = snakemake(
             project,
             TARGET,

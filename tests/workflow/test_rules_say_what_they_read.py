@@ -179,7 +179,7 @@ def test_the_profile_looks_seldom_and_a_benchmark_has_the_time_of_the_whole_job(
     done = snakemake(
         project, "results/quick/design/samples.csv", *QUICK, "--forceall", status=0
     )
-    (process,) = usage.since(project / "results/quick", 0)
+    (process,) = usage.list_processes_since(project / "results/quick", 0)
     table = pd.read_csv(project / "results/quick/benchmarks/design.tsv", sep="\t")
     assert process.log == "results/quick/logs/design.log"
     assert 0.3 < table["cpu_time"].item() == pytest.approx(process.cpu_s, abs=0.01)

@@ -22,7 +22,7 @@ from repose.config.workflow_run import (
     run_of_workflow,
 )
 from repose.common import places
-from repose.common.errors import BAD_INPUT, InputError, one_message
+from repose.common.errors import BAD_INPUT, InputError, exit_on_fault
 from repose.common.provenance import engine_hash, hash_of
 from repose.common.source_code import code_hash
 from repose.stages.published import (
@@ -48,12 +48,12 @@ shell.prefix(f"export PATH={shlex.quote(os.path.dirname(sys.executable))}:$PATH;
 # config lies over the defaults that it needs; a crop inherits nothing of another one.
 if not config:
 
-    configfile: str(places.configs()[-1])
+    configfile: str(places.list_default_configs()[-1])
 
 
 # A fault ends here with one message, before any work.
-with one_message():
-    for place in (str(places.root()), f"{workflow.basedir}/Snakefile"):
+with exit_on_fault():
+    for place in (str(places.find_program_folder()), f"{workflow.basedir}/Snakefile"):
         if set("{}") & set(place):  # snakemake takes them for wildcards
             allowed = "a folder without braces"
             raise InputError("installation", "folder", place, allowed)

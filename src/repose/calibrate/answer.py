@@ -10,8 +10,8 @@ from typing import Any, Self
 from repose.calibrate.chance import PERCENT, chance_in_range
 from repose.calibrate.responses import named as known_response
 from repose.calibrate.targets import Target
-from repose.common.numbers import rounded, with_error
-from repose.common.statuses import in_words
+from repose.common.numbers import format_with_error, rounded
+from repose.common.statuses import describe_status
 
 # Remedy if only the prediction meets the targets.
 MORE_POURS = (
@@ -316,7 +316,7 @@ class Check:
         # Adding 0.0 turns -0.0, a possible result of rounding, into 0.0.
         percent = 100 * (value - self.measured) / self._whole_of_measured
         percent = round(percent, 1) + 0.0
-        number = f"{kind}{with_error(value, self.standard_error)} {self.unit}".rstrip()
+        number = f"{kind}{format_with_error(value, self.standard_error)} {self.unit}".rstrip()
         measured = f"measured {rounded(self.measured)}, {percent:+.1f} %"
         return f"{label} {number} ({measured}{line})"
 
@@ -330,7 +330,7 @@ class Check:
         if self.simulated is None:
             return f"{self.response}: no number{self._cause}; {target}: NOT met"
         side = "inside" if self.margin >= 0 else "outside"
-        mean = with_error(self.simulated, self.standard_error)
+        mean = format_with_error(self.simulated, self.standard_error)
         return (
             f"{self.response}: simulated {mean} {self.unit} (runs: {self.runs}), "
             f"measured {rounded(self.measured)}; {target}: "
@@ -342,7 +342,7 @@ class Check:
         """Why there is no number, after a comma; empty where the status does not tell."""
         if self.status in ("ok", NOT_AGAIN):
             return ""
-        return f", because {in_words(self.status)}"
+        return f", because {describe_status(self.status)}"
 
 
 @dataclass(frozen=True)

@@ -37,8 +37,8 @@ from repose.calibrate.uncertainty.posterior import (
 )
 from repose.calibrate.uncertainty.settings import PosteriorSettings
 from repose.common.errors import require
-from repose.common.files import Path_, path_of, write_json, write_table
-from repose.common.numbers import rounded, with_error
+from repose.common.files import Path_, convert_to_path, write_json, write_table
+from repose.common.numbers import format_with_error, rounded
 
 # Files of `save`.
 TABLES = ("samples.csv", "solutions.csv", "posterior.csv", "draws.csv")
@@ -166,7 +166,7 @@ class Calibration(NamedTuple):
         InputError
             If there is a file in its place.
         """
-        out = path_of("out_dir", out_dir)
+        out = convert_to_path("out_dir", out_dir)
         require(not out.is_file(), out, "file", "there already", "a folder")
         tables = (
             self.samples,
@@ -239,7 +239,7 @@ class Calibration(NamedTuple):
         ):
             unit = f" {target.response.unit}".rstrip()
             lines.append(
-                f"  {target.name}: {with_error(mean, error)}{unit}, "
+                f"  {target.name}: {format_with_error(mean, error)}{unit}, "
                 f"{target.off_percent(mean):+.2f} % off the target {target.aim:g}, "
                 f"range {target.low:g} to {target.high:g}{unit}"
             )

@@ -210,9 +210,9 @@ def _describe_origin(name: str, space: ParameterSpace) -> str:
 
 def _describe_maker() -> dict[str, Any]:
     """Name the version, configuration, engine and seed that made the card."""
-    record = provenance.current() or provenance.machine()
+    record = provenance.get_current_record() or provenance.describe_machine()
     made_by = {name: record.get(key) for name, key in RECORDED.items()}
     settings = made_by["configuration"]
     if isinstance(settings, Mapping):
-        made_by["configuration"] = provenance.hash_of(settings)
+        made_by["configuration"] = provenance.hash_content(settings)
     return made_by

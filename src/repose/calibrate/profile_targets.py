@@ -12,7 +12,7 @@ from pydantic import Field
 
 from repose.calibrate.profiles import Profile
 from repose.calibrate.responses import derived, named
-from repose.calibrate.targets import range_about
+from repose.calibrate.targets import compute_target_range
 from repose.common import faults, places, tables
 from repose.common.errors import InputError, raise_together
 from repose.common.section import ABSENT, Allowed, Section
@@ -221,9 +221,9 @@ def _validate_entry(
     InputError
         With all its faults.
     """
-    raise_together(faults.check({"targets": targets}, source, model).faults)
+    raise_together(faults.find_faults({"targets": targets}, source, model).faults)
     ((name, entry),) = model.model_validate({"targets": targets}).targets.items()
-    if not places.find(entry.file).is_file():
+    if not places.find_file(entry.file).is_file():
         key = f"targets.{name}.file"
         raise InputError(source, key, entry.file, "an existing CSV file")
     return entry
@@ -287,7 +287,7 @@ def _describe_scores(
     """
     profile = line.profile
     root = math.sqrt(profile.functions)
-    low, high = range_about(profile.height, line.sd, measured.repetitions)
+    low, high = compute_target_range(profile.height, line.sd, measured.repetitions)
     half_range = (measured.within or 0.5 * (high - low)) / root
     section = {
         "name": profile.name,
@@ -314,7 +314,7 @@ def _read_profile(measured: MeasuredProfile, name: str) -> _MeasuredLine:
     InputError
         If it has gaps, too few rows, or abscissae that do not rise.
     """
-    path = places.find(measured.file)
+    path = places.find_file(measured.file)
     columns = [
         tables.Column(measured.x, empty=True),
         tables.Column(measured.z, empty=True),

@@ -19,7 +19,7 @@ from repose.calibrate.scales import LOG
 from repose.calibrate.strategies.base import Answer, Batch, strategy
 from repose.calibrate.strategies.runs import (
     NUMBERS,
-    TURN,
+    TURN_COLUMN,
     TURNS,
     checked_runs,
     columns_of,
@@ -35,13 +35,13 @@ from repose.calibrate.strategies.runs import (
 from repose.common import ledger
 from repose.common.errors import InputError, require
 from repose.common.files import write_table
-from repose.common.lock import exclusive
+from repose.common.lock import lock_file
 from repose.common.tables import (
     Column,
-    check,
-    check_columns,
+    convert_columns,
     match_column_names,
     refuse,
+    require_columns,
 )
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ class Record:
         """Read the file, to which other processes may have added runs."""
         if self.file is not None and self.file.exists():
             rows = read_rows(self.file, self.study)
-            self._is_record = bool(rows) and TURN in rows[0]
+            self._is_record = bool(rows) and TURN_COLUMN in rows[0]
             self._replace_rows(rows, self.file)
 
     @property
@@ -146,9 +146,9 @@ class Record:
     @property
     def _turn_numbers(self) -> np.ndarray:
         """The turn of each run; 0 for a run without one."""
-        cells = [row.get(TURN) for row in self._rows]
-        numbers, _ = check({TURN: cells}, [TURNS])
-        return np.nan_to_num(numbers[TURN]).astype(int)
+        cells = [row.get(TURN_COLUMN) for row in self._rows]
+        numbers, _ = convert_columns({TURN_COLUMN: cells}, [TURNS])
+        return np.nan_to_num(numbers[TURN_COLUMN]).astype(int)
 
     @property
     def _last_turn(self) -> int:
@@ -260,7 +260,7 @@ class Record:
         table = _check_table(table, columns_of(self.study))
         # Other threads and other processes wait until the runs are added. They may have
         # added runs before, so read the file first.
-        file_lock = nullcontext() if self.file is None else exclusive(self.file)
+        file_lock = nullcontext() if self.file is None else lock_file(self.file)
         with self._lock, file_lock:
             self.read()
             if "sample" in table:
@@ -300,7 +300,7 @@ class Record:
         # Fill in what the table leaves out, such as fixed parameters.
         rows = with_missing(rows, self.study)
         self.file.parent.mkdir(parents=True, exist_ok=True)
-        with self._lock, exclusive(self.file):
+        with self._lock, lock_file(self.file):
             self.read()
             if "run" not in rows[0] and len(self.data):
                 _refuse_repeated_runs(runs, self.data, path)
@@ -351,7 +351,7 @@ class Record:
                     "sample": number.sample,
                     "run": number.run,
                     **row,
-                    TURN: str(turn_of_row),
+                    TURN_COLUMN: str(turn_of_row),
                 }
             )
         return numbered_rows
@@ -475,7 +475,7 @@ class Record:
         program. Here that is safe, because all runs of the old file are among the rows.
         """
         if self._is_record and file.exists():
-            ledger.adopt(file)
+            ledger.list_file(file)
         write_table(file, pd.DataFrame(rows))
 
     def _complete_asked_runs(self, table: pd.DataFrame) -> pd.DataFrame:
@@ -562,7 +562,7 @@ class Record:
 
         rows = self._add_responses(sets, table).to_dict("records")
         numbered = pd.DataFrame(self._assign_numbers(rows, sets))
-        return numbered.assign(**{TURN: self._turn.number})
+        return numbered.assign(**{TURN_COLUMN: self._turn.number})
 
     def _add_responses(self, runs: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
         """Return runs with the statuses and responses of a table, and with the turn.
@@ -577,7 +577,9 @@ class Record:
             Results of the same runs, in the same order.
         """
         cells = {str(name): column.tolist() for name, column in table.items()}
-        check_columns(SOURCE, cells, needed_responses(self.study, cells.get("status")))
+        require_columns(
+            SOURCE, cells, needed_responses(self.study, cells.get("status"))
+        )
         outcomes = judge_runs(cells, self.study.targets.names)
         refuse(SOURCE, outcomes.faults)
         known_names = columns_of(self.study)
@@ -591,7 +593,7 @@ class Record:
             "status": outcomes.statuses,
             **outcomes.values,
             **unread,
-            TURN: self._turn.number,
+            TURN_COLUMN: self._turn.number,
         }
         return pd.DataFrame(completed)
 
@@ -754,7 +756,7 @@ def _check_table(table: Any, names: Sequence[str]) -> pd.DataFrame:
 
 def _read_numbers(table: pd.DataFrame, name: str) -> np.ndarray:
     """Return a column of numbers (n,)."""
-    values, faults = check({name: table[name].tolist()}, [Column(name)])
+    values, faults = convert_columns({name: table[name].tolist()}, [Column(name)])
     refuse(SOURCE, faults)
     return np.array(values[name])
 

@@ -15,7 +15,7 @@ from repose.calibrate.settings import CalibrationSettings
 from repose.calibrate.strategies.base import Answer, Batch
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError, require
-from repose.common.files import Path_, json_text, path_of, write_json
+from repose.common.files import Path_, convert_to_path, format_json, write_json
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -184,14 +184,14 @@ class Study:
             As `Study(...)`.
         """
         from repose.calibrate.study_file import complete_configuration
-        from repose.common.reading import read
+        from repose.common.reading import read_yaml
 
         study = cls.__new__(cls)
         if isinstance(content, Mapping):
             study._set_up(complete_configuration(content), file)
         else:
-            path_of("content", content)
-            study._set_up(complete_configuration(read(content), content), file)
+            convert_to_path("content", content)
+            study._set_up(complete_configuration(read_yaml(content), content), file)
         return study
 
     @classmethod
@@ -530,7 +530,7 @@ def _complete_target(entry: Any) -> Any:
 
 def _find_settings_file(file: Path_) -> Path:
     """Return the file of the settings beside a file of runs."""
-    path = path_of("file", file)
+    path = convert_to_path("file", file)
     require(
         path.parent.is_dir(),
         "study",
@@ -559,15 +559,15 @@ def _save_settings(content: Mapping[str, Any], file: Path_) -> None:
     InputError
         If the saved settings differ, because runs of two studies would be mixed.
     """
-    from repose.common.reading import read
+    from repose.common.reading import read_yaml
 
     path = _find_settings_file(file)
     if not path.exists():
         write_json(path, content)
         return
-    saved_settings = read(path)
+    saved_settings = read_yaml(path)
     # Compare the settings in the form in which the file would hold them.
-    settings = json.loads(json_text(content))
+    settings = json.loads(format_json(content))
     for key in sorted({*saved_settings, *settings}):
         if saved_settings.get(key) != settings.get(key):
             allowed = f"{settings.get(key)}, as asked for; or another file"

@@ -37,10 +37,10 @@ from repose.calibrate.targets import Target, Targets, own_response
 from repose.calibrate.uncertainty.settings import PosteriorSettings
 from repose.common import faults, places
 from repose.common.errors import YamlError, raise_together
-from repose.common.keys import Origin, get, owner_of
-from repose.common.reading import read
+from repose.common.keys import Origin, find_file_to_edit, get_value
+from repose.common.reading import read_yaml
 from repose.common.section import ABSENT, AUTO, Allowed, Contradictions, Section, refuse
-from repose.common.target_range import range_about
+from repose.common.target_range import compute_target_range
 
 # Columns of tables that are neither a parameter nor a response.
 RESERVED = (
@@ -114,7 +114,7 @@ class OwnTarget(Section):
             yield "range", f"a pair [low, high] about the value, {self.value:g}"
         if self.aim is not None:
             # The default range follows from the scatter of the repetitions.
-            default_range = range_about(self.value, self.sd, self.repetitions)
+            default_range = compute_target_range(self.value, self.sd, self.repetitions)
             low, high = self.range or default_range
             if self.aim == 0 or not low <= self.aim <= high:
                 yield "aim", f"a number in the range, {low:g} to {high:g}, but not 0"
@@ -259,7 +259,7 @@ def is_own(path: str | os.PathLike) -> bool:
 
     A section `simulator` has the command of a program that the workflow calls.
     """
-    content = read(path)
+    content = read_yaml(path)
     return "simulator" in content and not isinstance(content["simulator"], Mapping)
 
 
@@ -297,7 +297,7 @@ def complete_configuration(
     origin = source if isinstance(source, Origin) else str(source)
     config = _add_defaults(content, origin, model)
     config = faults.convert_whole_numbers(config, model)
-    raise_together(faults.check(config, origin, model).faults)
+    raise_together(faults.find_faults(config, origin, model).faults)
     # Each section with random numbers has the seed of the study.
     for name in SEEDED:
         config[name] = config[name] | {"seed": config["seed"]}
@@ -308,7 +308,7 @@ def complete_configuration(
     # checks the budget, and `noise_sd` may replace repeated runs.
     name = config["strategy"]
     if "constraints" in config and not strategy(name).obeys_constraints:
-        file = owner_of(origin, "strategy")
+        file = find_file_to_edit(origin, "strategy")
         raise YamlError(file, "strategy", name, obeying_strategies())
     if name != "sequential":
         section = settings_of(config).of_strategy(name)
@@ -319,7 +319,9 @@ def complete_configuration(
             responses=len(config["targets"]),
         )
         raise_together(
-            YamlError(owner_of(origin, key), key, get(config, key), allowed)
+            YamlError(
+                find_file_to_edit(origin, key), key, get_value(config, key), allowed
+            )
             for key, allowed in contradictions
         )
     return config
@@ -351,7 +353,7 @@ def _add_defaults(
     InputError
         If a name of a parameter or target is no text, or a profile has faults.
     """
-    defaults: dict[str, Any] = read(places.find(places.METHOD_CONFIG))
+    defaults: dict[str, Any] = read_yaml(places.find_file(places.METHOD_CONFIG))
     sequential = defaults["sequential"]
     posterior = defaults["posterior"]
     seeds = _find_runs_of_a_sample(content, otherwise=sequential["seeds"])
@@ -363,7 +365,7 @@ def _add_defaults(
     }
     _refuse_unusable_names(config, source)
     config["targets"] = expand_own_profiles(
-        config.get("targets"), owner_of(source, "targets")
+        config.get("targets"), find_file_to_edit(source, "targets")
     )
     # Shorten the two sections. A budget in pours is one in runs here.
     defaults["sequential"] = {
@@ -396,7 +398,7 @@ def _add_defaults(
 def _find_runs_of_a_sample(content: Mapping[str, Any], otherwise: int) -> int:
     """Return the number of runs of a sample, given at the top or in `sequential`."""
     for key in ("seeds", "sequential.seeds"):
-        seeds = get(content, key)
+        seeds = get_value(content, key)
         if isinstance(seeds, int):
             return seeds
     return otherwise
@@ -425,7 +427,7 @@ def _refuse_unusable_names(config: Mapping[str, Any], source: str | Origin) -> N
         entries = config.get(section)
         if not isinstance(entries, Mapping):
             continue
-        file = owner_of(source, section)
+        file = find_file_to_edit(source, section)
         for name in entries:
             if not isinstance(name, str):
                 allowed = "text as each name; put it in quotes"
@@ -530,7 +532,7 @@ def _collect_from_targets(
 def targets_of(section: Mapping[str, Mapping[str, Any]]) -> Targets:
     """Make the targets of a checked configuration.
 
-    A target without a range has that of `range_about`.
+    A target without a range has that of `compute_target_range`.
     """
     return Targets([_read_target(name, entry) for name, entry in section.items()])
 
@@ -538,7 +540,7 @@ def targets_of(section: Mapping[str, Mapping[str, Any]]) -> Targets:
 def _read_target(name: str, entry: Mapping[str, Any]) -> Target:
     """Make a target; all responses are of one bench test, and have no limits."""
     value = entry["value"]
-    scatter = range_about(value, entry["sd"], entry["repetitions"])
+    scatter = compute_target_range(value, entry["sd"], entry["repetitions"])
     low, high = entry.get("range", scatter)
     return Target(
         response=own_response(name, entry.get("unit", "")),
@@ -610,7 +612,7 @@ def _find_keys_read(name: str, content: Mapping[str, Any]) -> set[str]:
     # The number of runs of a sample is either `seeds` or `sequential.seeds`.
     if "sequential" in keys:
         keys.add("seeds")
-    has_section_key = get(content, "sequential.seeds") is not None
+    has_section_key = get_value(content, "sequential.seeds") is not None
     reads_section_key = name == "sequential" or "seeds" not in content
     if "seeds" in keys and has_section_key and reads_section_key:
         keys.remove("seeds")

@@ -10,7 +10,7 @@ import numpy as np
 from repose.calibrate.profiles import Profile
 from repose.calibrate.responses import Response, named, response
 from repose.calibrate.seeds import UNNAMED
-from repose.common.target_range import range_about
+from repose.common.target_range import compute_target_range
 
 # Largest value or standard deviation.
 LARGEST = 1e9
@@ -21,7 +21,7 @@ OWN = "own"
 def with_defaults(entry: Any) -> Any:
     """Complete an entry of the list `targets` by its bench test and its range.
 
-    The default bench test is that of the response. The default range is `range_about`
+    The default bench test is that of the response. The default range is `compute_target_range`
     the measured value.
 
     Parameters
@@ -48,7 +48,7 @@ def with_defaults(entry: Any) -> Any:
     sd: Any = entry.get("sd")
     repetitions: Any = entry.get("repetitions")
     if all(map(_is_usable, (value, sd, repetitions))) and repetitions > 0:
-        complete["range"] = list(range_about(value, sd, repetitions))
+        complete["range"] = list(compute_target_range(value, sd, repetitions))
     return complete
 
 

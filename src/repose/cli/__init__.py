@@ -254,10 +254,10 @@ class _Version(argparse.Action):
     """Prints version and commit, for which git may have to be asked."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
-        from repose.common.provenance import machine
+        from repose.common.provenance import describe_machine
 
         text = f"{PROGRAM} {__version__}"
-        commit = machine()["commit"]
+        commit = describe_machine()["commit"]
         if commit:
             text += f", commit {commit}"
         print(text)

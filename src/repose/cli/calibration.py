@@ -177,7 +177,7 @@ def published_sets(args: argparse.Namespace, study: PipelineConfig) -> None:
         )
 
     # Note in each row what has simulated it, so that the table can be used again.
-    record = provenance.current() or {}
+    record = provenance.get_current_record() or {}
     simulator = {
         "engine": record.get("engine"),
         "scene": dependencies.hash_scene(study.config),

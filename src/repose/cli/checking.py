@@ -165,13 +165,13 @@ def _print_computed(files: list[str], study: PipelineConfig) -> None:
     study : PipelineConfig
         The study, in which each of these keys has its number.
     """
-    from repose.common.keys import get
+    from repose.common.keys import get_value
     from repose.config import computed, loader
 
     config_of_files = loader.read_layers(files).config
     numbers = []
     for setting in computed.find_settings_to_compute(config_of_files):
-        value = get(study.config, setting.key)
+        value = get_value(study.config, setting.key)
         text = rounded(value) if isinstance(value, float) else str(value)
         numbers.append(f"{setting.key} {text}")
     if numbers:

@@ -62,12 +62,12 @@ def find_pages() -> dict[str, Path]:
         The path of each page by its name, in alphabetical order. The index page of a
         folder is named after the folder.
     """
-    folder = places.root() / "docs"
+    folder = places.find_program_folder() / "docs"
     paths = {}
     for path in (*folder.glob("*.md"), *folder.glob("[!_]*/*.md")):
         name = path.parent.name if path.stem == "index" else path.stem
         paths[name] = path
-    paths["configuration"] = places.root() / "config" / "README.md"
+    paths["configuration"] = places.find_program_folder() / "config" / "README.md"
     paths["library"] = places.PACKAGE / "dem" / "README.md"
     return {name: paths[name] for name in sorted(paths) if name not in NO_PAGES}
 

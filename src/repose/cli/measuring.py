@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 from repose.cli.options import BERRY, JSON, require_option
 from repose.cli.registry import CONFIG, Option, load, verb
 from repose.common.errors import InputError, raise_together
-from repose.common.files import json_text
-from repose.common.keys import section
+from repose.common.files import format_json
+from repose.common.keys import require_section
 from repose.common.numbers import rounded
-from repose.common.provenance import hash_of_file
+from repose.common.provenance import hash_file
 from repose.config.pipeline import PipelineConfig
 
 if TYPE_CHECKING:
@@ -263,7 +263,7 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
 
     # Print the table, or a line for each pile.
     if args.json:
-        print(json_text(table.to_dict("records")))
+        print(format_json(table.to_dict("records")))
         return
     for row in rows:
         angle = row["aor_deg"]
@@ -409,7 +409,7 @@ def _choose_overlay_paths(pictures: list[Path], out: str) -> list[Path]:
     from repose.common.ledger import check_replaceable
 
     overlays = [Path(out) / f"{path.stem}.png" for path in pictures]
-    hashes = [hash_of_file(path) for path in pictures]
+    hashes = [hash_file(path) for path in pictures]
     for path, overlay, content_hash in zip(pictures, overlays, hashes, strict=True):
         # Two pictures of one name, or of one content.
         require_option(
@@ -484,7 +484,7 @@ def _measure_piles(
     responses = _find_photographed_piles()[args.bench]
     write_tables(results, settings, out=out, bench=args.bench, responses=responses)
     if args.json:
-        print(json_text(convert_to_records(results)))
+        print(format_json(convert_to_records(results)))
     else:
         print(describe_results(photographs, results, settings=settings, out=out))
 
@@ -572,7 +572,7 @@ def _measure_apparatus(
         )
     scene = SceneSettings(load(args).config)
     # Refuse a study without the section of this bench test.
-    section(scene.config, args.bench)
+    require_section(scene.config, args.bench)
 
     # Measure the photographs, and show in an overlay what was measured.
     points = args.points or ()
@@ -592,7 +592,7 @@ def _measure_apparatus(
         turning = scene.section("turning", TurningSettings)
         write_table(out / "profile.csv", photographs.profile(results, turning))
     if args.json:
-        print(json_text(convert_to_records(measured)))
+        print(format_json(convert_to_records(measured)))
     else:
         print(photographs.describe(results, measured, out))
 

@@ -21,13 +21,13 @@ def new(args: argparse.Namespace) -> None:
     example: wheat
     """
     from repose.common import faults
-    from repose.common.ledger import write_in_one_move
+    from repose.common.ledger import write_atomically
     from repose.config.models import settings_type
 
     # Check the name. It also becomes the label of the study.
     model = settings_type()
     require_option(
-        faults.is_valid("label", args.name, model),
+        faults.is_valid_value("label", args.name, model),
         "new",
         args.name,
         faults.describe_allowed_values("label", model),
@@ -48,7 +48,7 @@ def new(args: argparse.Namespace) -> None:
         text = path.read_text(encoding="utf-8").replace(NAME, args.name)
         new_path = folder / path.relative_to(template)
         new_path.parent.mkdir(parents=True, exist_ok=True)
-        write_in_one_move(new_path, methodcaller("write", text.encode()))
+        write_atomically(new_path, methodcaller("write", text.encode()))
 
     print(
         f"{folder}: made. What to do next is in {folder / 'README.md'}; begin with "

@@ -33,10 +33,10 @@ def _load_own_study(args: argparse.Namespace) -> "Study":
     from repose.calibrate.parameter_types import wide_ranges
     from repose.calibrate.study import Study
     from repose.calibrate.study_file import is_own, unread_keys
-    from repose.common.reading import read
+    from repose.common.reading import read_yaml
 
     # An error names the user's file, or the option if no file was given.
-    names_simulator = is_own(places.find(args.config))
+    names_simulator = is_own(places.find_file(args.config))
     is_given = "config" in vars(args).get("given", ())
     source = args.config if is_given else "command line"
     key = "simulator" if is_given else "--config"
@@ -50,7 +50,7 @@ def _load_own_study(args: argparse.Namespace) -> "Study":
     study = Study.own(args.config, runs_csv)
 
     # Warn of keys without an effect, and of ranges that are too wide.
-    keys = unread_keys(read(args.config))
+    keys = unread_keys(read_yaml(args.config))
     if keys:
         strategy = study.settings.strategy
         _warn(f"{args.config}: the strategy {strategy} does not read {', '.join(keys)}")
@@ -63,7 +63,9 @@ def load_any_study(args: argparse.Namespace) -> "Study | PipelineConfig":
     """Load the study of --config, for our simulator or for one of the user's own."""
     from repose.calibrate.study_file import is_own
 
-    return _load_own_study(args) if is_own(places.find(args.config)) else load(args)
+    return (
+        _load_own_study(args) if is_own(places.find_file(args.config)) else load(args)
+    )
 
 
 def _warn(text: str) -> None:

@@ -20,8 +20,8 @@ from repose.cli.registry import Option, verb
 from repose.cli.stages import record_verb
 from repose.common import provenance
 from repose.common.errors import InputError
-from repose.common.files import json_text
-from repose.common.keys import section
+from repose.common.files import format_json
+from repose.common.keys import require_section
 from repose.config.pipeline import PipelineConfig
 from repose.stages.parameter_sets import list_job_files
 
@@ -136,9 +136,9 @@ def heap(args: argparse.Namespace, study: PipelineConfig) -> None:
     # Print a single run alone, without the description of its job.
     if len(runs) == 1:
         shared = {key: result[key] for key in ("parameters", "time_step_s")}
-        print(json_text(shared | runs[0]))
+        print(format_json(shared | runs[0]))
     else:
-        print(json_text(result))
+        print(format_json(result))
 
 
 def _print_runs(runs: Iterable[Mapping[str, Any]], template: str) -> None:
@@ -205,7 +205,7 @@ def _make_job(
     from repose.dem.io.progress import display
 
     test = bench(apparatus, "command line")
-    section(study.config, apparatus)
+    require_section(study.config, apparatus)
     values = read_parameters(args.set, args.samples, sample=args.sample, study=study)
     seeds = choose_seeds(args, study.settings.design.seed, apparatus)
 
@@ -296,12 +296,12 @@ def drum(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.bench import bench
     from repose.stages import drum_tables
 
-    section(study.config, "drum")
+    require_section(study.config, "drum")
     values = read_parameters(args.set, args.samples, sample=args.sample, study=study)
     scene = _make_scene(args, study, values)
     results = drum_tables.run_job(scene, read_seeds(args.seed), args.out)
     if args.json:
-        print(json_text(results))
+        print(format_json(results))
     else:
         _print_runs([result["run"] for result in results], bench("drum").summary)
 
@@ -318,6 +318,6 @@ def drum_tables(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.stages import drum_tables
 
-    section(study.config, "drum")
+    require_section(study.config, "drum")
     _, particle = load_grain_and_particle(study, args.berry, args.particle)
     drum_tables.run(args.runs, study.config, particle, args.out)

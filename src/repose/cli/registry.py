@@ -62,7 +62,7 @@ CONFIG = Option(
     "--configfile",
     "--config",
     dest="config",
-    default=str(places.configs()[-1]),
+    default=str(places.list_default_configs()[-1]),
     help="YAML or JSON configuration (config/config.yaml)",
     recorded=False,
 )
@@ -98,7 +98,7 @@ class Verb(NamedTuple):
     passes_on : bool
         Whether unknown words are no error and go into the list ``args.rest``.
     runs : str
-        Whether the results are runs, as in `repose.common.provenance.stage`.
+        Whether the results are runs, as in `repose.common.provenance.record_stage`.
     """
 
     run: Callable

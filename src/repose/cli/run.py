@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
         needed = "snakemake, which comes with: pip install 'repose-dem[workflow]'"
         raise InputError("installation", "snakemake", None, needed) from None
 
-    args.configfile = [str(places.find(path)) for path in args.configfile]
+    args.configfile = [str(places.find_file(path)) for path in args.configfile]
     _check_number("--cores", args.cores, "all")
     _check_number("--jobs", args.jobs, "unlimited")
     _check_configuration_options(args)
@@ -134,10 +134,10 @@ def _print_how_to_continue(words: list[str]) -> None:
 
 def _check_configuration_options(args: argparse.Namespace) -> None:
     """Check --configfile and --config, whose faults snakemake answers with a traceback."""
-    from repose.common.reading import read
+    from repose.common.reading import read_yaml
 
     for path in args.configfile:
-        read(path)
+        read_yaml(path)
     for entry in args.config:
         key, sign, value = entry.partition("=")
         if not sign and Path(entry).suffix in (".yaml", ".yml", ".json"):
@@ -247,10 +247,12 @@ def snakemake_arguments(args: argparse.Namespace) -> list[str]:
     By default it runs the workflow and profile of this program on all cores.
     """
     values = dict(vars(args))
-    values["snakefile"] = args.snakefile or str(places.root() / "Snakefile")
+    values["snakefile"] = args.snakefile or str(
+        places.find_program_folder() / "Snakefile"
+    )
     for name in ("profile", "workflow_profile"):
         if values[name] is not None:
-            values[name] = str(places.find(values[name]))
+            values[name] = str(places.find_file(values[name]))
     # A profile may set the number of jobs.
     has_profile = args.profile is not None or args.workflow_profile is not None
     if not (args.cores or args.jobs or has_profile):

@@ -47,7 +47,7 @@ def provenance(args: argparse.Namespace) -> None:
     allowed = "a file that a verb of repose wrote"
     is_file = Path(args.result).is_file()
     require_option(is_file, "provenance", args.result, allowed)
-    record = attached.read(args.result)
+    record = attached.read_record(args.result)
     if record is None:
         raise InputError(
             args.result, "provenance", None, "a result that a verb of repose wrote"

@@ -9,7 +9,7 @@ from typing import Any, Literal
 
 from repose.cli.registry import VERBS, configs_of
 from repose.common import places, provenance
-from repose.common.lock import join_folder
+from repose.common.lock import lock_folder_for_job
 from repose.stages.parameter_sets import list_job_files
 
 # Options whose values may be folders: such a folder stands for the files with this ending
@@ -31,12 +31,12 @@ def stage(
     args : argparse.Namespace
         The parsed options.
     runs : str, optional
-        Whether the results are runs, as in `repose.common.provenance.stage`.
+        Whether the results are runs, as in `repose.common.provenance.record_stage`.
     """
     # A workflow runs its stages with the configuration in its folder of results.
     files = configs_of(args)
     folder = Path(files[-1]).parent if files else Path().parent
-    with join_folder(folder), record_verb(args, runs):
+    with lock_folder_for_job(folder), record_verb(args, runs):
         yield
     if files:
         note_built_in_crop(*files)
@@ -52,7 +52,7 @@ def record_verb(
     args : argparse.Namespace
         The parsed options of the verb, and its name as `verb`.
     runs : str, optional
-        Whether the results are runs, as in `repose.common.provenance.stage`.
+        Whether the results are runs, as in `repose.common.provenance.record_stage`.
     """
     strategy = getattr(args, "strategy", None)
 
@@ -71,7 +71,7 @@ def record_verb(
         source = ", ".join(configs_of(args))
         dependencies.require_same_study(config, inputs, source)
 
-    return provenance.stage(
+    return provenance.record_stage(
         args.verb,
         find_input_files(args),
         settings_of,
@@ -97,7 +97,7 @@ def note_built_in_crop(*files: str) -> None:
         return
     # A study of the user's own simulator has no crop.
     for path in files:
-        if "simulator" in loader.read(places.find(path)):
+        if "simulator" in loader.read(places.find_file(path)):
             return
     print(
         "repose: note: this folder has no config.yaml; missing settings were taken from "

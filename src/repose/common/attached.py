@@ -15,13 +15,13 @@ from os import PathLike
 from pathlib import Path
 from typing import Any
 
-KEY = "provenance"
-PNG = b"\x89PNG\r\n\x1a\n"  # the first bytes of a PNG
-SIDECAR = ".provenance.json"
-NEEDED = {"verb", "origin", "settings"}
-# A flipped bit may turn on an archive's password or an unknown method, which is a
-# RuntimeError.
-UNREADABLE = (
+RECORD_KEY = "provenance"
+PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"  # the first bytes of a PNG
+SIDECAR_SUFFIX = ".provenance.json"
+REQUIRED_ENTRIES = {"verb", "origin", "settings"}
+# What the libraries raise for a missing or damaged file. A damaged archive may seem to
+# have a password or an unknown compression, for which zipfile raises a RuntimeError.
+READ_ERRORS = (
     OSError,
     EOFError,
     ValueError,
@@ -33,8 +33,16 @@ UNREADABLE = (
 )
 
 
-def plain_file(path: str | PathLike) -> Path:
-    """Return the path of a file; OSError for a device or a pipe, which may never end."""
+def require_plain_file(path: str | PathLike) -> Path:
+    """Return the path of a file, and refuse a device or a pipe.
+
+    To read a device or a pipe might take for ever. A missing file is not refused here.
+
+    Raises
+    ------
+    OSError
+        If the path is neither a file nor a folder, but exists.
+    """
     path = Path(path)
     if path.exists() and not path.is_file() and not path.is_dir():
         raise OSError(errno.EINVAL, "a device or a pipe", str(path))
@@ -49,7 +57,7 @@ def add_to_png(content: bytes, record: Mapping[str, Any]) -> bytes:
     content : bytes
         The PNG.
     record : mapping
-        The record; it is stored as JSON under the key `KEY`.
+        The record; it is stored as JSON under the key `RECORD_KEY`.
 
     Returns
     -------
@@ -66,12 +74,12 @@ def add_to_png(content: bytes, record: Mapping[str, Any]) -> bytes:
         # Pillow drops the texts of the original unless they are handed over again.
         for key, text in picture.text.items():
             texts.add_text(key, text)
-        texts.add_text(KEY, json.dumps(record))
+        texts.add_text(RECORD_KEY, json.dumps(record))
         picture.save(output, "PNG", pnginfo=texts, dpi=picture.info.get("dpi"))
     return output.getvalue()
 
 
-def read(path: str | PathLike) -> dict[str, Any] | None:
+def read_record(path: str | PathLike) -> dict[str, Any] | None:
     """Read the record of provenance of a file.
 
     Parameters
@@ -89,22 +97,22 @@ def read(path: str | PathLike) -> dict[str, Any] | None:
     reader = readers.get(path.suffix, _read_sidecar)
     try:
         record = reader(path)
-    except UNREADABLE:
+    except READ_ERRORS:
         return None
-    # A file of another program may have something else in this place.
-    has_needed_keys = isinstance(record, dict) and set(record) >= NEEDED
+    # A file of another program may use the same key for something else.
+    has_needed_keys = isinstance(record, dict) and set(record) >= REQUIRED_ENTRIES
     return record if has_needed_keys else None
 
 
 def _read_sidecar(path: Path) -> Any:
     """Read the record in the file beside a file."""
-    return json.loads(Path(f"{path}{SIDECAR}").read_text(encoding="utf-8"))
+    return json.loads(Path(f"{path}{SIDECAR_SUFFIX}").read_text(encoding="utf-8"))
 
 
 def _read_json(path: Path) -> Any:
     """Read the record in a JSON file; None if the file holds no mapping."""
     content = json.loads(path.read_text(encoding="utf-8"))
-    return content.get(KEY) if isinstance(content, dict) else None
+    return content.get(RECORD_KEY) if isinstance(content, dict) else None
 
 
 def _read_npz(path: Path) -> Any:
@@ -112,16 +120,16 @@ def _read_npz(path: Path) -> Any:
     import numpy as np
 
     with np.load(path, allow_pickle=False) as store:
-        return json.loads(str(store[KEY]))
+        return json.loads(str(store[RECORD_KEY]))
 
 
 def _read_png(path: Path) -> Any:
     """Read the record in a PNG; None if the picture is too large to be one of ours."""
-    # Imported late, since the processes that simulate read no picture.
+    # Import Pillow only here, because processes that simulate read no picture.
     from PIL import Image
 
     try:
         with Image.open(path) as picture:
-            return json.loads(picture.info[KEY])
+            return json.loads(picture.info[RECORD_KEY])
     except Image.DecompressionBombError:
         return None

@@ -10,12 +10,12 @@ from repose.dem.errors import did_you_mean as did_you_mean
 
 # Exit status of a verb and of the workflow for a fault of the input.
 BAD_INPUT = 2
-# A file of another program would be reported key by key.
+# A file of another program may have a fault in every key.
 MOST_REPORTED = 30
 
 
 class YamlError(InputError):
-    """A fault of a file in YAML, which prints null, true and false as they stand there."""
+    """A fault of a YAML file, whose message writes null, true and false as YAML does."""
 
     def __init__(self, source: object, key: str, value: object, allowed: str) -> None:
         super().__init__(source, key, value, allowed)
@@ -26,7 +26,7 @@ class YamlError(InputError):
 
 
 class InputErrors(InputError):
-    """Several faults at once, one a line.
+    """Several faults at once, each on its own line of the message.
 
     Parameters
     ----------
@@ -49,7 +49,7 @@ class InputErrors(InputError):
 
 
 class NoFlankError(ValueError):
-    """The picture or the pile has no flank to measure, for this `reason`."""
+    """The picture or the pile has no flank to measure; `reason` says why."""
 
     def __init__(self, reason: str) -> None:
         self.reason = reason
@@ -59,21 +59,22 @@ class NoFlankError(ValueError):
 def require(
     condition: object, source: object, key: str, value: object, allowed: str
 ) -> None:
-    """Raise InputError, with the other arguments, unless a condition holds."""
+    """Raise an InputError made of the other arguments unless the condition is true."""
     if not condition:
         raise InputError(source, key, value, allowed)
 
 
 def require_flank(condition: object, reason: str) -> None:
-    """Raise NoFlankError with a reason unless a condition holds."""
+    """Raise a NoFlankError with this reason unless the condition is true."""
     if not condition:
         raise NoFlankError(reason)
 
 
 def raise_together(faults: Iterable[InputError]) -> None:
-    """Raise faults, equal ones once; without faults do nothing.
+    """Raise all faults as one exception; do nothing if there are none.
 
-    A single fault is raised as itself, several as `InputErrors`.
+    Faults with the same message count once. A single fault is raised unchanged. Several
+    faults are raised as `InputErrors`.
     """
     distinct = list({str(fault): fault for fault in faults}.values())
     if len(distinct) == 1:
@@ -83,15 +84,20 @@ def raise_together(faults: Iterable[InputError]) -> None:
 
 
 def print_fault(fault: object) -> None:
-    """Print a fault of the input, or its text, on stderr; each of its lines as a fault.
+    """Print a fault of the input on stderr, with a prefix before each of its lines.
 
-    An OSError with its file becomes a sentence like those of the others.
+    Parameters
+    ----------
+    fault : object
+        An exception or its message. An OSError that names a file is printed in the form
+        of an InputError.
     """
     if isinstance(fault, OSError) and fault.filename is not None:
         allowed = "a path that can be read or written there"
         fault = InputError(fault.filename, "file", fault.strerror, allowed)
     for line in str(fault).splitlines():
-        # A text of a file could hold an escape code of the terminal.
+        # A text from a file could contain an escape code, which would act on the
+        # terminal.
         characters = [
             character if character.isprintable() else repr(character)[1:-1]
             for character in line
@@ -100,8 +106,11 @@ def print_fault(fault: object) -> None:
 
 
 @contextmanager
-def one_message() -> Iterator[None]:
-    """End the program with one message at a fault of the input, as the verbs do."""
+def exit_on_fault() -> Iterator[None]:
+    """End the program with one message if the block raises a fault of the input.
+
+    The message and the exit status are those of a subcommand.
+    """
     try:
         yield
     except (InputError, OSError) as error:

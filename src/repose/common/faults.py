@@ -8,12 +8,12 @@ from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
 from repose.common.errors import MOST_REPORTED, InputError, YamlError
-from repose.common.keys import Origin, follow_path, origin_of, owner_of
+from repose.common.keys import Origin, find_file_to_edit, find_source_file, follow_path
 from repose.common.section import AUTO, CONTRADICTION
 
 Model = type[BaseModel]
 # Types of pydantic's errors about a key that does not exist.
-UNKNOWN = ("extra_forbidden", "invalid_key")
+UNKNOWN_KEY_TYPES = ("extra_forbidden", "invalid_key")
 TYPE_NAMES = {
     "integer": "an integer",
     "number": "a number",
@@ -24,19 +24,19 @@ TYPE_NAMES = {
     "object": "a section",
 }
 # A target without a range has one that follows from these numbers.
-NUMBERS_OF_RANGE = ("value", "sd", "repetitions")
+RANGE_SOURCES = ("value", "sd", "repetitions")
 
 
-class Checked(NamedTuple):
-    """The faults that a model finds in a configuration.
+class CheckResult(NamedTuple):
+    """The faults of a configuration, and the keys that have them.
 
     Attributes
     ----------
     faults : list of InputError
         The faults, for the user.
     keys : set of str
-        The dotted keys with a fault. A mistyped key counts twice: as it is written, and
-        as the key that is missing in its place.
+        The dotted keys with a fault. A mistyped key is listed twice: as the user wrote
+        it, and as the key that is missing because of it.
     """
 
     faults: list[InputError]
@@ -65,10 +65,10 @@ class _Error(NamedTuple):
     context: Mapping[str, Any]
 
 
-def check(config: Any, source: str | Origin, model: Model) -> Checked:
-    """Find the faults of single keys, and of keys of one section.
+def find_faults(config: Any, source: str | Origin, model: Model) -> CheckResult:
+    """Find the faults of single keys, and contradictions between keys of one section.
 
-    A mistyped key is a missing key, too: only the mistyping is reported.
+    If a key is mistyped, the correct key is missing. Only the mistyped key is reported.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ def check(config: Any, source: str | Origin, model: Model) -> Checked:
     errors = _find_errors(config, model)
     faults = list(_make_faults(errors, config, source, model))
     missing = {".".join(error.path) for error in errors if error.type == "missing"}
-    return Checked(faults, missing | {fault.key for fault in faults})
+    return CheckResult(faults, missing | {fault.key for fault in faults})
 
 
 def convert_whole_numbers(config: Any, model: Model) -> Any:
@@ -107,7 +107,7 @@ def convert_whole_numbers(config: Any, model: Model) -> Any:
         if not isinstance(value, float) or not value.is_integer():
             continue
         # A key that allows several types lists them in its schema.
-        key_schema = subschema(error.path, model)
+        key_schema = find_schema(error.path, model)
         schemas = (key_schema, *key_schema.get("anyOf", ()))
         allowed_types = [one.get("type") for one in schemas]
         if "integer" in allowed_types:
@@ -155,36 +155,36 @@ def lacks_keys(config: Mapping[str, Any], model: Model) -> bool:
         model.model_validate(config)
     except ValidationError as error:
         for detail in error.errors(include_url=False, include_input=False):
-            # In place of a section may stand a number, which is no missing key.
+            # Where the user gives a number in place of a section, no key is missing.
             section = follow_path(config, detail["loc"][:-1])
             if detail["type"] == "missing" and isinstance(section, Mapping):
                 return True
     return False
 
 
-def is_valid(key: str, value: Any, model: Model) -> bool:
-    """Return whether a key outside sections may have a value."""
+def is_valid_value(key: str, value: Any, model: Model) -> bool:
+    """Tell whether a key at the top of a configuration may have a value."""
     return all(error.path != [key] for error in _find_errors({key: value}, model))
 
 
 def describe_allowed_values(key: str, model: Model) -> str:
     """Describe the allowed values of a dotted key."""
-    return describe_schema(subschema(key.split("."), model))
+    return describe_schema(find_schema(key.split("."), model))
 
 
 @cache
-def schema(model: Model) -> dict[str, Any]:
+def make_schema(model: Model) -> dict[str, Any]:
     """Return the JSON schema of a model."""
     return model.model_json_schema()
 
 
-def subschema(path: Sequence[str], model: Model) -> dict[str, Any]:
-    """Return the schema of a key, given by its parts, with references followed."""
-    whole = schema(model)
-    node = whole
+def find_schema(path: Sequence[str], model: Model) -> dict[str, Any]:
+    """Find the schema of a key by the names that lead to it, and follow references."""
+    whole_schema = make_schema(model)
+    key_schema = whole_schema
     for step in path:
-        node = _find_inner_schema(node, step, whole)
-    return node
+        key_schema = _find_inner_schema(key_schema, step, whole_schema)
+    return key_schema
 
 
 def describe_schema(schema: Mapping[str, Any]) -> str:
@@ -198,7 +198,7 @@ def describe_schema(schema: Mapping[str, Any]) -> str:
     Returns
     -------
     str
-        Such as ``a number from 0 to 1``, to stand after "expected".
+        Such as ``a number from 0 to 1``. A message writes it after "expected".
     """
     # The model of the section may have its own words.
     if "allowed" in schema:
@@ -247,7 +247,7 @@ def _describe_type(schema: Mapping[str, Any]) -> str:
 
 
 def _format_bound(number: float) -> str:
-    """Write a bound as a reader would."""
+    """Write a bound for a message: an integer in full, other numbers to six digits."""
     return str(number) if isinstance(number, int) else f"{number:g}"
 
 
@@ -298,8 +298,8 @@ def _find_errors(config: Any, model: Model) -> list[_Error]:
     Returns
     -------
     list of _Error
-        An error inside a value counts for the whole value. Empty for a valid
-        configuration.
+        An error inside a value is listed as an error of the whole value. The list is
+        empty for a valid configuration.
     """
     try:
         model.model_validate(config)
@@ -308,7 +308,7 @@ def _find_errors(config: Any, model: Model) -> list[_Error]:
     else:
         return []
 
-    errors = [_place_error(detail, schema(model)) for detail in details]
+    errors = [_locate_error(detail, make_schema(model)) for detail in details]
     # Pydantic also calls a list too short if its entries are invalid. Drop this error.
     keys_with_inner_errors = {error.path[0] for error in errors if len(error.path) > 1}
     reported = [
@@ -316,11 +316,13 @@ def _find_errors(config: Any, model: Model) -> list[_Error]:
         for error in errors
         if error.type != "too_short" or keys_with_inner_errors.isdisjoint(error.path)
     ]
-    return sorted(reported, key=lambda error: (error.type not in UNKNOWN, error.path))
+    return sorted(
+        reported, key=lambda error: (error.type not in UNKNOWN_KEY_TYPES, error.path)
+    )
 
 
-def _place_error(detail: ErrorDetails, whole: Mapping[str, Any]) -> _Error:
-    """Assign an error of pydantic to a key of the configuration.
+def _locate_error(detail: ErrorDetails, whole: Mapping[str, Any]) -> _Error:
+    """Find the key of the configuration to which an error of pydantic belongs.
 
     Parameters
     ----------
@@ -343,7 +345,7 @@ def _place_error(detail: ErrorDetails, whole: Mapping[str, Any]) -> _Error:
 
     # The rest of the location is an unknown key, or a place inside the value.
     rest = location[len(path) :]
-    is_unknown_key = detail["type"] in UNKNOWN and len(rest) == 1
+    is_unknown_key = detail["type"] in UNKNOWN_KEY_TYPES and len(rest) == 1
     is_inside_the_value = bool(rest) and not is_unknown_key
     return _Error(
         type="value" if is_inside_the_value else detail["type"],
@@ -361,8 +363,8 @@ def _make_faults(
     Parameters
     ----------
     errors : list of _Error
-        As from `_find_errors`, unknown keys first: a key that is missing because it was
-        misspelt is left out, for which the misspelt one must be known.
+        The result of `_find_errors`. Unknown keys come first, so that a key that is
+        missing only because it was misspelt can be left out.
     config : object
         The configuration.
     source : str or Origin
@@ -372,13 +374,13 @@ def _make_faults(
     """
     from difflib import get_close_matches  # slow to import, and few files have faults
 
-    # Keys that are missing only because of another fault.
+    # Keys that are missing only because of another fault are not reported.
     explained_keys = _find_ranges_without_numbers(errors)
     n_guesses = 0
     for error in errors:
         key = ".".join(error.path)
-        if error.type in UNKNOWN:
-            section = subschema(error.path, model)
+        if error.type in UNKNOWN_KEY_TYPES:
+            section = find_schema(error.path, model)
             known = sorted(section["properties"])
             # Look for a similar key only while faults are still reported one by one.
             similar: list[str] = []
@@ -402,9 +404,9 @@ def _describe_missing_key(
 ) -> InputError:
     """Make the fault of a key that the user's file lacks."""
     key = ".".join(error.path)
-    allowed_values = describe_schema(subschema(error.path, model))
+    allowed_values = describe_schema(find_schema(error.path, model))
     words = f"{allowed_values}; the key is missing"
-    return YamlError(owner_of(source, key), key, None, words)
+    return YamlError(find_file_to_edit(source, key), key, None, words)
 
 
 def _describe_invalid_value(
@@ -415,16 +417,16 @@ def _describe_invalid_value(
     # An error without a key concerns the whole configuration, which may be a list.
     allowed_values = "keys with values"
     if key:
-        allowed_values = describe_schema(subschema(error.path, model))
+        allowed_values = describe_schema(find_schema(error.path, model))
     value = follow_path(config, error.path)
-    return YamlError(origin_of(source, key), key, value, allowed_values)
+    return YamlError(find_source_file(source, key), key, value, allowed_values)
 
 
 def _find_ranges_without_numbers(errors: list[_Error]) -> set[str]:
     """Find the ranges of targets that are missing because another number is wrong.
 
-    A range that the user leaves out is computed from the other numbers of its target.
-    Without them it cannot be computed, which is no fault of its own.
+    If the user gives no range, it is computed from the other numbers of its target.
+    Where one of these numbers is wrong, only this number is reported.
 
     Returns
     -------
@@ -433,7 +435,7 @@ def _find_ranges_without_numbers(errors: list[_Error]) -> set[str]:
     """
     keys = set()
     for error in errors:
-        is_number = error.path[-1:] and error.path[-1] in NUMBERS_OF_RANGE
+        is_number = error.path[-1:] and error.path[-1] in RANGE_SOURCES
         if is_number and error.path[0] == "targets":
             keys.add(".".join([*error.path[:-1], "range"]))
     return keys
@@ -459,7 +461,7 @@ def _describe_unknown_key(
     known : sequence of str
         The keys that its section may have.
     similar : sequence of str
-        The one of them that the user probably meant; empty if none is similar.
+        The one of `known` that the user probably meant; empty if none is similar.
     """
     unknown_name = str(error.unknown)
     key = ".".join([*error.path, unknown_name])
@@ -472,18 +474,21 @@ def _describe_unknown_key(
     section = follow_path(config, error.path)
     values = {str(name): value for name, value in section.items()}
     value = values[unknown_name]
-    return YamlError(origin_of(source, key), key, value, f"a known key; {hint}")
+    return YamlError(find_source_file(source, key), key, value, f"a known key; {hint}")
 
 
 def _make_contradiction_faults(
     error: _Error, config: Any, source: str | Origin
 ) -> Iterator[InputError]:
-    """Make the faults of values that are valid by themselves and contradict others.
+    """Make the faults of values that are valid alone but contradict each other.
 
     The validator of the section has put pairs of a key and its allowed values into the
-    context of the error. The key "" means the section as a whole.
+    context of the error (`repose.common.section.refuse`). The key "" stands for the
+    whole section.
     """
     for name, words in error.context["found"]:
         path = [*error.path, name] if name else error.path
         key = ".".join(path)
-        yield YamlError(owner_of(source, key), key, follow_path(config, path), words)
+        yield YamlError(
+            find_file_to_edit(source, key), key, follow_path(config, path), words
+        )

@@ -1,9 +1,9 @@
 """Read and write files, with one reader and one writer for each type.
 
-A writer writes in one move, so a file is whole or not there, and adds the record of
-provenance of the current stage. It replaces only files that this program wrote
+A writer replaces a file atomically, so that a file is never half written, and adds the
+record of provenance of the current stage. It replaces only files that this program wrote
 (`repose.common.ledger`). A reader reports every fault of a file as an `InputError`, and
-leaves the record out.
+leaves out the record of provenance.
 """
 
 import json
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any
 
 from repose.common import attached, provenance, tables
 from repose.common.errors import InputError, require
-from repose.common.ledger import write_whole
+from repose.common.ledger import write_listed_file
 from repose.common.tables import Column
 
 if TYPE_CHECKING:
@@ -24,8 +24,8 @@ if TYPE_CHECKING:
 Path_ = str | os.PathLike
 # What the value of a key must be: a type, or one of several.
 Kind = type | tuple[type, ...]
-# Column that only a record of runs has: with which proposal a run was told.
-TURN = "turn"
+# Column that only a record of runs has: the number of the proposal to which a run belongs.
+TURN_COLUMN = "turn"
 KIND_NAMES = {
     int: "an integer",
     float: "a number",
@@ -35,20 +35,20 @@ KIND_NAMES = {
 }
 
 
-def path_of(name: str, path: Any) -> Path:
-    """Return an argument of a public function as a path.
+def convert_to_path(name: str, path: Any) -> Path:
+    """Convert an argument of a public function to a path, and check it.
 
     Parameters
     ----------
     name : str
         Name of the argument, for the message.
     path : object
-        What the caller gave for it. The file need not exist.
+        The value of the argument. The file need not exist.
 
     Raises
     ------
     InputError
-        If it is no text or path, or the system allows no such path.
+        If the value is neither a text nor a path, or the system refuses such a path.
     """
     is_path = isinstance(path, Path_) and bool(str(path))
     require(is_path, "study", name, path, "the path of a file")
@@ -65,7 +65,7 @@ def path_of(name: str, path: Any) -> Path:
     return Path(path)
 
 
-# --- written --------------------------------------------------------------------------
+# --- writers --------------------------------------------------------------------------
 
 
 def write_text(path: Path_, text: str) -> None:
@@ -91,23 +91,23 @@ def write_bytes(path: Path_, content: bytes) -> None:
     InputError
         If the path holds a file that this program did not write.
     """
-    record = provenance.current()
-    if record and content.startswith(attached.PNG):
-        _write(path, attached.add_to_png(content, record))
+    record = provenance.get_current_record()
+    if record and content.startswith(attached.PNG_SIGNATURE):
+        _write_without_record(path, attached.add_to_png(content, record))
         return
-    _write(path, content)
+    _write_without_record(path, content)
     if record:
         text = json.dumps(record, indent=1) + "\n"
-        _write(f"{path}{attached.SIDECAR}", text.encode())
+        _write_without_record(f"{path}{attached.SIDECAR_SUFFIX}", text.encode())
 
 
 def write_json(path: Path_, content: Any, indent: int = 1) -> None:
     """Write content as JSON; numbers of numpy are written as plain numbers."""
-    text = json_text(content, indent) + "\n"
-    _write(path, text.encode())
+    text = format_json(content, indent) + "\n"
+    _write_without_record(path, text.encode())
 
 
-def json_text(content: Any, indent: int = 1) -> str:
+def format_json(content: Any, indent: int = 1) -> str:
     """Return content as JSON text; a mapping gets the record of the current stage.
 
     Parameters
@@ -124,7 +124,7 @@ def json_text(content: Any, indent: int = 1) -> str:
         mapping outside any stage, has no record.
     """
     text = json.dumps(content, indent=indent, default=_convert_to_plain)
-    record = provenance.current()
+    record = provenance.get_current_record()
     if not record or not isinstance(content, Mapping):
         return text
 
@@ -132,7 +132,7 @@ def json_text(content: Any, indent: int = 1) -> str:
     beginning = text.removesuffix("}").rstrip()
     comma = "," if content else ""
     space = " " * indent
-    entry = f"{space}{json.dumps(attached.KEY)}: {json.dumps(record)}"
+    entry = f"{space}{json.dumps(attached.RECORD_KEY)}: {json.dumps(record)}"
     return f"{beginning}{comma}\n{entry}\n}}"
 
 
@@ -158,9 +158,10 @@ def write_table(
     Raises
     ------
     InputError
-        If the file is a record of runs, and the table is none.
+        If the file is a record of runs and the table is not. The results in the
+        record would be lost.
     """
-    if TURN not in table and _is_record_of_runs(path):
+    if TURN_COLUMN not in table and _is_record_of_runs(path):
         allowed = "another name: the results in it would be lost"
         raise InputError(path, "file", "a record of runs", allowed)
     write_text(path, table.to_csv(index=index, float_format=float_format))
@@ -170,11 +171,11 @@ def write_npz(path: Path_, arrays: Mapping[str, Any]) -> None:
     """Write named arrays as a compressed .npz file, with the record of the stage."""
     import numpy as np
 
-    record = provenance.current()
+    record = provenance.get_current_record()
     content: dict[str, Any] = dict(arrays)
     if record:
-        content[attached.KEY] = np.array(json.dumps(record))
-    write_whole(path, lambda handle: np.savez_compressed(handle, **content))
+        content[attached.RECORD_KEY] = np.array(json.dumps(record))
+    write_listed_file(path, lambda handle: np.savez_compressed(handle, **content))
 
 
 def write_image(path: Path_, picture: "np.ndarray") -> None:
@@ -205,27 +206,27 @@ def write_image(path: Path_, picture: "np.ndarray") -> None:
     write_bytes(path, content.tobytes())
 
 
-def _write(path: Path_, content: bytes) -> None:
-    """Write bytes in one move, without a record."""
-    write_whole(path, lambda handle: handle.write(content))
+def _write_without_record(path: Path_, content: bytes) -> None:
+    """Write bytes atomically, without a record of provenance."""
+    write_listed_file(path, lambda handle: handle.write(content))
 
 
 def _is_record_of_runs(path: Path_) -> bool:
-    """Tell whether a file is a record of runs, by its header."""
+    """Tell from the header of a file whether it is a record of runs."""
     if not Path(path).is_file():
         return False
     with Path(path).open("rb") as file:
-        return TURN.encode() in file.readline().strip().split(b",")
+        return TURN_COLUMN.encode() in file.readline().strip().split(b",")
 
 
 def _convert_to_plain(value: Any) -> Any:
-    """Turn a number or array of numpy into Python's own, for JSON."""
+    """Convert a number or array of numpy to plain Python values, for JSON."""
     if hasattr(value, "tolist"):
         return value.tolist()
     raise TypeError(f"{type(value).__name__} cannot be written as JSON")
 
 
-# --- read -----------------------------------------------------------------------------
+# --- readers --------------------------------------------------------------------------
 
 
 def read_table(
@@ -233,9 +234,9 @@ def read_table(
 ) -> "pd.DataFrame":
     """Read a CSV file that has at least these columns.
 
-    Cells of columns of numbers are finite numbers or empty.
+    In a column of measured numbers, each cell must be a finite number or empty.
     """
-    return tables.read(path, columns, what, tables.is_measured).frame()
+    return tables.read(path, columns, what, tables.holds_measurements).frame()
 
 
 def read_json(
@@ -266,25 +267,27 @@ def read_json(
         a value of another type.
     """
     try:
-        text = attached.plain_file(path).read_bytes().decode("utf-8-sig")
-        content = json.loads(text, object_pairs_hook=_make_mapping)
+        text = attached.require_plain_file(path).read_bytes().decode("utf-8-sig")
+        content = json.loads(text, object_pairs_hook=_make_unique_mapping)
     except OSError as error:
         raise InputError(path, "file", error.strerror, what) from error
-    except (*attached.UNREADABLE, RecursionError) as error:
+    except (*attached.READ_ERRORS, RecursionError) as error:
         raise InputError(path, "content", str(error), what) from error
     require(isinstance(content, dict), path, "content", content, what)
-    content.pop(attached.KEY, None)
+    content.pop(attached.RECORD_KEY, None)
 
     # Any type will do for keys that are only listed.
     for key in keys:
         kind = keys[key] if isinstance(keys, Mapping) else object
         if key not in content or not isinstance(content[key], kind):
-            raise InputError(path, key, content.get(key), f"{_name_kind(kind)} {what}")
+            raise InputError(
+                path, key, content.get(key), f"{_describe_kind(kind)} {what}"
+            )
     return content
 
 
-def _make_mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Make the mapping of a JSON object; ValueError if it has a key twice."""
+def _make_unique_mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Make the mapping of a JSON object; raise ValueError if it repeats a key."""
     content: dict[str, Any] = {}
     for key, value in pairs:
         if key in content:
@@ -293,8 +296,8 @@ def _make_mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return content
 
 
-def _name_kind(kind: Kind) -> str:
-    """Name what a key must be, for a message such as ``a number in`` a file."""
+def _describe_kind(kind: Kind) -> str:
+    """Describe the type of a value as the beginning of a message, as ``a number in``."""
     kinds = kind if isinstance(kind, tuple) else (kind,)
     names = [KIND_NAMES[one] for one in kinds if one in KIND_NAMES]
     return f"{' or '.join(names)} in" if names else "a key of"
@@ -326,16 +329,19 @@ def read_npz(
     """
     import numpy as np
 
-    # For a plain .npy file numpy returns an array, which is no context manager: TypeError.
-    unreadable = (*attached.UNREADABLE, TypeError, MemoryError)
+    # For a plain .npy file numpy returns an array. An array is no context manager, so
+    # `with` raises a TypeError.
+    unreadable = (*attached.READ_ERRORS, TypeError, MemoryError)
     try:
-        with np.load(attached.plain_file(path), allow_pickle=False) as store:
+        with np.load(attached.require_plain_file(path), allow_pickle=False) as store:
             # Check the names before unpacking: a small file may hold gigabytes of zeros.
             for key in keys:
                 require(key in store.files, path, key, None, f"an array in {what}")
-            arrays = {name: store[name] for name in store.files if name != attached.KEY}
+            arrays = {
+                name: store[name] for name in store.files if name != attached.RECORD_KEY
+            }
     except InputError:
-        # InputError is a ValueError. Keep its message from the next clause.
+        # InputError is a ValueError, which the next clause would replace.
         raise
     except unreadable as error:
         raise InputError(path, "arrays", str(error), what) from error

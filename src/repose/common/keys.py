@@ -1,6 +1,6 @@
 """Look up dotted keys of a configuration: the value of a key, and the file that has it.
 
-No YAML is loaded here, which takes time.
+This module does not import PyYAML, because that takes time.
 """
 
 from collections.abc import Iterable, Mapping
@@ -18,22 +18,25 @@ class Origin:
 
     Parameters
     ----------
-    origin : mapping of str to str
+    files_by_key : mapping of str to str
         The file of each dotted key that a file has.
-    default : str
-        The file of a key that is missing.
-    shared : str
-        The file of the method, which is not the user's.
+    default_file : str
+        The file of a key that no file has.
+    method_file : str
+        The file of the method, which users do not edit.
     """
 
     def __init__(
-        self, origin: Mapping[str, str], default: str, shared: str = ""
+        self,
+        files_by_key: Mapping[str, str],
+        default_file: str,
+        method_file: str = "",
     ) -> None:
-        self.origin = origin
-        self.default = default
-        self.shared = shared
+        self.files_by_key = files_by_key
+        self.default_file = default_file
+        self.method_file = method_file
 
-    def of(self, key: str) -> str:
+    def find_file(self, key: str) -> str:
         """Return the name of the file that holds a dotted key.
 
         An entry of a list, such as ``targets.0``, belongs to the file of the list.
@@ -44,33 +47,33 @@ class Origin:
             if step.isdigit():
                 break
             steps.append(step)
-        return self.origin.get(".".join(steps), self.default)
+        return self.files_by_key.get(".".join(steps), self.default_file)
 
-    def find_owner(self, key: str) -> str:
+    def find_file_to_edit(self, key: str) -> str:
         """Return the file in which the user should edit a dotted key.
 
-        It is the file that holds the key, or else the innermost section around it. The
-        file of the method does not count, since users do not edit it. Without any such
-        file it is the default.
+        It is the file that holds the key. If no file holds the key, it is the file that
+        holds the innermost section around the key. The file of the method does not
+        count, because users do not edit it. If no file is left, it is the default file.
         """
         # Look up the key, then the section around it, and so on outwards.
         steps = key.split(".")
         while steps:
-            file = self.origin.get(".".join(steps), self.shared)
-            if file != self.shared:
+            file = self.files_by_key.get(".".join(steps), self.method_file)
+            if file != self.method_file:
                 return file
             steps.pop()
-        return self.default
+        return self.default_file
 
 
-def owner_of(source: "str | Origin", key: str) -> str:
+def find_file_to_edit(source: "str | Origin", key: str) -> str:
     """Return the name of the user's file to edit for a dotted key."""
-    return source.find_owner(key) if isinstance(source, Origin) else source
+    return source.find_file_to_edit(key) if isinstance(source, Origin) else source
 
 
-def origin_of(source: "str | Origin", key: str) -> str:
+def find_source_file(source: "str | Origin", key: str) -> str:
     """Return the name of the file that holds a dotted key."""
-    return source.of(key) if isinstance(source, Origin) else source
+    return source.find_file(key) if isinstance(source, Origin) else source
 
 
 def follow_path(config: Any, path: Iterable[int | str], default: Any = None) -> Any:
@@ -102,7 +105,7 @@ def follow_path(config: Any, path: Iterable[int | str], default: Any = None) -> 
     return value
 
 
-def get(config: Any, key: str, default: Any = None) -> Any:
+def get_value(config: Any, key: str, default: Any = None) -> Any:
     """Return the value of a dotted key, or a default where there is none.
 
     An empty key stands for the whole configuration.
@@ -115,7 +118,7 @@ def lookup(config: Config, key: str) -> Any:
     return reduce(getitem, key.split("."), config)
 
 
-def section(config: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+def require_section(config: Mapping[str, Any], name: str) -> Mapping[str, Any]:
     """Return a section that may be absent; InputError if it is."""
     allowed = "a section of this name (`repose docs configuration`); a configuration may lack it"
     require(name in config, "configuration", name, None, allowed)

@@ -1,8 +1,8 @@
 """List the files that this program wrote in a folder: only these are replaced.
 
-Each folder holds its ledger, the file `.repose`: a line for each file written there,
-with the SHA-256 of its content. A file that a user put there, or changed since, has no
-such line, so it stays.
+Each folder has a ledger, the file `.repose`. The ledger has a line for each file that
+this program wrote there, with the SHA-256 of the content. A file that a user put there,
+or has changed, has no such line and is therefore not replaced.
 """
 
 import hashlib
@@ -15,19 +15,22 @@ from pathlib import Path
 from typing import IO, Any
 
 from repose.common.errors import InputError, require
-from repose.dem.io.whole import write_whole as write_in_one_move
+from repose.dem.io.whole import write_whole as write_atomically
 
 LEDGER = ".repose"
-LINE = re.compile(r"([0-9a-f]{64})  (.+)")
-# What a full disk may have left of a line.
-CUT_OFF = re.compile(r"[0-9a-f]{0,64}|[0-9a-f]{64} .*")
-ALLOWED = "a new name, or a file that repose wrote and nobody changed since"
-# A file that is a link is not followed. Windows has the second flag alone.
+ENTRY_PATTERN = re.compile(r"([0-9a-f]{64})  (.+)")
+# The part of a line that a full disk may have left.
+CUT_OFF_PATTERN = re.compile(r"[0-9a-f]{0,64}|[0-9a-f]{64} .*")
+REPLACEABLE_FILES = "a new name, or a file that repose wrote and nobody changed since"
+# Do not follow a link, and do not convert line ends. Windows has only the second flag,
+# other systems have only the first.
 OPEN_FLAGS = getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_BINARY", 0)
 
 
-def write_whole(path: str | os.PathLike, write: Callable[[IO[bytes]], Any]) -> None:
-    """Write a file in one move, and list it as written by this program.
+def write_listed_file(
+    path: str | os.PathLike, write: Callable[[IO[bytes]], Any]
+) -> None:
+    """Write a file atomically, and list it in the ledger of its folder.
 
     Parameters
     ----------
@@ -39,7 +42,7 @@ def write_whole(path: str | os.PathLike, write: Callable[[IO[bytes]], Any]) -> N
     Raises
     ------
     InputError
-        If the path holds a file that this program did not write, or that was changed.
+        If there is a file that this program did not write, or that was changed.
     """
     path = Path(path)
     check_replaceable(path)
@@ -47,104 +50,113 @@ def write_whole(path: str | os.PathLike, write: Callable[[IO[bytes]], Any]) -> N
     def write_and_note(handle: IO[bytes]) -> None:
         write(handle)
         handle.flush()
-        # List the file before the move. Unlisted, it would pass for a file of the user.
-        _note(path.parent, path.name, _hash(handle.name))
+        # List the file before it gets its name. If the program is killed in between, an
+        # unlisted file would be taken for a file of the user.
+        _append_entry(path.parent, path.name, _hash_file(handle.name))
 
     try:
-        write_in_one_move(path, write_and_note)
+        write_atomically(path, write_and_note)
     except OSError as error:
-        if error.filename is None:  # the error of a full disk names no file
+        # The error of a full disk names no file.
+        if error.filename is None:
             error.filename = str(path)
         raise
 
 
 def check_replaceable(path: str | os.PathLike) -> None:
-    """Raise InputError if a file must not be written here.
+    """Check that a file may be written to a path.
 
-    That is, if a path holds a folder, a link, a device or a file that this program did
-    not write, or if its name cannot stand in the ledger.
+    Raises
+    ------
+    InputError
+        If the path is a folder, a link, a device, or a file that this program did not
+        write or that was changed. Also if the ledger cannot list such a name.
     """
     path = Path(path)
     if path.name in ("", "..", LEDGER) or not path.name.isprintable():
         raise InputError(path, "name", path.name, "a file name of printable characters")
     is_free = not os.path.lexists(path) or is_own_file(path)
-    require(is_free, path, "file", "there already", ALLOWED)
+    require(is_free, path, "file", "there already", REPLACEABLE_FILES)
 
 
 def is_own_file(path: str | os.PathLike) -> bool:
-    """Tell whether this program wrote a plain file that nobody changed since."""
+    """Tell whether a path is a file that this program wrote and nobody has changed."""
     path = Path(path)
     if path.is_symlink() or not path.is_file():
         return False
-    digests = _digests(path.parent)
-    return path.name in digests and _hash(path) in digests[path.name]
+    digests = _read_ledger(path.parent)
+    return path.name in digests and _hash_file(path) in digests[path.name]
 
 
-def adopt(path: str | os.PathLike) -> None:
-    """Note a file that this program has read as a whole and writes again.
+def list_file(path: str | os.PathLike) -> None:
+    """List a file in the ledger of its folder, so that this program may replace it.
 
-    It may be a copy of one of its own files, or an edited one.
+    Call this for a file whose whole content this program has read and will write again.
+    The file may be a copy of a file of this program, or an edited one.
     """
     path = Path(path)
-    _note(path.parent, path.name, _hash(path))
+    _append_entry(path.parent, path.name, _hash_file(path))
 
 
-def adopt_below(
+def list_file_below(
     folder: str | os.PathLike, name: str, source: str | os.PathLike
 ) -> None:
-    """Note in a folder's ledger a file that another program wrote, to be kept below it.
+    """List a file of another program in the ledger of a folder around its new place.
 
     Parameters
     ----------
     folder : path
         The folder of the ledger.
     name : str
-        The path of the file from there, with slashes, at which it is going to lie.
+        The future path of the file, relative to the folder and with slashes.
     source : path
-        The file where it lies now.
+        The present path of the file.
     """
-    _note(Path(folder), name, _hash(source))
+    _append_entry(Path(folder), name, _hash_file(source))
 
 
-def remove(path: str | os.PathLike) -> None:
-    """Remove a file; InputError unless this program wrote it and nobody changed it."""
-    require(is_own_file(path), path, "file", "there already", ALLOWED)
+def remove_own_file(path: str | os.PathLike) -> None:
+    """Remove a file; raise InputError if this program did not write it as it is now."""
+    require(is_own_file(path), path, "file", "there already", REPLACEABLE_FILES)
     Path(path).unlink()
 
 
-def names(folder: str | os.PathLike) -> set[str]:
-    """Name the files that this program wrote in a folder, also those deleted since."""
-    return set(_digests(Path(folder)))
+def list_names(folder: str | os.PathLike) -> set[str]:
+    """List the names in a folder's ledger, including those of files deleted later."""
+    return set(_read_ledger(Path(folder)))
 
 
-def changed(folder: str | os.PathLike) -> list[Path]:
-    """List the files in a folder's ledger that were changed since.
+def find_changed_files(folder: str | os.PathLike) -> list[Path]:
+    """Find the files in a folder's ledger that were edited or damaged later.
 
-    Somebody edited them, or they are damaged. Files that this program wrote in
-    subfolders have ledgers of their own, so only those of `adopt_below` lie there.
+    Subfolders have ledgers of their own. Therefore the only files of subfolders in this
+    ledger are those of `list_file_below`.
     """
     folder = Path(folder)
-    listed = _digests(folder)
+    listed = _read_ledger(folder)
     paths = {folder / name: listed[name] for name in sorted(listed)}
-    return [path for path, digests in paths.items() if _differs(path, digests)]
+    return [
+        path for path, digests in paths.items() if _has_other_content(path, digests)
+    ]
 
 
 def is_changed(folder: str | os.PathLike, name: str) -> bool:
-    """Tell whether a file in a folder's ledger was changed since; see `changed`."""
+    """Tell whether a file in a folder's ledger was changed; see `find_changed_files`."""
     folder = Path(folder)
-    digests = _digests(folder)
-    return name in digests and _differs(folder / name, digests[name])
+    digests = _read_ledger(folder)
+    return name in digests and _has_other_content(folder / name, digests[name])
 
 
-def _differs(path: Path, digests: set[str]) -> bool:
-    """Tell whether a file is there and has none of the hashes."""
-    return path.is_file() and _hash(path) not in digests
+def _has_other_content(path: Path, digests: set[str]) -> bool:
+    """Tell whether a file exists and has none of the listed hashes."""
+    return path.is_file() and _hash_file(path) not in digests
 
 
-def _digests(folder: Path) -> dict[str, set[str]]:
-    """Read the ledger of a folder: for each name, the hashes of what was written there.
+def _read_ledger(folder: Path) -> dict[str, set[str]]:
+    """Read the ledger of a folder as a mapping from file names to hashes.
 
-    A folder without a ledger has none. A line that a full disk cut off is ignored.
+    A file has a hash for each content that this program wrote into it. The mapping is
+    empty for a folder without a ledger. A line that a full disk cut off is ignored.
     """
     path = folder / LEDGER
     digests: dict[str, set[str]] = defaultdict(set)
@@ -154,36 +166,43 @@ def _digests(folder: Path) -> dict[str, set[str]]:
     # The text after the last newline is empty, or a line that was cut off.
     *whole_lines, last_line = os.fsdecode(path.read_bytes()).split("\n")
     for line in whole_lines:
-        match = LINE.fullmatch(line)
+        match = ENTRY_PATTERN.fullmatch(line)
         if match:
             digest, name = match.groups()
             digests[name].add(digest)
 
     # Refuse a file of the same name that is not a ledger.
-    if not digests and not all(map(CUT_OFF.fullmatch, [*whole_lines, last_line])):
+    if not digests and not all(
+        map(CUT_OFF_PATTERN.fullmatch, [*whole_lines, last_line])
+    ):
         allowed = "the list of files that repose wrote in this folder"
         raise InputError(path, "content", "something else", allowed)
     return digests
 
 
-def _note(folder: Path, name: str, digest: str) -> None:
-    """Add a file to a folder's ledger."""
-    if digest in _digests(folder)[name]:
+def _append_entry(folder: Path, name: str, digest: str) -> None:
+    """Append a file to the ledger of a folder, unless the ledger lists it already."""
+    if digest in _read_ledger(folder)[name]:
         return
     with open_descriptor(folder / LEDGER, os.O_APPEND) as handle:
-        # One write, so that lines of jobs do not mix. It begins with a new line, so
-        # that it is whole after a line that a full disk cut off.
+        # Use a single write, so that lines of different jobs do not mix. Begin with a
+        # new line, because a full disk may have cut off the line before.
         os.write(handle, os.fsencode(f"\n{digest}  {name}\n"))
 
 
 @contextmanager
 def open_descriptor(path: str | os.PathLike, flag: int) -> Iterator[int]:
-    """Open a file to write into it, in the way of a flag such as `os.O_APPEND`.
+    """Open a file for writing with a flag such as `os.O_APPEND`.
 
     Yields
     ------
     int
-        The open file, for `os.write`. A link is not followed: it is an OSError.
+        The descriptor of the file, for `os.write`.
+
+    Raises
+    ------
+    OSError
+        If the path is a link, or the file cannot be opened.
     """
     handle = os.open(path, os.O_WRONLY | os.O_CREAT | flag | OPEN_FLAGS, 0o666)
     try:
@@ -192,7 +211,7 @@ def open_descriptor(path: str | os.PathLike, flag: int) -> Iterator[int]:
         os.close(handle)
 
 
-def _hash(path: str | os.PathLike) -> str:
+def _hash_file(path: str | os.PathLike) -> str:
     """Hash a file's content by SHA-256."""
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

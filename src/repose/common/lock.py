@@ -1,8 +1,8 @@
 """Lock folders and files: one workflow in a folder of results, one writer of a file.
 
-The locks belong to the operating system and end with the process that holds them, even
-if it is killed. Some file systems of clusters have none: there nothing is held, and
-nothing is refused.
+The operating system releases a lock when the process that holds it ends, even if the
+process is killed. Some file systems of clusters have no locks. There nothing is locked,
+and no workflow is refused.
 """
 
 import errno
@@ -19,18 +19,19 @@ from repose.common import usage
 from repose.common.errors import InputError
 from repose.common.ledger import open_descriptor
 
-# A workflow holds the first of these files in its folder of results. Each of its jobs
-# holds one of its own, whose name begins with the second.
-WORKFLOW = ".lock"
-JOB = ".job-"
-# Errors of a file system without locks.
-NO_LOCKS = (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP)
+# The file in a folder of results that a workflow locks, and the beginning of the names
+# of the files that its jobs lock.
+WORKFLOW_LOCK = ".lock"
+JOB_LOCK_PREFIX = ".job-"
+# Numbers of the errors that a file system without locks gives.
+NO_LOCK_ERRORS = (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP)
 
-Held = AbstractContextManager[object]
-_job_numbers = itertools.count()  # a process may run one job within another
+HeldLock = AbstractContextManager[object]
+# A process may run one job within another, so each job has a number.
+_job_numbers = itertools.count()
 
 
-def take_folder(folder: str | os.PathLike) -> Held:
+def lock_folder(folder: str | os.PathLike) -> HeldLock:
     """Lock a folder of results for a workflow.
 
     If an earlier workflow was killed, wait until its jobs have ended.
@@ -43,8 +44,8 @@ def take_folder(folder: str | os.PathLike) -> Held:
     Returns
     -------
     context manager
-        The lock, already held. It is released at the end of the context, when nothing
-        refers to it any more, or when the process ends.
+        The lock, already acquired. It is released at the end of the context, when the
+        object is deleted, or when the process ends.
 
     Raises
     ------
@@ -53,7 +54,7 @@ def take_folder(folder: str | os.PathLike) -> Held:
     """
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / WORKFLOW
+    path = folder / WORKFLOW_LOCK
     lock = _try_lock(path)
     if lock is None:
         holder = path.read_text(encoding="utf-8") or "running"
@@ -66,12 +67,12 @@ def take_folder(folder: str | os.PathLike) -> Held:
 
 
 def _wait_for_jobs(folder: Path) -> None:
-    """Wait until the jobs of an earlier workflow have ended, and say so once.
+    """Wait until the jobs of an earlier workflow have ended, and remove their lock files.
 
-    Each job holds the lock of its own file in the folder. The files are removed.
+    The first time that this function has to wait, it prints a line on stderr.
     """
     has_printed = False
-    for path in sorted(folder.glob(f"{JOB}*")):
+    for path in sorted(folder.glob(f"{JOB_LOCK_PREFIX}*")):
         lock = _try_lock(path)
         if lock is None:
             if not has_printed:
@@ -85,12 +86,12 @@ def _wait_for_jobs(folder: Path) -> None:
 
 
 @contextmanager
-def join_folder(folder: str | os.PathLike) -> Iterator[None]:
+def lock_folder_for_job(folder: str | os.PathLike) -> Iterator[None]:
     """Lock a folder of results for a job of its workflow.
 
-    The next workflow waits for this job. At its end the job notes its processor time.
-    In a folder without a workflow, as when a verb runs by hand, nothing is locked or
-    noted.
+    The next workflow in this folder waits for the job. When the job ends, its processor
+    time is added to the table of the folder (`repose.common.usage`). If no workflow uses
+    the folder, for example when a user calls a subcommand, nothing is locked or written.
 
     Parameters
     ----------
@@ -99,29 +100,32 @@ def join_folder(folder: str | os.PathLike) -> Iterator[None]:
     """
     folder = Path(folder)
     # A workflow has written its file into the folder before it starts the first job.
-    if not (folder / WORKFLOW).is_file() or not os.access(folder, os.W_OK):
+    if not (folder / WORKFLOW_LOCK).is_file() or not os.access(folder, os.W_OK):
         yield
         return
-    # The name is unlike that of any other job, on this machine or another.
-    path = folder / f"{JOB}{platform.node()}-{os.getpid()}-{next(_job_numbers)}"
+    # The name differs from that of any other job, on this machine and on others.
+    path = (
+        folder
+        / f"{JOB_LOCK_PREFIX}{platform.node()}-{os.getpid()}-{next(_job_numbers)}"
+    )
     with _acquire_lock(path):
         try:
             yield
         finally:
-            usage.note(folder)
+            usage.record_process(folder)
             path.unlink(missing_ok=True)
 
 
 @contextmanager
-def exclusive(path: str | os.PathLike) -> Iterator[None]:
-    """Hold a file against other processes while it is read, changed and written."""
+def lock_file(path: str | os.PathLike) -> Iterator[None]:
+    """Keep other processes from a file while it is read, changed and written."""
     path = Path(path)
     with _acquire_lock(path.with_name(f".{path.name}.lock")):
         yield
 
 
-def _try_lock(path: Path) -> Held | None:
-    """Take the lock of a file; None if another process holds it."""
+def _try_lock(path: Path) -> HeldLock | None:
+    """Acquire the lock of a file; return None if another process holds it."""
     from filelock import Timeout
 
     try:
@@ -130,31 +134,31 @@ def _try_lock(path: Path) -> Held | None:
         return None
 
 
-def _acquire_lock(path: Path, wait: bool = True) -> Held:
-    """Take the lock of a file, which is no link.
+def _acquire_lock(path: Path, wait: bool = True) -> HeldLock:
+    """Acquire the lock of a file.
 
     Parameters
     ----------
     path : Path
         The file, which is created if necessary.
     wait : bool, optional
-        Whether to wait while another process holds the lock. Otherwise this is a
-        `filelock.Timeout`.
+        Whether to wait while another process holds the lock. If not, the function
+        raises `filelock.Timeout` in this case.
 
     Returns
     -------
     context manager
-        The lock, already held. On a file system without locks it holds nothing.
+        The lock, already acquired. On a file system without locks it does nothing.
 
     Raises
     ------
     InputError
         If the user may not write there.
     """
-    # Imported late because it is slow, and the help of a verb does not need it.
+    # Import this slow library only here: the help of a subcommand does not need it.
     from filelock import FileLock
 
-    # A soft lock is a plain file, which would stay behind if the process is killed.
+    # A soft lock is a plain file, which would remain if the process were killed.
     lock = FileLock(path, blocking=wait, fallback_to_soft=False)
     try:
         return lock.acquire()
@@ -168,14 +172,14 @@ def _acquire_lock(path: Path, wait: bool = True) -> Held:
             f"sets `umask 002`, and its owner calls `chmod -R g+rwX {path.parent}` once",
         ) from error
     except OSError as error:
-        if error.errno not in NO_LOCKS:
+        if error.errno not in NO_LOCK_ERRORS:
             raise
-        _warn_of_no_locks(path.parent)
+        _warn_of_missing_locks(path.parent)
         return nullcontext()
 
 
 @cache
-def _warn_of_no_locks(folder: Path) -> None:
-    """Tell once that nothing is held in a folder."""
+def _warn_of_missing_locks(folder: Path) -> None:
+    """Print a warning that a folder cannot be locked; the cache makes it appear once."""
     text = "no locks on this system; one process at a time may write here"
     print(f"repose: {folder}: {text}", file=sys.stderr)

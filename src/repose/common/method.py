@@ -1,4 +1,4 @@
-"""Read the values of config/method.yaml, for settings that are made in Python."""
+"""Make sections of settings in Python, with defaults from config/method.yaml."""
 
 from functools import cache
 from typing import Any, TypeVar
@@ -11,33 +11,36 @@ S = TypeVar("S", bound=Section)
 
 
 @cache
-def _values() -> dict[str, Any]:
-    """Read the program's own config/method.yaml."""
-    from repose.common.reading import read  # loads PyYAML
+def _read_defaults() -> dict[str, Any]:
+    """Read the file config/method.yaml of the program."""
+    # Import PyYAML only here, because it takes time.
+    from repose.common.reading import read_yaml
 
-    return read(places.root() / places.METHOD_CONFIG)
+    return read_yaml(places.find_program_folder() / places.METHOD_CONFIG)
 
 
-def with_defaults(model: type[S], name: str, keys: dict[str, Any]) -> S:
-    """Make a section, with the values of config/method.yaml for the keys left out.
+def make_section_with_defaults(model: type[S], name: str, keys: dict[str, Any]) -> S:
+    """Make a section, in which config/method.yaml supplies the missing keys.
 
     Parameters
     ----------
     model : type of Section
+        The class of the section.
     name : str
         Name of the section.
     keys : dict
-        Values of the section that differ.
+        Values that differ from those of the file, by key.
 
     Returns
     -------
     Section
+        The section, checked.
 
     Raises
     ------
     InputError
         With all faults of the keys.
     """
-    values = {**_values()[name], **keys}
-    raise_together(faults.check(values, name, model).faults)
+    values = {**_read_defaults()[name], **keys}
+    raise_together(faults.find_faults(values, name, model).faults)
     return model.model_validate(values)

@@ -2,21 +2,22 @@
 
 import math
 
-# From this size on a number has an exponent, and below the smallest, too.
+# Numbers from this size on, and numbers below the smallest, are written with an exponent.
 LARGEST_PLAIN = 1e5
 SMALLEST_PLAIN = 1e-4
 
 
 def rounded(value: float, digits: int = 4, sign: str = "") -> str:
-    """Write a number with at most so many significant digits.
+    """Write a number with a limited number of significant digits.
 
     Numbers from 0.0001 to 100,000 have no exponent.
 
     Parameters
     ----------
     value : float
+        The number.
     digits : int, optional
-        From 1 to 4.
+        The largest number of significant digits, from 1 to 4.
     sign : str, optional
         ``+`` to write the sign of a positive number, too.
     """
@@ -27,7 +28,7 @@ def rounded(value: float, digits: int = 4, sign: str = "") -> str:
     return text
 
 
-def with_error(mean: float, error: float | None) -> str:
+def format_with_error(mean: float, error: float | None) -> str:
     """Write a mean with its standard error, if it is known, as in ``65.98 +- 0.30``.
 
     The error has two significant digits. The mean has as many decimals as the error,
@@ -36,6 +37,7 @@ def with_error(mean: float, error: float | None) -> str:
     Parameters
     ----------
     mean : float
+        The mean.
     error : float or None
         The standard error, in the unit of the mean.
     """

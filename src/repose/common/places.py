@@ -11,39 +11,39 @@ METHOD_CONFIG = "config/method.yaml"
 DEFAULT_CONFIG = "config/config.yaml"
 
 
-def root() -> Path:
+def find_program_folder() -> Path:
     """Find the folder with Snakefile, workflow, config, profiles and resources.
 
-    It is `repose/data` of an installation, or the checkout.
+    In an installed package this is `repose/data`. Otherwise it is the checkout.
     """
     installed = PACKAGE / "data"
     return installed if installed.is_dir() else PACKAGE.parents[1]
 
 
-def find(path: str | os.PathLike) -> Path:
-    """Return a path, or the program's own file or folder of this name.
+def find_file(path: str | os.PathLike) -> Path:
+    """Return a path, or the path of the program's own file or folder of this name.
 
-    The program's own is taken only if there is none in the working folder.
+    The program's own file is used only if the given path does not exist.
     """
     path = Path(path)
-    of_program = root() / path
-    if not path.exists() and of_program.exists():
-        return of_program
+    program_path = find_program_folder() / path
+    if not path.exists() and program_path.exists():
+        return program_path
     return path
 
 
-def configs() -> list[Path]:
+def list_default_configs() -> list[Path]:
     """List the default configurations; each overrides the one before it.
 
     Returns
     -------
     list of Path
-        The first is the method. It is followed by the crop of the working folder, or by
-        the built-in crop if the folder has none. A file `config/config.yaml` in the
-        working folder overrides the built-in crop.
+        The first file is the method. If the working folder has a file `config.yaml`,
+        this file is the second. Otherwise the built-in crop is the second file, and a
+        file `config/config.yaml` of the working folder is the third.
     """
-    method = find(METHOD_CONFIG)
-    built_in_crop = root() / DEFAULT_CONFIG
+    method = find_file(METHOD_CONFIG)
+    built_in_crop = find_program_folder() / DEFAULT_CONFIG
 
     # The working folder may be laid out like the project ...
     users_config = Path(DEFAULT_CONFIG)

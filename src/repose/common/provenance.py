@@ -28,12 +28,12 @@ from repose.common.source_code import code_hash
 Record = Mapping[str, Any]
 Config = Mapping[str, Any]
 Inputs = Iterable[tuple[Path, Record | None]]  # files with their records
-# A run depends on the simulator, the bench tests and the grains.
-ENGINE = ("dem", "grain", "bench")
+# Packages whose code computes a run: the simulator, the grains and the bench tests.
+ENGINE_ROOMS = ("dem", "grain", "bench")
 CPU_INFO = Path("/proc/cpuinfo")
-BUILT_FROM = "commit.txt"  # beside the program's other data; a build writes it
-# With these set, numba compiles and numpy calculates as on another type of processor,
-# with other last bits.
+COMMIT_FILE = "commit.txt"  # beside the program's other data; a build writes it
+# These environment variables make numba and numpy behave as on another type of processor.
+# Results then differ in their last bits.
 FORCED_TYPES = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "OPENBLAS_CORETYPE")
 
 
@@ -54,9 +54,9 @@ class _Stage:
     check : callable or None
         Refuses files of another study, as in `stage`.
     config : mapping or None
-        The whole configuration, once `note_config` has told it.
+        The whole configuration; None until `note_config` is called.
     record : dict or None
-        The record, which is made when the first file is written.
+        The record; None until the first file is written.
     """
 
     heading: dict[str, Any]
@@ -68,11 +68,11 @@ class _Stage:
     record: dict[str, Any] | None = None
 
 
-_current: ContextVar[_Stage | None] = ContextVar("stage", default=None)
+_current_stage: ContextVar[_Stage | None] = ContextVar("stage", default=None)
 
 
 @contextmanager
-def stage(
+def record_stage(
     verb: str,
     paths: Iterable[Path],
     settings_of: Callable[[Config, str | None], Any],
@@ -109,7 +109,7 @@ def stage(
         If the input files do not belong together (`refuse_mixture`).
     """
     inputs: list[tuple[Path, Record | None]] = [
-        (path, attached.read(path)) for path in paths
+        (path, attached.read_record(path)) for path in paths
     ]
     refuse_mixture(inputs)
 
@@ -128,15 +128,18 @@ def stage(
         check=check,
     )
     # One stage may run within another, which is the current one again afterwards.
-    token = _current.set(new_stage)
+    token = _current_stage.set(new_stage)
     try:
         yield
     finally:
-        _current.reset(token)
+        _current_stage.reset(token)
 
 
 def note_config(config: Config) -> None:
-    """Tell the current stage, if there is one, its whole configuration.
+    """Store the whole configuration in the current stage, if there is one.
+
+    The record of the stage is discarded, so that the next file gets a record with these
+    settings.
 
     Parameters
     ----------
@@ -148,20 +151,20 @@ def note_config(config: Config) -> None:
     InputError
         If its input files are results of another study.
     """
-    current_stage = _current.get()
+    current_stage = _current_stage.get()
     if current_stage is None:
         return
-    # Check only the first configuration. A stage may later note a changed one.
+    # Check only the first configuration. A stage may later use a changed one.
     if current_stage.config is None and current_stage.check is not None:
         current_stage.check(config, current_stage.inputs)
     current_stage.config = config
-    # Make the record anew when the next file is written.
+    # The next file that is written makes a new record.
     current_stage.record = None
 
 
-def current() -> dict[str, Any] | None:
-    """Return the record of the current stage; None without one."""
-    current_stage = _current.get()
+def get_current_record() -> dict[str, Any] | None:
+    """Return the record of the current stage; None outside any stage."""
+    current_stage = _current_stage.get()
     if current_stage is None:
         return None
     if current_stage.record is None:
@@ -172,11 +175,11 @@ def current() -> dict[str, Any] | None:
 def _make_record(current_stage: _Stage) -> dict[str, Any]:
     """Make the record of a stage.
 
-    The origin is a hash of the stage, its settings, the engine and the origins of its
-    input files. Results with the same origin are therefore equal.
+    Its entry ``origin`` is a hash of the stage, its settings, the engine and the origins
+    of its input files. Results with the same origin are therefore equal.
     """
-    # Simulated runs come from the present engine. Other results have the engine of their
-    # input files.
+    # Simulated runs come from the present engine. Other results take the engine from the
+    # records of their input files.
     if current_stage.simulates:
         engine = engine_hash()
     else:
@@ -186,17 +189,17 @@ def _make_record(current_stage: _Stage) -> dict[str, Any]:
     seed = None
     if current_stage.config is not None:
         apparatus = current_stage.heading.get("apparatus")
-        settings = as_recorded(
+        settings = convert_to_recorded_form(
             current_stage.settings_of(current_stage.config, apparatus)
         )
         seed = current_stage.config["design"]["seed"]
 
-    # A file without a record is known by its content.
+    # A file without a record has no origin. Use the hash of its content instead.
     input_origins = set()
     for path, record in current_stage.inputs:
-        input_origins.add(record["origin"] if record else hash_of_file(path))
-    origin = hash_of(
-        [current_stage.heading, hash_of(settings), engine, sorted(input_origins)]
+        input_origins.add(record["origin"] if record else hash_file(path))
+    origin = hash_content(
+        [current_stage.heading, hash_content(settings), engine, sorted(input_origins)]
     )
     return {
         **current_stage.heading,
@@ -204,17 +207,17 @@ def _make_record(current_stage: _Stage) -> dict[str, Any]:
         "engine": engine,
         "origin": origin,
         "seed": seed,
-        **machine(),
+        **describe_machine(),
     }
 
 
-def as_recorded(settings: Any) -> Any:
-    """Return settings as a record has them: JSON has lists for tuples."""
+def convert_to_recorded_form(settings: Any) -> Any:
+    """Convert settings to the form that JSON gives them, with lists in place of tuples."""
     return json.loads(json.dumps(settings))
 
 
 def _first_entry(inputs: Inputs, key: str) -> Any:
-    """Return the first entry of a key among the records of files; None without one."""
+    """Return the value of a key in the first record that has it; None if none has it."""
     for _, record in inputs:
         if record and record.get(key):
             return record[key]
@@ -225,7 +228,7 @@ def refuse_mixture(inputs: Inputs) -> None:
     """Refuse input files that do not belong together.
 
     Results must come from one engine. Runs of a bench test become rows of one table, so
-    they must share one origin. A file without a record goes with any other.
+    they must share one origin. A file without a record is not compared.
 
     Parameters
     ----------
@@ -235,7 +238,7 @@ def refuse_mixture(inputs: Inputs) -> None:
     Raises
     ------
     InputError
-        With the first file that does not go with one before it.
+        For the first file that does not match a file before it.
     """
     # Remember the first engine with its file. Remember also, for the runs of each stage
     # and bench test, the first origin with its file.
@@ -245,7 +248,7 @@ def refuse_mixture(inputs: Inputs) -> None:
         if record is None:
             continue
 
-        # Compare the engine. A result that follows from no run has none.
+        # Compare the engine. A result that depends on no run has no engine.
         engine = record.get("engine")
         if engine:
             if first_engine is None:
@@ -288,28 +291,28 @@ def _require_same(
 # --- hashes ---------------------------------------------------------------------------
 
 
-def hash_of(content: Any) -> str:
+def hash_content(content: Any) -> str:
     """Hash content that JSON can hold; 16 hexadecimal digits."""
     text = json.dumps(content, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def hash_of_file(path: str | PathLike) -> str:
+def hash_file(path: str | PathLike) -> str:
     """Hash a file's content; 16 hexadecimal digits."""
     return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:16]
 
 
 def engine_hash() -> str:
     """Hash the code that simulates: engine, grains and bench tests."""
-    return code_hash(*ENGINE, follow_imports=False)
+    return code_hash(*ENGINE_ROOMS, follow_imports=False)
 
 
 # --- machine --------------------------------------------------------------------------
 
 
 @cache
-def machine() -> dict[str, str | None]:
-    """Find the versions, the commit (None where it is not known) and the processor."""
+def describe_machine() -> dict[str, str | None]:
+    """Describe the processor, the commit and the versions; None for what is unknown."""
     return {
         "repose": __version__,
         "commit": _find_commit(),
@@ -321,8 +324,8 @@ def machine() -> dict[str, str | None]:
 
 
 def _find_version(name: str) -> str | None:
-    """Tell the version of a library; None where it is not installed."""
-    # Slow to import, which the help of a verb should avoid.
+    """Find the version of a library; None if it is not installed."""
+    # Import this slow module only here: the help of a subcommand does not need it.
     from importlib import metadata
 
     try:
@@ -337,13 +340,13 @@ def _find_commit() -> str | None:
     Returns
     -------
     str or None
-        In a checkout, what git says. In an installation, what the build has noted. None
-        where neither is known.
+        In a checkout, the commit that git reports. In an installation, the commit that
+        the build has written into a file. None if it is unknown.
     """
     root = PACKAGE.parents[1]
     is_checkout = (root / ".git").exists()
     if not is_checkout:
-        built_from = places.root() / BUILT_FROM
+        built_from = places.find_program_folder() / COMMIT_FILE
         if not built_from.is_file():
             return None
         return built_from.read_text(encoding="utf-8").strip() or None
@@ -357,10 +360,10 @@ def _find_commit() -> str | None:
 
 
 def _describe_processor() -> str:
-    """Describe the processor, and environment variables that make it act as another.
+    """Describe the processor, and list variables that make it act as another one.
 
-    One name may cover several generations in a virtual machine, so the description also
-    has the family and the model.
+    The variables are those of `FORCED_TYPES`. The description includes the family and the
+    model, because virtual machines use one name for several generations of processors.
     """
     try:
         lines = CPU_INFO.read_text(encoding="utf-8", errors="replace").splitlines()

@@ -1,4 +1,4 @@
-"""Read YAML strictly: no key twice, numbers as numbers."""
+"""Read YAML strictly: refuse repeated keys and numbers in unusual forms."""
 
 import copy
 import functools
@@ -10,23 +10,25 @@ from typing import Any
 
 import yaml
 
-from repose.common.attached import plain_file
+from repose.common.attached import require_plain_file
 from repose.common.errors import InputError, require
 
-# A line without indent that may stand in YAML: a key with a colon, or the sign of a
-# comment, list, text in quotes or end of the document.
+# A valid line without indentation: a key with a colon, an empty line, or a line that
+# begins with a sign of YAML, such as that of a comment, a list or a text in quotes.
 KEY_AT_MARGIN = re.compile(r".+:(\s|$)|[\s#\[\]{}\"'%?!&*:|>-]|\.\.\.|$")
-# YAML 1.1 also takes 010 for 8, 1:30 for 90, 1_0 for 10 and 0x10 for 16.
+# A number in the usual form. YAML 1.1 also reads 010 as 8, 1:30 as 90, 1_0 as 10 and
+# 0x10 as 16, which few users expect.
 PLAIN_NUMBER = re.compile(
     r"[-+]?(0|[1-9]\d*)?(\.\d*)?([eE][-+]?\d+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)"
 )
-# Of all values with their aliases replaced; paper.yaml has some 5,000.
+# Limit for all values together, once aliases are replaced by what they stand for. The
+# configuration paper.yaml has about 5,000 characters.
 MOST_CHARACTERS = 200_000
-# The key <<, which takes over the keys of another mapping.
-MERGE = "tag:yaml.org,2002:merge"
-# Other errors of PyYAML: a day that does not exist, a tag without its value, too many
-# brackets.
-OTHER_ERRORS = (
+# The tag of the key <<, which copies the keys of another mapping.
+MERGE_TAG = "tag:yaml.org,2002:merge"
+# Errors that PyYAML raises besides its own: for a date that does not exist, a tag
+# without its value, or too many brackets.
+OTHER_YAML_ERRORS = (
     ValueError,
     LookupError,
     AttributeError,
@@ -37,9 +39,9 @@ OTHER_ERRORS = (
 
 
 class StrictLoader(yaml.SafeLoader):
-    """YAML that refuses a key given twice, and reads 2e-4 as a number.
+    """A loader of YAML that refuses repeated keys and reads 2e-4 as a number.
 
-    YAML 1.1 takes 2e-4 for text.
+    The rules of YAML 1.1 would read 2e-4 as text.
     """
 
     def construct_mapping(
@@ -52,7 +54,7 @@ class StrictLoader(yaml.SafeLoader):
         node : yaml.MappingNode
             The parsed mapping, as pairs of nodes of its keys and values.
         deep : bool, optional
-            Whether to make inner values at once; PyYAML decides this.
+            Whether to make inner values immediately; PyYAML decides this.
 
         Raises
         ------
@@ -62,13 +64,13 @@ class StrictLoader(yaml.SafeLoader):
         """
         earlier_keys = set()
         for key_node, _ in node.value:
-            # Skip keys merged by `<<`: those of the mapping itself may override them.
-            if key_node.tag == MERGE:
+            # Skip the key `<<`. The mapping may repeat keys that are copied by it.
+            if key_node.tag == MERGE_TAG:
                 continue
             key = self._construct_key(key_node, deep)
-            place = self.place_of(key_node)
+            line = self.describe_line(key_node)
             is_new = key not in earlier_keys
-            require(is_new, place, str(key), "given again", "each key once")
+            require(is_new, line, str(key), "given again", "each key once")
             earlier_keys.add(key)
         return super().construct_mapping(node, deep)
 
@@ -78,7 +80,8 @@ class StrictLoader(yaml.SafeLoader):
         Raises
         ------
         InputError
-            For true, false, a date, a list or a mapping. The message names its line.
+            If the key is true, false, a date, a list or a mapping. The message names its
+            line.
         """
         key = self.construct_object(node, deep=deep)
         # To Python true and false are integers, too.
@@ -86,11 +89,11 @@ class StrictLoader(yaml.SafeLoader):
         is_allowed = is_plain and not isinstance(key, bool)
         shown = node.value if isinstance(node.value, str) else "a list or mapping"
         allowed = "text; put it in quotes if it is a name"
-        require(is_allowed, self.place_of(node), "key", shown, allowed)
+        require(is_allowed, self.describe_line(node), "key", shown, allowed)
         return key
 
-    def place_of(self, node: yaml.Node) -> str:
-        """Name file and line of a node."""
+    def describe_line(self, node: yaml.Node) -> str:
+        """Describe where a node is, by its file and its line."""
         return f"{self.name}, line {node.start_mark.line + 1}"
 
     def construct_number(self, node: yaml.ScalarNode) -> int | float:
@@ -99,11 +102,11 @@ class StrictLoader(yaml.SafeLoader):
         Raises
         ------
         InputError
-            With the line of a number that is written in an unusual way.
+            If the number is written in an unusual form. The message names its line.
         """
         is_plain = PLAIN_NUMBER.fullmatch(node.value)
         allowed = "a plain number, such as 90.5, or a text in quotes"
-        require(is_plain, self.place_of(node), "value", node.value, allowed)
+        require(is_plain, self.describe_line(node), "value", node.value, allowed)
         if node.tag.endswith(":int"):
             return self.construct_yaml_int(node)
         return self.construct_yaml_float(node)
@@ -120,7 +123,7 @@ StrictLoader.add_implicit_resolver(
 )
 
 
-def read(path: str | os.PathLike) -> dict[str, Any]:
+def read_yaml(path: str | os.PathLike) -> dict[str, Any]:
     """Read a YAML or JSON file that holds a mapping, without checking its keys.
 
     Parameters
@@ -140,22 +143,22 @@ def read(path: str | os.PathLike) -> dict[str, Any]:
     """
     path = Path(path)
     try:
-        text = plain_file(path).read_text(encoding="utf-8-sig")
+        text = require_plain_file(path).read_text(encoding="utf-8-sig")
     except OSError as error:
         allowed = "an existing YAML or JSON file that may be read"
         raise InputError(path, "file", error.strerror, allowed) from None
     except UnicodeDecodeError:
         allowed = "a YAML or JSON file in UTF-8"
         raise InputError(path, "file", "not text", allowed) from None
-    content = parse(text, str(path))
+    content = parse_yaml(text, str(path))
     shown = "empty" if content is None else content
     allowed = "keys with values, as `repose new` writes them"
     require(isinstance(content, dict), path, "content", shown, allowed)
     return content
 
 
-def parse(text: str, name: str) -> Any:
-    """Read YAML, and so JSON, as plain values.
+def parse_yaml(text: str, name: str) -> Any:
+    """Parse YAML or JSON, which is a part of YAML, into plain values.
 
     Parameters
     ----------
@@ -167,18 +170,18 @@ def parse(text: str, name: str) -> Any:
     Raises
     ------
     InputError
-        With the file and the line of bad syntax.
+        If the syntax is wrong. The message names the file and the line.
     """
-    # The caller may change what it gets.
-    return copy.deepcopy(_parse(text, name))
+    # Copy the cached value, because the caller may change it.
+    return copy.deepcopy(_parse_cached(text, name))
 
 
-# The defaults of all studies take 50 ms to parse, and every load reads them anew.
+# The default configuration takes 50 ms to parse, and every study reads it.
 @functools.lru_cache(maxsize=16)
-def _parse(text: str, name: str) -> Any:
-    """Parse YAML as `parse` does; the caller must not change the result.
+def _parse_cached(text: str, name: str) -> Any:
+    """Parse YAML and cache the value, which the caller must not change.
 
-    Whatever PyYAML raises becomes an InputError.
+    Every error of PyYAML is raised again as an InputError.
     """
     try:
         return _construct(text, name)
@@ -190,7 +193,7 @@ def _parse(text: str, name: str) -> Any:
         # Errors without a line, such as an invalid byte.
         one_line = " ".join(str(error).split())
         raise InputError(name, "content", one_line, "valid YAML") from None
-    except OTHER_ERRORS as error:
+    except OTHER_YAML_ERRORS as error:
         raise InputError(name, "content", str(error), "valid YAML") from None
 
 
@@ -242,7 +245,7 @@ def _describe_syntax_error(
     Parameters
     ----------
     error : yaml.MarkedYAMLError
-        The error of PyYAML, which may have a line.
+        The error of PyYAML. It may lack a line.
     text : str
         The YAML.
     name : str
@@ -251,7 +254,7 @@ def _describe_syntax_error(
     line_number = error.problem_mark.line + 1 if error.problem_mark else 0
     problem = error.problem or ""
 
-    # The parser reports a missing colon at a later line, so look for it before.
+    # The parser reports a missing colon at a later line, so search the lines before it.
     line_without_colon = _find_line_without_colon(text.splitlines()[:line_number])
     if line_without_colon is not None:
         number, line_text = line_without_colon
@@ -268,7 +271,7 @@ def _describe_syntax_error(
 
 
 def _find_line_without_colon(lines: Sequence[str]) -> tuple[int, str] | None:
-    """Find the first line at the margin that is not a key with its value.
+    """Find the first line without indentation that should be a key but has no colon.
 
     Parameters
     ----------
@@ -303,7 +306,7 @@ def _count_characters(node: yaml.Node, counts: dict[int, int]) -> int:
     counts : dict of int to int
         The counts so far, by `id` of the node. This function adds to them.
     """
-    # Another alias of this value was counted before.
+    # Another alias of this value was counted already.
     if id(node) in counts:
         return counts[id(node)]
     # If the value contains itself, the inner one counts as 0.

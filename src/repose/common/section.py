@@ -8,8 +8,8 @@ A section is a subclass of `Section` with one field a key::
 
 The `description` is the meaning of the key. The message about a bad value states the
 allowed values: type and bounds of the field, or the words of `Allowed`. The tables of
-config/README.md are made of the fields, too (`repose.config.page`); where a value comes
-from stands in ``json_schema_extra={"source": ...}``.
+config/README.md are also made from the fields (`repose.config.page`). The source of a
+value is given in ``json_schema_extra={"source": ...}``.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -28,15 +28,15 @@ from pydantic import (
 from pydantic_core import PydanticCustomError, core_schema
 
 AUTO: Final = "auto"
-# Default of a key that may be left out, and may not be null.
+# Default of a key that a file may leave out but not set to null.
 ABSENT: Any = None
-# Default of a key of the type `OrAuto`.
+# Default of a key of the type `OrAuto`: its number is computed from other keys.
 OF_OTHERS: Any = AUTO
 # The number follows from other keys (`repose.config.computed`).
 Auto = Literal["auto"]
 T = TypeVar("T")
 if TYPE_CHECKING:
-    # For a type checker the key has a number: it has one once `auto` is resolved.
+    # A type checker sees a number, because stages read the key after it is computed.
     OrAuto = Annotated[T, AUTO]
 else:
 
@@ -51,7 +51,7 @@ else:
 Contradictions = Iterator[tuple[str, str]]
 CONTRADICTION = "contradiction"
 
-# Snakemake takes braces for wildcards.
+# Paths without braces, which Snakemake reads as wildcards, and control characters.
 _NO_BRACES = r"^[^{}\x00-\x1f\x7f]+$"
 # Marks the types of keys that name a file.
 FILE: Final = object()
@@ -59,7 +59,7 @@ FILE: Final = object()
 
 @dataclass(frozen=True)
 class Allowed:
-    """The allowed values of a key in words, where type and bounds do not tell them.
+    """Words for the allowed values of a key, where type and bounds do not describe them.
 
     It is written ``Annotated[str, Field(pattern=...), Allowed("a colour")]``.
     """
@@ -87,9 +87,10 @@ Share = Annotated[float, Field(ge=0, le=1)]
 
 
 class Section(BaseModel):
-    """A section: its keys are known, its numbers are finite, and no value is converted.
+    """Base class of a section, which refuses unknown keys and infinite numbers.
 
-    So true is no number. A whole number may be 8.0 in a file
+    Values are not converted, so true is not accepted as a number. There is one exception:
+    a file may write a whole number as 8.0
     (`repose.common.faults.convert_whole_numbers`).
     """
 
@@ -103,9 +104,12 @@ class Section(BaseModel):
     )
 
     def contradictions(self) -> Contradictions:
-        """Find values, each valid by itself, that contradict each other.
+        """Find values that are valid alone but contradict each other.
 
-        The keys are relative to this section.
+        Yields
+        ------
+        tuple of str
+            A key of this section and its allowed values. The base class yields nothing.
         """
         return iter(())
 
@@ -118,7 +122,16 @@ class Section(BaseModel):
 def refuse(contradictions: Iterable[tuple[str, str]]) -> None:
     """Raise the error by which a validator reports contradictions, if there are any.
 
-    The key "" means the value as a whole.
+    Parameters
+    ----------
+    contradictions : iterable of (str, str)
+        For each contradiction a key and its allowed values. The key "" stands for the
+        whole section.
+
+    Raises
+    ------
+    PydanticCustomError
+        If there is any contradiction.
     """
     pairs = list(contradictions)
     if pairs:
@@ -127,10 +140,11 @@ def refuse(contradictions: Iterable[tuple[str, str]]) -> None:
 
 
 class OneOf:
-    """The type of a key that takes a name of a registry.
+    """The type of a key whose value is a name from a registry.
 
-    It is written ``Annotated[str, OneOf(names)]``. `names` is called when the first
-    configuration is checked, so that a module with a section loads no registry.
+    It is written ``Annotated[str, OneOf(names)]``. The function `names` is called when
+    the first configuration is checked. The module of a section need not import the
+    registry for it.
     """
 
     def __init__(self, names: Callable[[], Iterable[str]]) -> None:
@@ -143,12 +157,12 @@ class OneOf:
         return core_schema.literal_schema(list(self.names()))
 
 
-def _rising(numbers: Sequence[float]) -> Sequence[float]:
-    """Return numbers that rise; ValueError if they do not."""
+def _require_rising(numbers: Sequence[float]) -> Sequence[float]:
+    """Return the numbers unchanged; raise ValueError unless each exceeds the last."""
     if not all(low < high for low, high in pairwise(numbers)):
         raise ValueError("the numbers do not rise")
     return numbers
 
 
 # Marks a pair whose first number is below its second.
-RISING = AfterValidator(_rising)
+RISING = AfterValidator(_require_rising)

@@ -1,9 +1,9 @@
-"""Hash the code that computes a result, so that an edit of it makes the result again.
+"""Hash the code that computes a result, so that the workflow notices when it changes.
 
 A stage depends on its module and on every module of `repose` that it imports, directly
-or through others. What cannot change a number is left out of the hash: comments,
-format, docstrings, type annotations of functions, what a `raise` statement says, the
-meanings of the keys of the configuration, and the captions of figures.
+or indirectly. The hash leaves out what cannot change a number: comments, format,
+docstrings, type annotations of functions, messages of `raise` statements, the meanings
+of the keys of the configuration, and the captions of figures.
 """
 
 import ast
@@ -18,24 +18,27 @@ from typing import Any
 from repose.common.places import PACKAGE
 
 # Modules and packages that compute no number. They read and write files, report faults,
-# or choose what runs; whoever edits what they do has to force the rules concerned.
+# or choose what runs. An edit of them runs no rule again; a developer can force it.
 WITHOUT_NUMBERS = (
     "repose",
     "repose.cli",
     "repose.common",
     "repose.config",
 )
-# What is kept between calls has this form; another one is computed anew.
-FORMAT = b"3"
-DATA = (".csv", ".json", ".mplstyle", ".html", ".js", ".css", ".yaml")
-# So many summaries of files are kept: those of some versions of the package.
+# Version of the form in which summaries are stored. Summaries of another version are
+# not used.
+SUMMARY_FORMAT = b"3"
+DATA_SUFFIXES = (".csv", ".json", ".mplstyle", ".html", ".js", ".css", ".yaml")
+# Largest number of stored summaries of files: enough for a few versions of the package.
 MOST_SUMMARIES = 1500
-# Arguments that explain: of pydantic's `Field`, a key; of `Drawn`, a figure.
-MEANING = {
+# Arguments that only explain something: pydantic's `Field` explains a key, `Drawn` a
+# figure.
+EXPLAINING_ARGUMENTS = {
     "Field": ("description", "json_schema_extra"),
     "Drawn": ("title", "caption"),
 }
-_new_keys: list[str] = []  # of summaries that no earlier call has kept
+# Keys of the summaries that are not stored yet.
+_new_keys: list[str] = []
 
 
 @cache
@@ -136,7 +139,7 @@ def _map_modules_to_files() -> dict[str, Path]:
     return files
 
 
-def _file_of(module: str) -> Path:
+def _find_file(module: str) -> Path:
     """Find the file of a module or package of `repose`."""
     file = _map_modules_to_files().get(module)
     if file is None:
@@ -147,7 +150,7 @@ def _file_of(module: str) -> Path:
 
 def _list_modules_of(name: str) -> list[str]:
     """List the full dotted names of a module, or of a package and all its modules."""
-    is_package = _file_of(name).name == "__init__.py"
+    is_package = _find_file(name).name == "__init__.py"
     if not is_package:
         return [name]
     inside = f"{name}."
@@ -186,10 +189,12 @@ def _find_imported_modules(module: str) -> set[str]:
     set of str
         Full dotted names.
     """
-    file = _file_of(module)
+    file = _find_file(module)
     package = module if file.name == "__init__.py" else module.rpartition(".")[0]
     summary = _summarise_file(file)
-    names = {_absolute_name(name, level, package) for level, name in summary["imports"]}
+    names = {
+        _resolve_import(name, level, package) for level, name in summary["imports"]
+    }
     if summary["imports_by_name"]:
         names.update(_list_modules_of(package))
 
@@ -197,11 +202,18 @@ def _find_imported_modules(module: str) -> set[str]:
     return names & _map_modules_to_files().keys()
 
 
-def _absolute_name(name: str, level: int, package: str) -> str:
-    """Return the full name of an import: `level` is the number of dots before its name.
+def _resolve_import(name: str, level: int, package: str) -> str:
+    """Return the full name of an imported module.
 
-    One dot stands for the `package` of the module, and each other dot for the package
-    around it.
+    Parameters
+    ----------
+    name : str
+        The name in the import statement, without leading dots.
+    level : int
+        Number of dots before the name; 0 for an absolute import. One dot stands for the
+        package of the importing module, and each further dot for the package around it.
+    package : str
+        The package of the importing module.
     """
     if level == 0:
         return name
@@ -214,22 +226,22 @@ class _NumbersOnly(ast.NodeTransformer):
     """Remove from a syntax tree what cannot change a number."""
 
     def visit_Expr(self, node: ast.Expr) -> ast.AST | None:
-        """Drop docstrings, and other texts that stand alone."""
+        """Drop docstrings and other statements that are only a text."""
         is_text = isinstance(node.value, ast.Constant) and isinstance(
             node.value.value, str
         )
         return None if is_text else self.generic_visit(node)
 
     def visit_Raise(self, node: ast.Raise) -> ast.AST:
-        """Keep that something is raised, not what it says."""
+        """Keep the statement, and drop the exception with its message."""
         return ast.Raise(exc=None, cause=None)
 
     def visit_Call(self, node: ast.Call) -> ast.AST:
-        """Drop what explains a key of the configuration, or a figure."""
+        """Drop the arguments of `EXPLAINING_ARGUMENTS`."""
         if isinstance(node.func, ast.Name):
-            meaning = MEANING.get(node.func.id, ())
+            dropped_names = EXPLAINING_ARGUMENTS.get(node.func.id, ())
             node.keywords = [
-                keyword for keyword in node.keywords if keyword.arg not in meaning
+                keyword for keyword in node.keywords if keyword.arg not in dropped_names
             ]
         return self.generic_visit(node)
 
@@ -246,9 +258,9 @@ class _NumbersOnly(ast.NodeTransformer):
 
 @cache
 def _hash_module(module: str) -> str:
-    """Hash the code of a module, and each data file of its folder that it names.
+    """Hash the code of a module, and the data files in its folder that it mentions.
 
-    A result may depend on numbers in such a file as much as on the code that reads them.
+    A result depends on the numbers in such a file as well as on the code.
 
     Parameters
     ----------
@@ -261,19 +273,19 @@ def _hash_module(module: str) -> str:
         Hashes, separated by blanks: first that of the code, then those of the data files
         in alphabetical order.
     """
-    file = _file_of(module)
-    content = _read(file)
+    file = _find_file(module)
+    content = _read_source(file)
     hashes = [_summarise_file(file)["code"]]
     for name in _list_data_files(file.parent):
-        is_named = name.encode() in content
-        if is_named:
+        is_mentioned = name.encode() in content
+        if is_mentioned:
             data = (file.parent / name).read_bytes()
             hashes.append(hashlib.sha256(data).hexdigest())
     return " ".join(hashes)
 
 
 @cache
-def _read(file: Path) -> bytes:
+def _read_source(file: Path) -> bytes:
     """Read the source code of a module."""
     return file.read_bytes()
 
@@ -281,7 +293,7 @@ def _read(file: Path) -> bytes:
 @cache
 def _list_data_files(folder: Path) -> list[str]:
     """List the names of the data files in a folder of the package."""
-    return sorted(name for name in os.listdir(folder) if name.endswith(DATA))
+    return sorted(name for name in os.listdir(folder) if name.endswith(DATA_SUFFIXES))
 
 
 @cache
@@ -302,9 +314,9 @@ def _summarise_file(file: Path) -> dict[str, Any]:
         for an absolute import. ``imports_by_name``: whether the file calls
         `importlib.import_module`.
     """
-    content = _read(file)
-    # A changed file has another key, and so has each form of the summaries.
-    key = hashlib.sha256(FORMAT + content).hexdigest()
+    content = _read_source(file)
+    # The key changes with the file and with the form of the summaries.
+    key = hashlib.sha256(SUMMARY_FORMAT + content).hexdigest()
     summaries = _load_stored_summaries()
     if key not in summaries:
         summaries[key] = _parse_and_summarise(content)
@@ -313,7 +325,7 @@ def _summarise_file(file: Path) -> dict[str, Any]:
 
 
 def _parse_and_summarise(content: bytes) -> dict[str, Any]:
-    """Parse the content of a file, and return its summary as `_summarise_file` does."""
+    """Parse the content of a file and make its summary, as in `_summarise_file`."""
     tree = ast.parse(content)
     imports = _list_imports(tree)
     imports_by_name = any(map(_is_import_by_name, _walk_runtime_nodes(tree)))
@@ -363,7 +375,7 @@ def _walk_runtime_nodes(tree: ast.Module) -> Iterator[ast.AST]:
         node = waiting.pop()
         yield node
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
-            # Go on with the `else` branch alone.
+            # Skip the branch for type checkers, and go on with the `else` branch.
             waiting.extend(node.orelse)
         else:
             waiting.extend(ast.iter_child_nodes(node))
@@ -379,12 +391,13 @@ def _find_store() -> Path:
 def _load_stored_summaries() -> dict[str, dict[str, Any]]:
     """Read the summaries that earlier calls made, by the hash of a file's content.
 
-    They only save time: parsing all modules takes some seconds. A damaged or missing
-    file counts as empty.
+    Stored summaries save the seconds that it takes to parse all modules. If the file is
+    damaged or missing, there are no summaries.
     """
     try:
         summaries = json.loads(_find_store().read_text(encoding="utf-8"))
-    except (OSError, ValueError, RuntimeError):  # RuntimeError: no home folder
+    except (OSError, ValueError, RuntimeError):
+        # Python raises RuntimeError if it cannot find the home folder.
         return {}
     return summaries if isinstance(summaries, dict) else {}
 
@@ -392,14 +405,15 @@ def _load_stored_summaries() -> dict[str, dict[str, Any]]:
 def store_new_summaries() -> None:
     """Store the new summaries in the user's cache folder, for later calls.
 
-    A folder that cannot be written is no fault: the summaries only save time.
+    If the folder cannot be written, nothing is stored, because the summaries only save
+    time.
     """
     if not _new_keys:
         return
     try:
         path = _find_store()
         path.parent.mkdir(parents=True, exist_ok=True)
-        # Other processes may be reading the file, so replace it in one move.
+        # Write another file and rename it, because other processes may be reading.
         new_path = path.with_name(f"{path.name}.{os.getpid()}.part")
         # Keep the newest summaries, which are the last ones.
         newest = dict(list(_load_stored_summaries().items())[-MOST_SUMMARIES:])

@@ -1,14 +1,16 @@
-"""How a run failed, in words.
+"""Describe in words why a run failed.
 
-A table of runs has a word for it in the column ``status``, such as ``not_at_rest``. Where
-a person reads, the clause of `ENDINGS` stands in its place. docs/files.md lists both.
+The column ``status`` of a table of runs has a code for the reason, such as
+``not_at_rest``. Messages for people have a clause of `FAILURE_CLAUSES` in place of the
+code. docs/files.md lists both.
 """
 
 import re
 from collections.abc import Mapping
 
-# A clause for each status but ``ok``: of our bench tests, then of other programs.
-ENDINGS = {
+# A clause for each status except ``ok``. The first ones belong to our bench tests, the
+# last ones to runs of other programs.
+FAILURE_CLAUSES = {
     "not_at_rest": "the grains still moved when they should have been at rest",
     "jammed": "grains got stuck on their way out",
     "left_plate": "too many grains rolled off the plate",
@@ -29,44 +31,45 @@ ENDINGS = {
     "no_pile": "the particles made no pile with two sides",
     "failed": "the program marked the run as failed",
 }
-# Counted runs with a status, as the column `reason` has them.
-_COUNTED = re.compile(r"\b(\d+ (?:of \d+ )?runs) (\w+)")
+# A number of runs with a status, as in the column `reason`.
+_COUNTED_RUNS = re.compile(r"\b(\d+ (?:of \d+ )?runs) (\w+)")
 
 
-def in_words(status: str) -> str:
-    """Return the clause of a status; a status of a user's own is quoted."""
-    return ENDINGS.get(status, f"their status is '{status}'")
+def describe_status(status: str) -> str:
+    """Describe a status by its clause; quote a status that only the user knows."""
+    return FAILURE_CLAUSES.get(status, f"their status is '{status}'")
 
 
 def describe_failure(status: str, reason: str = "") -> str:
     """Describe a run that failed, as in ``failed because grains got stuck (2 grains)``."""
     details = f" ({reason})" if reason else ""
-    return f"failed because {in_words(status)}{details}"
+    return f"failed because {describe_status(status)}{details}"
 
 
-def explain(counts: Mapping[str, int], verb: str) -> str:
-    """Tell how many runs or samples failed and why, the most frequent status first.
+def describe_failures(counts: Mapping[str, int], verb: str) -> str:
+    """Describe how many runs or samples failed and why, the most frequent status first.
 
     Parameters
     ----------
     counts : mapping
         Number of failures by status.
     verb : str
-        What happened to them, as in ``2 failed because grains got stuck``.
+        The verb after the number, as in ``2 failed because grains got stuck``.
     """
     ordered = sorted(counts.items(), key=lambda entry: -entry[1])
     return ", ".join(
-        f"{count} {verb} because {in_words(status)}" for status, count in ordered
+        f"{count} {verb} because {describe_status(status)}" for status, count in ordered
     )
 
 
-def reword(reason: str) -> str:
+def replace_statuses(reason: str) -> str:
     """Replace the statuses in a cell of the column `reason` by their clauses."""
 
-    def clause(found: re.Match[str]) -> str:
-        runs, status = found.groups()
-        if status not in ENDINGS:
-            return found[0]
+    def write_clause(match: re.Match[str]) -> str:
+        """Write the number of runs with the clause; leave an unknown word unchanged."""
+        runs, status = match.groups()
+        if status not in FAILURE_CLAUSES:
+            return match[0]
         return f"{runs} {describe_failure(status)}"
 
-    return _COUNTED.sub(clause, reason)
+    return _COUNTED_RUNS.sub(write_clause, reason)

@@ -11,13 +11,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-# A row is compared with the statistics of at least so many rows above it, ...
+# A row is compared with the statistics of at least this number of rows above it, ...
 FEWEST_ROWS_ABOVE = 3
-# ... in at least so many columns, ...
+# ... in at least this number of columns, ...
 FEWEST_COLUMNS = 3
-# ... in each of which the rows above scatter by so many units of the last digit that
-# the row prints: in coarser columns an ordinary row may equal the rounded mean.
-FEWEST_STEPS = 5.0
+# ... whose standard deviation is at least this number of units of the last digit. In a
+# coarser column an ordinary row may equal the rounded mean by chance.
+FEWEST_UNITS_OF_SCATTER = 5.0
+# Largest difference between a statistic and its printed value, in units of the last
+# digit: half a digit, and room for the rounding of the statistic itself.
+ROUNDING_UNITS = 0.501
 STATISTICS: dict[str, Callable[[np.ndarray], float]] = {
     "mean": np.mean,
     "minimum": np.min,
@@ -39,27 +42,27 @@ def find_summary_row(columns: Mapping[str, Sequence[str]]) -> SummaryRow | None:
     Parameters
     ----------
     columns : mapping of str to sequence of str
-        The cells of the columns of numbers.
+        The cells of each column of numbers, as text.
 
     Returns
     -------
     SummaryRow or None
         The first such row, or None. In every column that varies, the row equals the same
-        statistic to all the digits that it prints. A row that repeats a row above it does
-        not count. Nor does a row of a design, whose columns have few levels: the centre of
-        a design is its mean, and its corners are extremes.
+        statistic to all the digits that it prints. A row that repeats a row above it is
+        ignored. Columns with few levels are ignored, too, because they belong to a
+        design: its centre equals the mean, and its corners equal the extremes.
     """
     # Read the cells as an array of the form (rows, columns).
     cells_of_columns = list(columns.values())
     n_rows = len(cells_of_columns[0]) if cells_of_columns else 0
     numbers = np.full((n_rows, len(cells_of_columns)), math.nan)
     for column, cells in enumerate(cells_of_columns):
-        numbers[:, column] = [_finite_number(cell) for cell in cells]
+        numbers[:, column] = [_read_finite_number(cell) for cell in cells]
 
     # The last rows may be summaries, at most one for each statistic.
     first_row = max(0, n_rows - len(STATISTICS))
     for row in range(first_row, n_rows):
-        last_digits = [_last_digit(cells[row]) for cells in cells_of_columns]
+        last_digits = [_find_last_digit(cells[row]) for cells in cells_of_columns]
         statistic = _find_equal_statistic(numbers[row], numbers[:row], last_digits)
         if statistic:
             return SummaryRow(row, statistic)
@@ -94,7 +97,7 @@ def _find_equal_statistic(
     if len(compared_columns) < FEWEST_COLUMNS:
         return ""
 
-    # A measurement may be repeated by chance, or on purpose.
+    # A row that repeats an earlier one is a repeated measurement and no summary.
     is_equal = rows_above[:, compared_columns] == row[compared_columns]
     repeats_a_row = is_equal.all(axis=1).any()
     if repeats_a_row:
@@ -105,24 +108,27 @@ def _find_equal_statistic(
         for column in compared_columns:
             numbers = rows_above[:, column]
             difference = abs(compute(numbers[np.isfinite(numbers)]) - row[column])
-            # Half a digit, and room for the rounding of the statistic itself.
-            is_close.append(difference <= 0.501 * last_digits[column])
+            is_close.append(difference <= ROUNDING_UNITS * last_digits[column])
         if all(is_close):
             return name
     return ""
 
 
 def _varies(column: np.ndarray, last_digit: float) -> bool:
-    """Tell whether most numbers of a column differ, by enough units of the last digit."""
+    """Tell whether the numbers of a column vary enough to be compared.
+
+    Most of them must differ from each other, and they must scatter by
+    `FEWEST_UNITS_OF_SCATTER`.
+    """
     numbers = column[np.isfinite(column)]
-    # At most half of the numbers differ: such columns are levels of a design.
+    # A column in which at most half of the numbers differ has the levels of a design.
     if len(numbers) < FEWEST_ROWS_ABOVE or 2 * len(set(numbers)) <= len(numbers):
         return False
-    return bool(np.std(numbers) >= FEWEST_STEPS * last_digit)
+    return bool(np.std(numbers) >= FEWEST_UNITS_OF_SCATTER * last_digit)
 
 
-def _finite_number(cell: str) -> float:
-    """Read a cell; NaN if it holds no finite number."""
+def _read_finite_number(cell: str) -> float:
+    """Read the number of a cell; return NaN if it has no finite number."""
     try:
         number = float(cell)
     except ValueError:
@@ -130,8 +136,11 @@ def _finite_number(cell: str) -> float:
     return number if math.isfinite(number) else math.nan
 
 
-def _last_digit(cell: str) -> float:
-    """Return the unit of the last digit of a number as it is written; NaN without one."""
-    if math.isnan(_finite_number(cell)):
+def _find_last_digit(cell: str) -> float:
+    """Return the unit of the last digit of a written number, such as 0.01 for 3.14.
+
+    For a cell without a finite number the result is NaN.
+    """
+    if math.isnan(_read_finite_number(cell)):
         return math.nan
     return 10.0 ** int(Decimal(cell.strip()).as_tuple().exponent)

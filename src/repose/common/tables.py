@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from repose.common.attached import plain_file
+from repose.common.attached import require_plain_file
 from repose.common.errors import InputError, raise_together, require, shown
 from repose.common.numbers import rounded
 from repose.common.summary_rows import find_summary_row
@@ -27,25 +27,29 @@ if TYPE_CHECKING:
     import pandas as pd
 
 Path_ = str | os.PathLike
-# A faulty cell: its row, counted from 0, its column, its value, and what is allowed.
+# A faulty cell: its row, counted from 0, its column, its value, and the allowed values.
 Fault = tuple[int, str, Any, str]
 
 TABLE = "a CSV file"
 UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 SEPARATORS = ",;\t"
-BLANKS = r"\s+"  # separates cells where none of these does
-# A column that is not read is described by so many of its values.
-FEW_VALUES = 5
-# An extreme of measured numbers that occurs so often may mark failed runs.
-MARKED = 3
-# So many such columns are described.
-MOST_DESCRIBED = 30
-NUMBER = re.compile(
+BLANKS_PATTERN = r"\s+"  # separates cells if the header has none of `SEPARATORS`
+# Largest number of values that describe a column that is not read.
+MOST_SHOWN_VALUES = 5
+# Largest number of such columns that are described.
+MOST_DESCRIBED_COLUMNS = 30
+# If an extreme of measured numbers occurs at least this often, it may mark failed runs.
+FEWEST_REPEATS = 3
+NUMBER_PATTERN = re.compile(
     r"\s*[+-]?((\d+\.?\d*|\.\d+)(e[+-]?\d+)?|nan|inf)\s*", re.ASCII | re.IGNORECASE
 )
-WHOLE = re.compile(r"\d+", re.ASCII)
-WITH_COMMA = re.compile(r"[+-]?\d*,\d+(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
-WITH_POINT = re.compile(r"[+-]?\d*\.\d+(e[+-]?\d+)?", re.ASCII | re.IGNORECASE)
+WHOLE_NUMBER_PATTERN = re.compile(r"\d+", re.ASCII)
+DECIMAL_COMMA_PATTERN = re.compile(
+    r"[+-]?\d*,\d+(e[+-]?\d+)?", re.ASCII | re.IGNORECASE
+)
+DECIMAL_POINT_PATTERN = re.compile(
+    r"[+-]?\d*\.\d+(e[+-]?\d+)?", re.ASCII | re.IGNORECASE
+)
 
 
 @dataclass(frozen=True)
@@ -60,17 +64,18 @@ class Column:
         ``float``, ``int`` or ``bool``; ``str`` for a text; ``object`` for a column
         whose cells are not checked.
     low, high : float
-        Bounds of a number; both are allowed.
+        Smallest and largest allowed number.
     above : bool
-        Whether `low` itself is too low.
+        Whether a number must be larger than `low` and not equal to it.
     empty : bool
-        Whether a cell may be empty; an empty number is NaN.
+        Whether a cell may be empty; an empty number is read as NaN.
     once : bool
-        Whether no two rows may have the same value.
+        Whether all values must differ from each other.
     needed : bool
         Whether the table must have the column.
     words : str
-        What is allowed, for messages, if the kind and the bounds do not say it.
+        Description of the allowed values, for messages. It is needed only where the kind
+        and the bounds do not describe them.
     """
 
     name: str
@@ -85,7 +90,7 @@ class Column:
 
     @property
     def allowed(self) -> str:
-        """Say which cells are allowed."""
+        """Description of the allowed cells, for messages."""
         if self.kind is str:
             text = "a text"
         elif self.kind is bool:
@@ -126,7 +131,7 @@ class Column:
         ValueError, TypeError
             If the cell is not allowed.
         """
-        # Texts, and cells that are not checked, stay as they are.
+        # Return texts, and cells that are not checked, unchanged.
         if self.kind is object:
             return cell
         if self.kind is str:
@@ -139,8 +144,8 @@ class Column:
         if self.kind is bool:
             return _read_truth_value(cell)
 
-        # Any other column holds numbers.
-        number = plain_number(cell)
+        # Any other column contains numbers.
+        number = parse_number(cell)
         is_allowed = self._is_inside(number)
         if self.kind is int:
             # Accept whole numbers that are written as 3.0.
@@ -200,48 +205,57 @@ class Table:
         return table
 
 
-def plain_number(value: object) -> float:
-    """Return a number as tables write it; ValueError for what only Python takes for one.
+def parse_number(value: object) -> float:
+    """Read a number in a form that is usual in tables.
 
-    Examples are ``1_0``, digits of other scripts, and True.
+    Raises
+    ------
+    ValueError
+        For other forms that Python would accept, such as ``1_0``, True, or digits of
+        other scripts.
     """
     if isinstance(value, bool | np.bool_):
         raise ValueError(f"{value!r} is no number")
-    if isinstance(value, str) and not NUMBER.fullmatch(value):
+    if isinstance(value, str) and not NUMBER_PATTERN.fullmatch(value):
         raise ValueError(f"{value!r} is no number")
     return float(value)  # type: ignore[arg-type]
 
 
-def is_number(cells: Iterable[str]) -> bool:
-    """Tell whether a column holds numbers: at least half of the cells with content."""
+def holds_numbers(cells: Iterable[str]) -> bool:
+    """Tell whether at least half of the filled cells of a column are numbers."""
     filled = [cell for cell in cells if cell]
-    n_numbers = sum(NUMBER.fullmatch(cell) is not None for cell in filled)
+    n_numbers = sum(NUMBER_PATTERN.fullmatch(cell) is not None for cell in filled)
     return n_numbers > 0 and len(filled) <= 2 * n_numbers
 
 
-def is_measured(cells: Iterable[str]) -> bool:
-    """Tell whether a column holds numbers, and not only whole ones, as labels are."""
+def holds_measurements(cells: Iterable[str]) -> bool:
+    """Tell whether a column holds measured numbers.
+
+    At least one of them must have a decimal point, because a column of whole numbers may
+    be a label.
+    """
     cells = list(cells)
-    return is_number(cells) and any(WITH_POINT.fullmatch(cell) for cell in cells)
+    return holds_numbers(cells) and any(
+        DECIMAL_POINT_PATTERN.fullmatch(cell) for cell in cells
+    )
 
 
-def _numbers_rows(cells: Iterable[str]) -> bool:
-    """Tell whether a column numbers the rows: whole numbers, most of them, each once."""
+def _is_row_number(cells: Iterable[str]) -> bool:
+    """Tell whether a column has the numbers of the rows.
+
+    More than half of its cells are filled, all of these with different whole numbers.
+    """
     cells = list(cells)
     filled = [cell for cell in cells if cell]
-    is_whole = all(WHOLE.fullmatch(cell) for cell in filled)
+    is_whole = all(WHOLE_NUMBER_PATTERN.fullmatch(cell) for cell in filled)
     return is_whole and len(set(filled)) == len(filled) > len(cells) / 2
-
-
-# What the rooms above call it.
-is_plain = is_number
 
 
 def read(
     path: Path_,
     columns: Iterable[str | Column],
     what: str = TABLE,
-    others: Callable[[Iterable[str]], bool] = is_number,
+    others: Callable[[Iterable[str]], bool] = holds_numbers,
     optional: Iterable[str] = (),
 ) -> Table:
     """Read a table, require these columns in it, and check its cells.
@@ -256,8 +270,8 @@ def read(
     what : str
         What the file should be, for messages.
     others : callable
-        Decides from the cells of any other column whether it holds numbers. Cells of
-        such a column may be empty, unless the column numbers the rows.
+        Tells from the cells of an undeclared column whether it holds numbers. If so, its
+        cells must be numbers or empty, or numbers only if the column numbers the rows.
     optional : iterable of str
         Names of other columns that the table may have.
 
@@ -283,7 +297,7 @@ def read(
     table = read_sheet(path, what)
     new_names = match_column_names(table.text, [*names, *optional])
     table.text = table.text.rename(columns=new_names)
-    check_columns(path, table.text, needed, what)
+    require_columns(path, table.text, needed, what)
 
     # Check all cells. Those of undeclared columns are only checked to be numbers.
     checked_columns = list(declared.values())
@@ -292,7 +306,7 @@ def read(
             checked_columns.append(
                 _describe_undeclared_column(name, table.text[name], others)
             )
-    values, faults = check(table.text, checked_columns)
+    values, faults = convert_columns(table.text, checked_columns)
     refuse(path, [*faults, *_find_summary_faults(table.text, declared)])
 
     # Store values for the declared columns, and texts for all others.
@@ -308,7 +322,7 @@ def read(
 def _describe_undeclared_column(
     name: str, cells: "pd.Series", has_numbers: Callable[[Iterable[str]], bool]
 ) -> Column:
-    """Describe a column that its reader does not declare, by its cells.
+    """Make the declaration of a column that its reader does not declare.
 
     Parameters
     ----------
@@ -317,22 +331,22 @@ def _describe_undeclared_column(
     cells : pandas.Series
         Its cells as text.
     has_numbers : callable
-        Decides from the cells whether the column holds numbers.
+        Tells from the cells whether the column holds numbers.
     """
     return Column(
         name,
         kind=float if has_numbers(cells) else object,
-        empty=not _numbers_rows(cells),
+        empty=not _is_row_number(cells),
         words="a finite number, as most cells of this column",
     )
 
 
-def check(
+def convert_columns(
     cells: Mapping[str, Sequence[Any]],
     columns: Iterable[Column],
     left_out: Collection[int] = (),
 ) -> tuple[dict[str, list[Any]], list[Fault]]:
-    """Convert the cells of declared columns to values, and list the invalid ones.
+    """Convert the cells of declared columns to values, and list the invalid cells.
 
     Parameters
     ----------
@@ -370,8 +384,13 @@ def refuse(source: object, faults: Iterable[Fault]) -> None:
     source : object
         The file of the table, which the messages name.
     faults : iterable of Fault
-        As from `check`: for each the row, counted from 0, the column, the value and what
-        is allowed. Without faults nothing is raised.
+        Faulty cells, as `convert_columns` returns them. If there are none, nothing is
+        raised.
+
+    Raises
+    ------
+    InputError
+        With a message for each fault.
     """
     raise_together(
         InputError(f"{source}, row {row + 1}", column, value, allowed)
@@ -379,7 +398,7 @@ def refuse(source: object, faults: Iterable[Fault]) -> None:
     )
 
 
-def check_columns(
+def require_columns(
     path: object, table: Iterable[str], columns: Iterable[str], what: str = TABLE
 ) -> None:
     """Raise InputError if a table lacks one of these columns.
@@ -387,7 +406,7 @@ def check_columns(
     Parameters
     ----------
     path : object
-        Where the table is from, for messages.
+        The file of the table, for messages.
     table : iterable of str
         The names of its columns.
     columns : iterable of str
@@ -443,9 +462,9 @@ def _explain_difference(name: str, other: str) -> str:
 def describe_columns(columns: Mapping[str, Sequence[Any]]) -> list[str]:
     """Describe each column of numbers in a line: count, mean and range.
 
-    A command prints these lines to show what it has read from a table. Where most
-    numbers occur once, an extreme that is repeated may be the mark of a failed run, so
-    its count is printed.
+    A subcommand prints these lines to show what it has read from a table. Some programs
+    write the same extreme number for every failed run. Therefore the line also has the
+    count of an extreme that is repeated while most other numbers are not.
 
     Parameters
     ----------
@@ -461,7 +480,7 @@ def describe_columns(columns: Mapping[str, Sequence[Any]]) -> list[str]:
     for name, cells in columns.items():
         # Leave out columns that hold anything but numbers.
         texts = [str(cell).strip() for cell in cells if not is_missing(cell)]
-        if not texts or not all(NUMBER.fullmatch(text) for text in texts):
+        if not texts or not all(NUMBER_PATTERN.fullmatch(text) for text in texts):
             continue
         numbers = np.array([float(text) for text in texts])
         lines.append(
@@ -473,7 +492,7 @@ def describe_columns(columns: Mapping[str, Sequence[Any]]) -> list[str]:
 
 
 def _describe_extreme(numbers: np.ndarray, value: float) -> str:
-    """Write an extreme of a column, with its count if it alone is repeated.
+    """Write an extreme of a column, with its count if only this number is repeated.
 
     Parameters
     ----------
@@ -484,13 +503,13 @@ def _describe_extreme(numbers: np.ndarray, value: float) -> str:
     """
     _, counts = np.unique(numbers, return_counts=True)
     count = int((numbers == value).sum())
-    if count >= MARKED and np.median(counts) == 1:
+    if count >= FEWEST_REPEATS and np.median(counts) == 1:
         return f"{rounded(value)} ({count} times)"
     return rounded(value)
 
 
 def describe_unread(
-    columns: Mapping[str, Sequence[Any]], if_few: str
+    columns: Mapping[str, Sequence[Any]], hint_if_few: str
 ) -> dict[str, str]:
     """Describe the values of columns that nothing reads, except constant columns.
 
@@ -498,15 +517,16 @@ def describe_unread(
     ----------
     columns : mapping of str to sequence
         The cells by column.
-    if_few : str
-        Text to append for a column with few different values, such as outcomes.
+    hint_if_few : str
+        Text to append for a column with few different values. Such a column may say
+        which runs failed.
 
     Returns
     -------
     dict of str to str
-        A sentence by column, the most frequent values first, such as ``column done is
-        not read; it has 'True' 12 times, 'False' 4 times``. Under the empty name it
-        counts the columns beyond `MOST_DESCRIBED`.
+        A sentence for each column, such as ``column done is not read; it has 'True' 12
+        times, 'False' 4 times``. If there are more than `MOST_DESCRIBED_COLUMNS`
+        columns, the empty name has a sentence with the number of the others.
     """
     sentences: dict[str, str] = {}
     n_undescribed = 0
@@ -515,13 +535,13 @@ def describe_unread(
         is_constant = len(counts) < 2
         if is_constant:
             continue
-        if len(sentences) == MOST_DESCRIBED:
+        if len(sentences) == MOST_DESCRIBED_COLUMNS:
             n_undescribed += 1
             continue
-        has_few_values = len(counts) <= FEW_VALUES and len(counts) < len(cells)
+        has_few_values = len(counts) <= MOST_SHOWN_VALUES and len(counts) < len(cells)
         sentences[name] = (
             f"column {name} is not read; it has {_list_frequent_values(counts)}"
-            f"{if_few if has_few_values else ''}"
+            f"{hint_if_few if has_few_values else ''}"
         )
     if n_undescribed:
         sentences[""] = f"{n_undescribed} further columns are not read"
@@ -539,11 +559,11 @@ def _list_frequent_values(counts: "Counter[str]") -> str:
     Returns
     -------
     str
-        Such as ``'True' 12 times, 'False' once``. Values beyond `FEW_VALUES` are only
-        counted.
+        Such as ``'True' 12 times, 'False' once``. At most `MOST_SHOWN_VALUES` values are
+        listed, and the others are counted.
     """
     texts = []
-    for value, count in counts.most_common(FEW_VALUES):
+    for value, count in counts.most_common(MOST_SHOWN_VALUES):
         times = "once" if count == 1 else f"{count} times"
         texts.append(f"{shown(value)} {times}")
     n_others = len(counts) - len(texts)
@@ -552,7 +572,7 @@ def _list_frequent_values(counts: "Counter[str]") -> str:
 
 
 def print_columns(path: Path_) -> None:
-    """Print on stderr what a user's measured table holds, as `describe_columns`."""
+    """Print the lines of `describe_columns` for a user's table on stderr."""
     for line in describe_columns(read_sheet(path).text):
         print(f"{path}: {line}", file=sys.stderr)
 
@@ -560,11 +580,10 @@ def print_columns(path: Path_) -> None:
 def read_sheet(path: Path_, what: str = TABLE) -> Table:
     """Read the cells of a table as text.
 
-    The file is UTF-8, with or without its mark, or UTF-16 with its mark. Cells are
-    separated by commas, semicolons or tabs, or by blanks if the header has none of
-    these. Between semicolons and tabs a number may have a decimal comma. Lines that
-    begin with ``#`` are comments. Empty rows, and empty columns without a name, are
-    left out.
+    The encoding is UTF-8, with or without a byte order mark, or UTF-16 with one. Commas,
+    semicolons or tabs separate the cells, or blanks if the header has none of these. With
+    semicolons and tabs a number may have a decimal comma. Lines that begin with ``#`` are
+    comments. Empty rows, and empty columns without a name, are left out.
 
     Parameters
     ----------
@@ -576,7 +595,7 @@ def read_sheet(path: Path_, what: str = TABLE) -> Table:
     Returns
     -------
     Table
-        Without values.
+        The cells as text. Its `values` are empty.
 
     Raises
     ------
@@ -605,7 +624,7 @@ def read_sheet(path: Path_, what: str = TABLE) -> Table:
 
 
 def _read_lines_and_comments(path: Path_, what: str) -> tuple[list[str], list[str]]:
-    """Read the lines of a table and, apart from them, its comments.
+    """Read the lines of a table, and separate its comments.
 
     Parameters
     ----------
@@ -617,8 +636,8 @@ def _read_lines_and_comments(path: Path_, what: str) -> tuple[list[str], list[st
     Returns
     -------
     lines : list of str
-        All lines. An empty one stands in place of each comment, so that the numbers of
-        the lines in messages stay right.
+        All lines. An empty line replaces each comment, so that the line numbers in
+        messages remain correct.
     comments : list of str
         The lines that begin with ``#``.
     """
@@ -638,23 +657,24 @@ def _read_lines_and_comments(path: Path_, what: str) -> tuple[list[str], list[st
 def read_text_rows(
     path: Path_, columns: Iterable[Column], what: str = TABLE
 ) -> list[dict[str, str]]:
-    """Read the cells of a table as text, without loading pandas.
+    """Read the cells of a table as text, without importing pandas.
 
-    For a table that `read` has checked before: the cells are not checked again.
+    Use it for a table that `read` has checked before. The cells are not checked again.
 
     Parameters
     ----------
     path : path
         A CSV file in one of the forms that `read_sheet` accepts.
     columns : iterable of Column
-        Columns that are named as here, in any form (`match_column_names`).
+        The declared columns. The table may write their names in another form
+        (`match_column_names`).
     what : str
         What the file should be, for messages.
 
     Returns
     -------
     list of dict
-        The rows; each has its cells by the names of the columns.
+        For each row, the cells by the names of their columns.
 
     Raises
     ------
@@ -666,7 +686,7 @@ def read_text_rows(
     separator = _find_separator(_read_header(lines))
     reader = csv.reader(
         (f"{line.strip(' ')}\n" for line in lines),
-        delimiter=" " if separator == BLANKS else separator,
+        delimiter=" " if separator == BLANKS_PATTERN else separator,
         skipinitialspace=True,
     )
     rows = []
@@ -681,12 +701,12 @@ def read_text_rows(
     new_names = match_column_names(rows[0], [column.name for column in declared])
     header = [new_names.get(name, name) for name in rows[0]]
     needed = [column.name for column in declared if column.needed]
-    check_columns(path, header, needed, what)
+    require_columns(path, header, needed, what)
     return [dict(zip(header, row, strict=False)) for row in rows[1:]]
 
 
 def _require_complete_last_row(
-    path: Path_, end: str, separator: str, n_columns: int
+    path: Path_, last_line: str, separator: str, n_columns: int
 ) -> None:
     """Refuse a file that ends within a row.
 
@@ -694,21 +714,26 @@ def _require_complete_last_row(
     ----------
     path : path
         The file, for the message.
-    end : str
-        What stands behind the last end of line. In a complete file it is empty, or a row
-        with all its cells.
+    last_line : str
+        The text after the last line break. In a complete file it is empty, or a row with
+        all its cells.
     separator : str
-        What separates the cells: a character, or `BLANKS`.
+        The character that separates the cells, or `BLANKS_PATTERN`.
     n_columns : int
         Number of cells of the header.
+
+    Raises
+    ------
+    InputError
+        If the last row has fewer cells than the header.
     """
-    # The last line may be the end of a cell in quotes that has several.
-    is_within_quotes = end.count('"') % 2 == 1
-    # Between blanks the cells cannot be counted safely.
+    # The last line may be the last line of a quoted cell that has several lines.
+    is_within_quotes = last_line.count('"') % 2 == 1
+    # Several blanks may separate two cells, so these cells cannot be counted here.
     is_blank_separated = len(separator) > 1
-    if not end.strip() or is_within_quotes or is_blank_separated:
+    if not last_line.strip() or is_within_quotes or is_blank_separated:
         return
-    n_cells = end.count(separator) + 1
+    n_cells = last_line.count(separator) + 1
     allowed = f"{n_columns} cells, as in the header; was the file cut off?"
     require(n_cells >= n_columns, path, "last row", f"{n_cells} cells", allowed)
 
@@ -730,7 +755,7 @@ def _read_text(path: Path_, what: str) -> str:
     """
     allowed = f"{what} in UTF-8, or in UTF-16 with its mark"
     try:
-        content = plain_file(path).read_bytes()
+        content = require_plain_file(path).read_bytes()
     except OSError as error:
         raise InputError(path, "file", error.strerror, what) from error
     encoding = "utf-16" if content.startswith(UTF_16_MARKS) else "utf-8-sig"
@@ -738,7 +763,7 @@ def _read_text(path: Path_, what: str) -> str:
         text = content.decode(encoding)
     except UnicodeDecodeError as error:
         raise InputError(path, "table", str(error), allowed) from error
-    # Zero bytes are a sign of UTF-16 without its mark.
+    # A text with zero bytes is UTF-16 without a byte order mark.
     require("\0" not in text, path, "table", "a byte of zero", allowed)
     return text
 
@@ -746,7 +771,7 @@ def _read_text(path: Path_, what: str) -> str:
 def _read_header(lines: Iterable[str]) -> str:
     """Return the header of a table: its first line with content.
 
-    A name in quotes may span several lines. The header then has all of them.
+    If a quoted name spans several lines, the header includes all of these lines.
     """
     header = ""
     for line in lines:
@@ -757,16 +782,16 @@ def _read_header(lines: Iterable[str]) -> str:
 
 
 def _find_separator(header: str) -> str:
-    """Find in the header of a table what separates the cells.
+    """Find out from the header of a table what separates its cells.
 
     Returns
     -------
     str
-        The most frequent of `SEPARATORS`, or `BLANKS` if the header has none of them.
+        The most frequent of `SEPARATORS`, or `BLANKS_PATTERN` if the header has none of them.
     """
     separator = max(SEPARATORS, key=header.count)
     if separator not in header and " " in header.strip():
-        return BLANKS
+        return BLANKS_PATTERN
     return separator
 
 
@@ -780,7 +805,7 @@ def _split_cells(path: Path_, text: str, separator: str, what: str) -> "pd.DataF
     text : str
         The lines, with the header.
     separator : str
-        What separates the cells: a character, or the expression `BLANKS`.
+        The character that separates the cells, or `BLANKS_PATTERN`.
     what : str
         What the file should be, for messages.
 
@@ -795,7 +820,7 @@ def _split_cells(path: Path_, text: str, separator: str, what: str) -> "pd.DataF
     InputError
         If the text is empty, or a row has more cells than the first.
     """
-    # Imported late, since it is slow, and a process that simulates reads no table.
+    # Import pandas only here: it is slow, and a process that simulates reads no table.
     import pandas as pd
 
     try:
@@ -839,14 +864,19 @@ def _replace_decimal_commas(path: Path_, cells: "pd.DataFrame") -> "pd.DataFrame
     Raises
     ------
     InputError
-        If some numbers have a comma and others a point: it is unclear what they mean.
+        If some numbers have a comma and others a point, because their meaning is then
+        unclear.
     """
-    has_comma = cells.map(lambda cell: WITH_COMMA.fullmatch(cell) is not None)
+    has_comma = cells.map(
+        lambda cell: DECIMAL_COMMA_PATTERN.fullmatch(cell) is not None
+    )
     if not has_comma.to_numpy().any():
         return cells
 
     # Refuse the first number with a point, and name one with a comma.
-    has_point = cells.map(lambda cell: WITH_POINT.fullmatch(cell) is not None)
+    has_point = cells.map(
+        lambda cell: DECIMAL_POINT_PATTERN.fullmatch(cell) is not None
+    )
     rows, columns = np.nonzero(has_point.to_numpy())
     if len(rows):
         first_with_comma = cells.to_numpy()[has_comma.to_numpy()][0]
@@ -864,9 +894,9 @@ def _replace_decimal_commas(path: Path_, cells: "pd.DataFrame") -> "pd.DataFrame
 def match_column_names(found: Iterable[str], declared: Iterable[str]) -> dict[str, str]:
     """Match columns to declared names that differ from theirs only in form.
 
-    Differences in form are capitals, blanks, the composition of accents, and look-alike
-    signs such as micro and Greek mu. If several columns share a form, it is unclear
-    which of them is meant, so they keep their names.
+    Differences in form are capital letters, blanks, the encoding of accents, and signs
+    that look alike, such as micro and Greek mu. If several columns have the same form,
+    it is unclear which of them is meant, so they keep their names.
 
     Parameters
     ----------
@@ -885,22 +915,22 @@ def match_column_names(found: Iterable[str], declared: Iterable[str]) -> dict[st
     declared_names = set(declared)
     missing_names = {}
     for name in declared_names.difference(found_names):
-        missing_names[normal_form(name)] = name
+        missing_names[normalise_name(name)] = name
 
     # Match them to the other columns of the table.
     undeclared = [name for name in found_names if name not in declared_names]
-    form_counts = Counter(normal_form(name) for name in undeclared)
+    form_counts = Counter(normalise_name(name) for name in undeclared)
     new_names = {}
     for name in undeclared:
-        form = normal_form(name)
+        form = normalise_name(name)
         if form in missing_names and form_counts[form] == 1:
             new_names[name] = missing_names[form]
     return new_names
 
 
-def normal_form(name: object) -> str:
-    """Return a name in the form in which names are compared."""
-    # Characters without a width, such as the mark of UTF-8, have the category Cf.
+def normalise_name(name: object) -> str:
+    """Convert a name to the form in which names are compared."""
+    # Invisible characters, such as the byte order mark, have the category Cf.
     visible = [
         character for character in str(name) if unicodedata.category(character) != "Cf"
     ]
@@ -911,14 +941,14 @@ def normal_form(name: object) -> str:
 def _read_column(
     column: Column, cells: Sequence[Any], left_out: Collection[int]
 ) -> tuple[list[Any], list[Fault]]:
-    """Convert the cells of a column to values, and list the invalid ones.
+    """Convert the cells of a column to values, and list the invalid cells.
 
     Parameters
     ----------
     column : Column
-        The column.
+        The declaration of the column.
     cells : sequence
-        Its cells.
+        The cells of the column.
     left_out : collection of int
         Rows to skip. Their values are NaN.
 
@@ -927,8 +957,8 @@ def _read_column(
     values : list
         NaN where a cell is not allowed.
     faults : list of Fault
-        Cells that are not allowed, and values that are repeated in a column that has
-        each of them once.
+        Cells that are not allowed. In a column whose values must differ, also cells that
+        repeat an earlier value.
     """
     values: list[Any] = []
     faults: list[Fault] = []
@@ -943,7 +973,7 @@ def _read_column(
                 faults.append((row, column.name, shown_cell, column.allowed))
         values.append(value)
 
-        # NaN marks a cell that is empty or invalid. Only NaN differs from itself.
+        # NaN stands for a cell that is empty or invalid. Only NaN differs from itself.
         is_nan = value != value
         if column.once and not is_nan:
             first_row = first_row_of_value.setdefault(value, row)
@@ -954,22 +984,22 @@ def _read_column(
 
 
 def _format_invalid_cell(column: Column, cell: Any) -> Any:
-    """Return an invalid cell as a message shows it.
+    """Convert an invalid cell to the value that a message shows.
 
-    A finite number, which is out of bounds, becomes a float and so has no quotes. Any
-    other cell is returned as it is.
+    A finite number that is out of bounds becomes a float, so that the message writes it
+    without quotes. Any other cell is returned unchanged.
     """
     if column.kind is bool:
         return cell
     try:
-        number = plain_number(cell)
+        number = parse_number(cell)
     except (TypeError, ValueError, OverflowError):
         return cell
     return number if math.isfinite(number) else cell
 
 
 def is_missing(cell: Any) -> bool:
-    """Tell whether a cell holds nothing: an empty text, None, or NaN."""
+    """Tell whether a cell is empty: an empty text, None, or NaN."""
     if isinstance(cell, str):
         return cell.strip().casefold() in ("", "nan")
     if isinstance(cell, int | float):
@@ -980,7 +1010,7 @@ def is_missing(cell: Any) -> bool:
 
 
 def _read_truth_value(cell: Any) -> bool:
-    """Read True or False, with any capitals; ValueError for anything else."""
+    """Read True or False in any case; raise ValueError for any other text."""
     text = str(cell).strip().casefold()
     if text not in ("true", "false"):
         raise ValueError(f"{cell!r} is neither True nor False")
@@ -1003,13 +1033,13 @@ def _find_summary_faults(
     Returns
     -------
     list of Fault
-        One fault, for `refuse`, that names the first cell of the row. Empty if there is
+        One fault, for `refuse`, which names the first cell of the row. Empty if there is
         no such row.
     """
     number_columns = {}
     for name, column in declared.items():
         holds_no_numbers = column.kind in (str, bool)
-        if name in cells and not holds_no_numbers and is_number(cells[name]):
+        if name in cells and not holds_no_numbers and holds_numbers(cells[name]):
             number_columns[name] = cells[name].tolist()
     summary = find_summary_row(number_columns)
     if summary is None:

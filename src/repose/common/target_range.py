@@ -1,18 +1,37 @@
-"""Compute the range of a target for which the user gives none."""
+"""Compute the range of a target where the user gives no range."""
 
 import math
 
-LEAST_RANGE = 0.01  # of the value, to each side
-# Standard errors of the mean to each side. One of them would hold the true mean with a
-# probability of 58 % after three repetitions, and of 66 % after ten.
+# Smallest distance of a limit from the value, as a share of the value.
+LEAST_RELATIVE_RANGE = 0.01
+# Number of standard errors between the mean and each limit. With only one standard error
+# the range would contain the true mean with a probability of 58 % after three
+# repetitions, and of 66 % after ten.
 STANDARD_ERRORS = 2
 
 
-def range_about(value: float, sd: float, repetitions: int) -> tuple[float, float]:
+def compute_target_range(
+    value: float, sd: float, repetitions: int
+) -> tuple[float, float]:
     """Compute the range of a target from its mean and its scatter.
 
-    It is the mean with two standard errors to each side, at least 1 % of the mean.
+    Parameters
+    ----------
+    value : float
+        Mean of the repetitions.
+    sd : float
+        Standard deviation of the repetitions.
+    repetitions : int
+        Number of repetitions.
+
+    Returns
+    -------
+    tuple of float
+        The lower and the upper limit. Each is two standard errors from the mean, or 1 %
+        of the mean if that is more.
     """
     standard_error = sd / math.sqrt(repetitions)
-    half_range = max(STANDARD_ERRORS * standard_error, LEAST_RANGE * abs(value))
+    half_range = max(
+        STANDARD_ERRORS * standard_error, LEAST_RELATIVE_RANGE * abs(value)
+    )
     return value - half_range, value + half_range

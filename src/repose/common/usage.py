@@ -1,7 +1,7 @@
 """Record the processor time of each process of a study's jobs, and add it up.
 
-Snakemake's benchmark of a job ends at its last look, a half minute before the end of a
-long one.
+Snakemake reads the processor time of a job only from time to time, so its benchmark of a
+long job may lack the last half minute.
 """
 
 import csv
@@ -15,13 +15,14 @@ from operator import methodcaller
 from pathlib import Path
 from typing import NamedTuple
 
-from repose.common.ledger import open_descriptor, write_in_one_move
+from repose.common.ledger import open_descriptor, write_atomically
 
-TABLE = "benchmarks/processes.csv"
-# A job has a log and a benchmark of one name in these folders.
+TABLE_PATH = "benchmarks/processes.csv"
+# Each job has a log and a benchmark with the same name in these folders.
 LOGS = "logs"
 BENCHMARKS = "benchmarks"
-# A process may end so much earlier than its job began [s]: clocks of files are coarse.
+# By this time a process may seem to end before its job began, because file times are
+# coarse [s].
 CLOCK_TOLERANCE_S = 1.0
 
 
@@ -59,45 +60,46 @@ def _sum_time_of_ended_children_s() -> float:
     return used.ru_utime + used.ru_stime
 
 
-# Of the commands that a shell ran before it became this process [s].
-EARLIER_S = _sum_time_of_ended_children_s()
+# A shell may have run other commands before it became this process. This is their
+# processor time [s].
+EARLIER_CHILDREN_S = _sum_time_of_ended_children_s()
 
 
-def used_here_s() -> float:
-    """Add up the processor time of this program and of its children that have ended [s]."""
-    return time.process_time() + _sum_time_of_ended_children_s() - EARLIER_S
+def measure_processor_time_s() -> float:
+    """Measure the processor time of this program and of its ended children [s]."""
+    return time.process_time() + _sum_time_of_ended_children_s() - EARLIER_CHILDREN_S
 
 
-def note(folder: str | os.PathLike) -> None:
+def record_process(folder: str | os.PathLike) -> None:
     """Append this process and its processor time to the table of a results folder.
 
-    Nothing is noted without the library psutil, or on a full disk.
+    Nothing is written if the library psutil is not installed, or if the disk is full.
     """
     try:
         import psutil
     except ImportError:
-        # An installation without it has no workflow either.
+        # An installation without psutil has no workflow either.
         return
     ancestors = " ".join(str(parent.pid) for parent in psutil.Process().parents())
     process = Process(
-        time.time(), used_here_s(), _find_log(), platform.node(), ancestors
+        time.time(), measure_processor_time_s(), _find_log(), platform.node(), ancestors
     )
     line = ",".join(map(str, process)) + "\n"
 
     # Append it to the table, which begins with a header.
-    table = Path(folder) / TABLE
+    table = Path(folder) / TABLE_PATH
     # Ignore a full disk, since the files of the job itself are complete.
     with suppress(OSError):
         table.parent.mkdir(exist_ok=True)
         with open_descriptor(table, os.O_APPEND) as handle:
             is_new = os.fstat(handle).st_size == 0
             header = ",".join(Process._fields) + "\n" if is_new else ""
-            # One write, so that lines of processes that end together do not mix.
+            # Use a single write, so that lines of processes that end together do not mix.
             os.write(handle, f"{header}{line}".encode())
 
 
 def _find_log() -> str:
-    """Find the file that takes this process's errors, if the system names it."""
+    """Find the log to which this process writes its errors; empty if it is unknown."""
     try:
         path = os.path.relpath(os.readlink("/proc/self/fd/2"))
     except (OSError, ValueError):
@@ -105,17 +107,17 @@ def _find_log() -> str:
     return path if path.endswith(".log") and "," not in path else ""
 
 
-def since(folder: str | os.PathLike, began_s: float) -> list[Process]:
-    """List the processes in the table of a results folder that ended since a given time.
+def list_processes_since(folder: str | os.PathLike, start_s: float) -> list[Process]:
+    """List the processes in the table of a results folder that ended after a time.
 
     Parameters
     ----------
     folder : path
         The folder of results. It may have no table.
-    began_s : float
+    start_s : float
         The time, in seconds since 1970.
     """
-    table = Path(folder) / TABLE
+    table = Path(folder) / TABLE_PATH
     if not table.is_file():
         return []
     with table.open(encoding="utf-8", newline="") as handle:
@@ -128,18 +130,18 @@ def since(folder: str | os.PathLike, began_s: float) -> list[Process]:
             continue
         ended_s, cpu_s, *texts = row
         process = Process(float(ended_s), float(cpu_s), *texts)
-        if process.ended_s >= began_s:
+        if process.ended_s >= start_s:
             processes.append(process)
     return processes
 
 
 def correct_benchmarks(folder: str | os.PathLike, processes: Iterable[Process]) -> None:
-    """Replace the processor time in snakemake's benchmarks by that of whole jobs.
+    """Correct the processor time in the benchmarks that snakemake has written.
 
     Parameters
     ----------
     folder : path
-        The folder of results. It has a log and a benchmark of one name for each job.
+        The folder of results. The benchmarks in it are changed.
     processes : iterable of Process
         The processes of all jobs.
     """
@@ -180,11 +182,11 @@ def _correct_benchmark(path: Path, processes: Iterable[Process]) -> None:
     *rows, last_row = path.read_text(encoding="utf-8").splitlines()
     names = rows[0].split("\t")
     values = last_row.split("\t")
-    # Snakemake has written the file at the end of the last run, so this began earlier by
-    # its duration. Count only the processes that ended since then.
+    # Snakemake writes the file at the end of the last run. Subtract the duration to find
+    # when this run began, and count only the processes that ended later.
     wall_s = float(values[names.index("s")])
-    began_s = path.stat().st_mtime - wall_s - CLOCK_TOLERANCE_S
-    cpu_s = sum(process.cpu_s for process in processes if process.ended_s >= began_s)
+    start_s = path.stat().st_mtime - wall_s - CLOCK_TOLERANCE_S
+    cpu_s = sum(process.cpu_s for process in processes if process.ended_s >= start_s)
     values[names.index("cpu_time")] = f"{cpu_s:.2f}"
     text = "\n".join([*rows, "\t".join(values)]) + "\n"
-    write_in_one_move(path, methodcaller("write", text.encode()))
+    write_atomically(path, methodcaller("write", text.encode()))

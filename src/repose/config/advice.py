@@ -12,7 +12,7 @@ from repose.bench.funnel import NAME, PACKING, FunnelSettings
 from repose.bench.settings import SceneSettings
 from repose.common.keys import Config
 from repose.common.numbers import rounded
-from repose.common.statuses import in_words
+from repose.common.statuses import describe_status
 from repose.config.computed import Grain, diameter_mm
 from repose.dem.laws import ROLLING_LAWS
 from repose.grain.particle import Particle
@@ -96,7 +96,7 @@ def give_funnel_hints(
     if ROLLING_LAWS.entry(rolling_law).creeps:
         yield (
             f"rolling law: WARNING: with {rolling_law} grains creep under a torque, so "
-            f"runs may fail because {in_words('not_at_rest')}"
+            f"runs may fail because {describe_status('not_at_rest')}"
         )
     yield f"stiffness: {_describe_stiffness(config, grain, longest_step_s)}"
     filling = compare_volumes(config, particle.volume_m3)

@@ -16,14 +16,14 @@ from repose.calibrate.strategies import names, strategy
 from repose.calibrate.targets import OWN
 from repose.common import attached
 from repose.common.errors import InputError
-from repose.common.keys import Config, get, lookup
+from repose.common.keys import Config, get_value, lookup
 from repose.common.provenance import (
     Inputs,
     Record,
-    as_recorded,
+    convert_to_recorded_form,
     engine_hash,
-    hash_of,
-    hash_of_file,
+    hash_content,
+    hash_file,
 )
 from repose.config.loader import is_external
 from repose.config.models import named_files, targets_of
@@ -352,7 +352,7 @@ def hash_scene(config: Config) -> str:
         16 hexadecimal digits.
     """
     if is_external(config):
-        return hash_of(_select_external_run_settings(config))
+        return hash_content(_select_external_run_settings(config))
 
     # Leave out which of the angles is calibrated.
     selected = select_sections(config, "berry", "measure")
@@ -365,7 +365,7 @@ def hash_scene(config: Config) -> str:
     for test in tests:
         selected |= simulation_settings(config, test)
         selected |= _select_test_keys(config, test, bench(test).measured_by)
-    return hash_of(_hash_named_files(selected))
+    return hash_content(_hash_named_files(selected))
 
 
 def select_responses(config: Config, apparatus: str | None = None) -> dict[str, Any]:
@@ -423,7 +423,7 @@ def _hash_named_files(selected: dict[str, Any]) -> dict[str, Any]:
 
 def _hash_content(path: str | PathLike) -> str | None:
     """Hash a file; None if it is missing, which its reader reports."""
-    return hash_of_file(path) if Path(path).is_file() else None
+    return hash_file(path) if Path(path).is_file() else None
 
 
 # --- results of other settings --------------------------------------------------------
@@ -482,7 +482,9 @@ def difference(
         return None
 
     # Compare the settings, and then the engine.
-    current = as_recorded(settings_of(config, record["verb"], apparatus, strategy_name))
+    current = convert_to_recorded_form(
+        settings_of(config, record["verb"], apparatus, strategy_name)
+    )
     if recorded != current:
         return _find_first_difference(recorded, current)
     engine = engine_hash()
@@ -557,7 +559,7 @@ def require_same_study(config: Config, inputs: Inputs, source: str) -> None:
             continue
         # A difference may only mean that a file of the study is not found from here: a
         # missing file has no content to compare.
-        named_file = get(config, mismatch.key)
+        named_file = get_value(config, mismatch.key)
         if mismatch.current is None and isinstance(named_file, str):
             raise InputError(
                 source,
@@ -589,7 +591,9 @@ def find_outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
     list of str
         The paths of such results.
     """
-    return [str(path) for path in paths if difference(config, attached.read(path))]
+    return [
+        str(path) for path in paths if difference(config, attached.read_record(path))
+    ]
 
 
 def find_own_dataset(config: Config) -> Path | None:
@@ -614,7 +618,7 @@ def find_own_dataset(config: Config) -> Path | None:
 
     # Every file must have a record, and the settings of the study.
     files = [*folder.glob("berry/*.json"), *piles, table]
-    if any(attached.read(path) is None for path in files):
+    if any(attached.read_record(path) is None for path in files):
         return None
     if find_outdated(config, files):
         return None

@@ -13,8 +13,8 @@ from typing import Any
 from repose.common import ledger
 from repose.common.errors import InputError
 from repose.common.files import read_json, write_json
-from repose.common.keys import Config, get
-from repose.common.provenance import hash_of, hash_of_file
+from repose.common.keys import Config, get_value
+from repose.common.provenance import hash_content, hash_file
 from repose.common.source_code import code_hash
 from repose.config.models import named_files
 from repose.stages.published import find_sibling_table, list_tables
@@ -29,9 +29,9 @@ def fingerprint(config: Config) -> str:
     contents = {}
     for path in _list_named_paths(config):
         if path is not None and Path(path).is_file():
-            contents[str(path)] = hash_of_file(path)
+            contents[str(path)] = hash_file(path)
     code = code_hash(*ROOMS, follow_imports=False)
-    return hash_of({"config": config, "files": contents, "code": code})
+    return hash_content({"config": config, "files": contents, "code": code})
 
 
 def _list_named_paths(config: Config) -> list[Any]:
@@ -49,8 +49,8 @@ def _list_named_paths(config: Config) -> list[Any]:
         Texts and paths, and whatever else stands in place of a path.
     """
     # Keys that name a file, and the tables in the folder of published results.
-    paths = [get(config, key) for key in named_files()]
-    published = get(config, "validation.published")
+    paths = [get_value(config, key) for key in named_files()]
+    published = get_value(config, "validation.published")
     if isinstance(published, str):
         paths += [*list_tables(published), find_sibling_table(published, "table1.csv")]
 

@@ -26,9 +26,9 @@ from repose.calibrate.uncertainty.settings import SensitivitySettings
 from repose.common import places, provenance
 from repose.common.errors import InputError, YamlError, raise_together
 from repose.common.files import Path_
-from repose.common.keys import Origin, get
+from repose.common.keys import Origin, get_value
 from repose.common.section import PathOrNull, Section, refuse
-from repose.common.target_range import range_about
+from repose.common.target_range import compute_target_range
 from repose.config import loader, results_folder
 from repose.config.models import (
     FiguresSettings,
@@ -244,7 +244,9 @@ class ExternalConfig(PipelineConfig):
     @property
     def _file(self) -> str:
         """The file that a fault names."""
-        return self.source.default if isinstance(self.source, Origin) else self.source
+        return (
+            self.source.default_file if isinstance(self.source, Origin) else self.source
+        )
 
     @cached_property
     def _checks(self) -> "ConfigChecks":
@@ -285,7 +287,7 @@ def _require_whole_study(layered: loader.Layered) -> None:
     """
     if "parameters" in layered.config:
         return
-    file = layered.origin.find_owner("simulator")
+    file = layered.origin.find_file_to_edit("simulator")
     words = (
         "a section with a range for each parameter; a file with a section simulator is "
         "a whole study by itself, or stands after the file of one, as in "
@@ -320,25 +322,25 @@ def convert_to_short_form(layered: loader.Layered) -> loader.Layered:
     # Leave out the sections of our simulator. A mistyped key stays, and is refused later.
     dropped = set(settings_type().model_fields) - set(make_file_model().model_fields)
     short = {name: value for name, value in content.items() if name not in dropped}
-    origin = dict(layered.origin.origin)
+    origin = dict(layered.origin.files_by_key)
 
     # Put the targets by name. All of them are from the file that has the list.
     short["targets"] = _name_targets(targets)
     for name, keys in short["targets"].items():
         for key in keys:
-            origin[f"targets.{name}.{key}"] = layered.origin.of("targets")
+            origin[f"targets.{name}.{key}"] = layered.origin.find_file("targets")
 
     # Both forms have these keys, and different defaults.
-    defaults = loader.read(places.find(places.METHOD_CONFIG))
+    defaults = loader.read(places.find_file(places.METHOD_CONFIG))
     for key in ("strategy", "surrogate"):
         short.setdefault(key, defaults[key])
 
     # Move the number of runs and the seed to the top.
     for key, old_key in OLD_KEYS.items():
-        value = get(content, old_key)
+        value = get_value(content, old_key)
         if key not in content and value is not None:
             short[key] = value
-            origin[key] = layered.origin.of(old_key)
+            origin[key] = layered.origin.find_file(old_key)
     short.setdefault("seed", defaults["design"]["seed"])
     if _has_bench_test_seeds(short["strategy"]):
         short.setdefault("seeds", defaults["funnel"]["seeds"])
@@ -346,7 +348,7 @@ def convert_to_short_form(layered: loader.Layered) -> loader.Layered:
         design = dict(content["design"])
         design.pop("seed", None)
         short["design"] = design
-    return loader.Layered(short, Origin(origin, layered.origin.default))
+    return loader.Layered(short, Origin(origin, layered.origin.default_file))
 
 
 def _name_targets(entries: Iterable[Any]) -> dict[Any, dict[str, Any]]:
@@ -397,7 +399,8 @@ def list_unread_sections(content: Mapping[str, Any]) -> list[str]:
         keys_read = [
             old_key.removeprefix(f"{name}.")
             for old_key in OLD_KEYS.values()
-            if get(content, old_key) is not None and old_key.startswith(f"{name}.")
+            if get_value(content, old_key) is not None
+            and old_key.startswith(f"{name}.")
         ]
         if not keys_read:
             unread.append(name)
@@ -454,7 +457,7 @@ def _convert_to_resolved_form(complete: Mapping[str, Any]) -> dict[str, Any]:
     for name, entry in complete["targets"].items():
         numbers = (entry["value"], entry["sd"], entry["repetitions"])
         target = {"response": name, "apparatus": OWN, "unit": "", **entry}
-        target["range"] = list(entry.get("range", range_about(*numbers)))
+        target["range"] = list(entry.get("range", compute_target_range(*numbers)))
         targets.append(target)
     config["targets"] = targets
 

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from repose.bench.parameters import LAW_PARAMETERS, PARAMETERS
 from repose.common import ledger, places
 from repose.common.files import Path_, write_text
-from repose.common.keys import Config, Origin, get
+from repose.common.keys import Config, Origin, get_value
 
 # Keys of `berry` that define a crop.
 CROP = ("sizes", "density_kg_m3", "stl")
@@ -64,13 +64,13 @@ class Layer(NamedTuple):
 
 
 def read(path: Path_) -> dict[str, Any]:
-    """Read a configuration file, as `repose.common.reading.read` does.
+    """Read a configuration file, as `repose.common.reading.read_yaml` does.
 
     That module is imported here, as the jobs of the workflow read no YAML.
     """
     from repose.common import reading
 
-    return reading.read(path)
+    return reading.read_yaml(path)
 
 
 def read_layers(files: Sequence[Path_], overrides: Config | None = None) -> Layered:
@@ -96,7 +96,7 @@ def read_layers(files: Sequence[Path_], overrides: Config | None = None) -> Laye
         If a file cannot be read.
     """
     # The files may be merged twice: alone, and over the defaults. Read them once.
-    paths = [places.find(path) for path in files]
+    paths = [places.find_file(path) for path in files]
     read_once: Any = functools.cache(read)
     if paths:
         layered = _merge_files(paths, overrides, read_once)
@@ -118,7 +118,7 @@ def read_given(files: Sequence[Path_], overrides: Config | None = None) -> Layer
     overrides : mapping, optional
         Nested values that override all files. Texts among them are parsed as YAML.
     """
-    return _merge_files([places.find(path) for path in files], overrides)
+    return _merge_files([places.find_file(path) for path in files], overrides)
 
 
 def is_external(config: Config) -> bool:
@@ -146,13 +146,13 @@ def of_workflow(
     Layered
     """
     layers = []
-    for path in files or places.configs()[-1:]:
-        layers.append(Layer(str(path), read(places.find(path))))
+    for path in files or places.list_default_configs()[-1:]:
+        layers.append(Layer(str(path), read(places.find_file(path))))
     origin: dict[str, str] = {}
     values = _find_in_files(
         given, "", layers=layers, origin=origin, default_source=default_source
     )
-    return Layered(values, Origin(origin, default=layers[-1].path))
+    return Layered(values, Origin(origin, default_file=layers[-1].path))
 
 
 def over_defaults(
@@ -178,9 +178,9 @@ def over_defaults(
     Layered
     """
     read_once: Any = functools.cache(read)
-    files = [places.find(path) for path in files]
-    method = places.find(places.METHOD_CONFIG)
-    study = places.configs()[-1]
+    files = [places.find_file(path) for path in files]
+    method = places.find_file(places.METHOD_CONFIG)
+    study = places.list_default_configs()[-1]
 
     # Choose the defaults. Values that define a crop need only those of the method.
     default_files: list[Path_] = [method]
@@ -204,9 +204,9 @@ def over_defaults(
     return Layered(
         _resolve_named_files(config),
         Origin(
-            {**defaults.origin.origin, **origin},
-            default=str(files[-1]) if files else default_source,
-            shared=str(method),
+            {**defaults.origin.files_by_key, **origin},
+            default_file=str(files[-1]) if files else default_source,
+            method_file=str(method),
         ),
     )
 
@@ -288,7 +288,7 @@ def _find_single_value(
 
     # A file may have None as a value, so another default stands for a key that it lacks.
     for layer in reversed(layers):
-        value_in_file = get(layer.content, dotted_key, MISSING)
+        value_in_file = get_value(layer.content, dotted_key, MISSING)
         if value_in_file in (value, parsed_value):
             return value_in_file, layer.path
     return parsed_value, default_source
@@ -297,7 +297,7 @@ def _find_single_value(
 def _last_file_with_section(dotted_key: str, layers: Sequence[Layer]) -> str | None:
     """Return the path of the last file that has a section; None if no file has it."""
     for layer in reversed(layers):
-        if isinstance(get(layer.content, dotted_key), dict):
+        if isinstance(get_value(layer.content, dotted_key), dict):
             return layer.path
     return None
 
@@ -332,8 +332,8 @@ def list_files_with_defaults(
     -------
     list of path
     """
-    built_in_crop = (places.root() / places.DEFAULT_CONFIG).resolve()
-    defaults = places.configs()
+    built_in_crop = (places.find_program_folder() / places.DEFAULT_CONFIG).resolve()
+    defaults = places.list_default_configs()
     defaults_without_crop = [
         path for path in defaults if path.resolve() != built_in_crop
     ]
@@ -360,8 +360,8 @@ def find_substitute_crop(*files: Path_) -> Path | None:
         The file of the built-in crop, if its numbers are used in this way; otherwise
         None.
     """
-    built_in_crop = places.root() / places.DEFAULT_CONFIG
-    paths = [places.find(path) for path in files]
+    built_in_crop = places.find_program_folder() / places.DEFAULT_CONFIG
+    paths = [places.find_file(path) for path in files]
 
     # A file in the folder of the built-in crop was made for this crop.
     for path in paths:
@@ -369,7 +369,7 @@ def find_substitute_crop(*files: Path_) -> Path | None:
             return None
 
     # Nothing is missing if the folder has a configuration or the file is complete.
-    if places.configs()[-1] != built_in_crop or is_resolved(*paths):
+    if places.list_default_configs()[-1] != built_in_crop or is_resolved(*paths):
         return None
 
     # The given files include it, or are merged over it because they define no crop.
@@ -419,7 +419,7 @@ def _merge_files(
     # Messages ask the user to add a missing key to the last file, and never to edit the
     # file of the method.
     last_file = str(files[-1]) if files else ""
-    method = str(places.find(places.METHOD_CONFIG))
+    method = str(places.find_file(places.METHOD_CONFIG))
     return Layered(_resolve_named_files(config), Origin(origin, last_file, method))
 
 
@@ -442,7 +442,7 @@ def _resolve_named_files(config: dict[str, Any]) -> dict[str, Any]:
         section_name, _, key = dotted_key.rpartition(".")
         section = config.get(section_name) if section_name else config
         if isinstance(section, dict) and isinstance(section.get(key), str):
-            section[key] = str(places.find(section[key]))
+            section[key] = str(places.find_file(section[key]))
     return config
 
 
@@ -477,14 +477,14 @@ def _parse_texts(value: Any) -> Any:
     object
         A copy with the texts parsed. An empty text stays empty.
     """
-    from repose.common.reading import parse
+    from repose.common.reading import parse_yaml
 
     if isinstance(value, dict):
         return {key: _parse_texts(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
         return [_parse_texts(item) for item in value]
     if isinstance(value, str) and value.strip():
-        return parse(value, COMMAND_LINE)
+        return parse_yaml(value, COMMAND_LINE)
     return value
 
 

@@ -12,7 +12,7 @@ from repose.bench.settings import SceneSettings
 from repose.calibrate.targets import Targets, with_defaults
 from repose.common import faults
 from repose.common.errors import InputError, YamlError, raise_together
-from repose.common.keys import Origin, get, owner_of
+from repose.common.keys import Origin, find_file_to_edit, get_value
 from repose.config import computed, results_folder
 from repose.config.contradictions import (
     Rule,
@@ -119,7 +119,7 @@ class ConfigChecks:
         # Check each key separately. This replaces the faults of an earlier check.
         self._complete_targets()
         self.config = faults.convert_whole_numbers(self.config, settings_type())
-        checked = faults.check(self.config, self.source, settings_type())
+        checked = faults.find_faults(self.config, self.source, settings_type())
         self.faults = checked.faults
         self.faulty_keys = checked.keys
 
@@ -186,7 +186,7 @@ class ConfigChecks:
         if not isinstance(entries, list):
             # A later check reports the fault.
             return
-        owner = owner_of(self.source, "targets")
+        owner = find_file_to_edit(self.source, "targets")
         expanded = profile_targets.expand_profiles(entries, owner)
         targets = [with_defaults(entry) for entry in expanded]
         self.config = self.config | {"targets": targets}
@@ -207,12 +207,14 @@ class ConfigChecks:
     def _add_faults(self, pairs: Iterable[tuple[str, str]]) -> None:
         """Add a fault for each pair of a dotted key and its allowed values."""
         for key, allowed in pairs:
-            self.faults.append(self._make_fault(key, get(self.config, key), allowed))
+            self.faults.append(
+                self._make_fault(key, get_value(self.config, key), allowed)
+            )
             self.faulty_keys.add(key)
 
     def _make_fault(self, key: str, value: Any, allowed: str) -> InputError:
         """Make the fault of a dotted key, which names the user's file."""
-        return YamlError(owner_of(self.source, key), key, value, allowed)
+        return YamlError(find_file_to_edit(self.source, key), key, value, allowed)
 
     def _apply_rules(self, applicable: Iterable[Rule]) -> None:
         """Add the faults of the rules whose sections have none so far."""
@@ -289,7 +291,7 @@ class ConfigChecks:
         for key in named_files():
             if not self._may_use(key):
                 continue
-            path = get(self.config, key)
+            path = get_value(self.config, key)
             if path is not None:
                 paths[key] = path
         return paths
@@ -357,7 +359,9 @@ class ConfigChecks:
         self.config = computed.replace_setting(self.config, setting, number)
 
         # Even a computed number may lie outside the allowed range.
-        for fault in faults.check(self.config, self.source, settings_type()).faults:
+        for fault in faults.find_faults(
+            self.config, self.source, settings_type()
+        ).faults:
             if fault.key == setting.key:
                 allowed = f"{fault.allowed}; `auto` gives this number"
                 self._add_faults([(fault.key, allowed)])

@@ -45,7 +45,11 @@ from repose.common.section import (
     PathOrNull,
     Section,
 )
-from repose.common.target_range import LEAST_RANGE, STANDARD_ERRORS, range_about
+from repose.common.target_range import (
+    LEAST_RELATIVE_RANGE,
+    STANDARD_ERRORS,
+    compute_target_range,
+)
 from repose.config import results_folder
 from repose.config.loader import is_external
 from repose.grain.settings import GrainSettings
@@ -260,10 +264,10 @@ class TargetSettings(Section):
 
         Otherwise the user gave it, or it is the least range around the value.
         """
-        if self.range != range_about(self.value, self.sd, self.repetitions):
+        if self.range != compute_target_range(self.value, self.sd, self.repetitions):
             return False
         scatter = STANDARD_ERRORS * self.sd / math.sqrt(self.repetitions)
-        return scatter > LEAST_RANGE * abs(self.value)
+        return scatter > LEAST_RELATIVE_RANGE * abs(self.value)
 
 
 class ExternalTarget(Section):
@@ -477,7 +481,7 @@ def settings_of(
     try:
         return model.model_validate(config)
     except ValidationError:
-        raise_together(faults.check(config, source, model).faults)
+        raise_together(faults.find_faults(config, source, model).faults)
         raise
 
 

@@ -16,7 +16,7 @@ from pydantic_core import PydanticUndefined
 
 from repose.calibrate.profile_targets import BenchProfile
 from repose.common import faults, places
-from repose.common.reading import read
+from repose.common.reading import read_yaml
 from repose.common.section import ABSENT, Section
 from repose.config.models import TargetSettings, settings_type
 from repose.stages.settings import ParticlesSettings, SimulatorSettings
@@ -94,7 +94,7 @@ def sections_without_table(text: str) -> list[str]:
 
 def make_tables() -> dict[str, Table]:
     """Make all tables, by the names that they have in the page."""
-    method = read(places.root() / places.METHOD_CONFIG)
+    method = read_yaml(places.find_program_folder() / places.METHOD_CONFIG)
     whole = settings_type()
     tables_by_name = {
         "study": Table(whole, method),
@@ -200,7 +200,7 @@ def _format_yaml_value(value: Any) -> str:
 
 def main() -> None:
     """Write the tables into the page of the checkout."""
-    path = Path(places.root()) / PAGE
+    path = Path(places.find_program_folder()) / PAGE
     text = update_tables(path.read_text(encoding="utf-8"))
     path.write_text(text, encoding="utf-8")
     for name in sections_without_table(text):

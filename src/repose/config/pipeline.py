@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, Self
 from repose.calibrate.responses import Definitions
 from repose.common import provenance
 from repose.common.errors import InputError
-from repose.common.files import Path_, path_of, read_json
-from repose.common.keys import Origin, origin_of
+from repose.common.files import Path_, convert_to_path, read_json
+from repose.common.keys import Origin, find_source_file
 from repose.config import loader
 from repose.stages.published import find_sibling_table
 
@@ -76,7 +76,7 @@ class PipelineConfig:
             allowed.
         """
         for file in files:
-            path_of("file", file)
+            convert_to_path("file", file)
 
         # A resolved file was checked before.
         if not overrides and not inputs and loader.is_resolved(*files):
@@ -129,7 +129,7 @@ class PipelineConfig:
             raise InputError(source, "configuration", config, words)
         if "simulator" in config:
             raise InputError(
-                origin_of(source, "simulator"),
+                find_source_file(source, "simulator"),
                 "simulator",
                 config["simulator"],
                 "a study of our own simulator; for one of yours see "

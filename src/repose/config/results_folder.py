@@ -101,7 +101,7 @@ def check_is_apart(results_dir: str) -> str:
     folder = Path(os.path.realpath(results_dir))
 
     # The project may be the working folder, or the place of the installation.
-    roots = {Path.cwd(), places.root().resolve()}
+    roots = {Path.cwd(), places.find_program_folder().resolve()}
     project_folders = [places.PACKAGE]
     for root in roots:
         project_folders += [root / name for name in PROJECT_FOLDERS]
@@ -217,7 +217,7 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
     unknown_files = []
     for folder, files in _walk_folders_of_results(results_dir, names):
         faults |= _find_faulty_results(folder, results_dir, names=names)
-        listed_names = ledger.names(folder)
+        listed_names = ledger.list_names(folder)
         for name in files:
             path = f"{folder}/{name}"
             if name not in listed_names and path not in unlisted:
@@ -250,12 +250,12 @@ def _find_faulty_results(
     """
     # Results that were edited or damaged.
     faults: dict[str, InputError] = {}
-    for changed in ledger.changed(folder):
+    for changed in ledger.find_changed_files(folder):
         if folder != results_dir or changed.name in names:
             faults[str(changed)] = _describe_changed_result(changed, Path(folder))
 
     # Folders in the place of a result. To snakemake they are the result.
-    for name in ledger.names(folder):
+    for name in ledger.list_names(folder):
         path = f"{folder}/{name}"
         if os.path.isdir(path):
             faults[path] = _describe_foreign_file(path)
@@ -344,7 +344,7 @@ def _find_unlisted_results(results_dir: str, names: list[str]) -> Iterator[str]:
         if not (Path(folder) / LEDGER).is_file():
             for name in files:
                 path = f"{folder}/{name}"
-                if attached.read(path) is not None:
+                if attached.read_record(path) is not None:
                     yield path
 
 
@@ -372,11 +372,11 @@ def take_over(results_dir: str, outputs: Iterable[str]) -> int:
         return 0
 
     # List them with their sidecars, and the files without records.
-    records = [f"{path}{attached.SIDECAR}" for path in results]
+    records = [f"{path}{attached.SIDECAR_SUFFIX}" for path in results]
     files_of_runs = [f"{results_dir}/{name}" for name in WITHOUT_RECORD]
     for path in (*results, *records, *files_of_runs):
         if os.path.isfile(path) and not os.path.islink(path):
-            ledger.adopt(path)
+            ledger.list_file(path)
     return len(results)
 
 

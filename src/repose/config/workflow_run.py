@@ -18,9 +18,9 @@ from queue import SimpleQueue
 from typing import Any
 
 from repose.common import attached, usage
-from repose.common.errors import InputError, one_message
+from repose.common.errors import InputError, exit_on_fault
 from repose.common.ledger import LEDGER
-from repose.common.lock import take_folder
+from repose.common.lock import lock_folder
 from repose.config import dependencies, earlier_check, loader, results_folder
 from repose.config.pipeline import PipelineConfig
 
@@ -111,7 +111,7 @@ def check_when_planned(workflow: Any, study: PipelineConfig) -> None:
 
     def build_and_check() -> None:
         build()
-        with one_message():
+        with exit_on_fault():
             _check_results(study, _kept(workflow, study.settings.results_dir))
 
     workflow._build_dag = build_and_check
@@ -129,7 +129,7 @@ def _kept(workflow: Any, folder: str) -> Iterator[str]:
 def _check_results(study: PipelineConfig, paths: Iterable[str]) -> None:
     """Raise InputError for the first of the results that is of other settings."""
     for path in sorted(paths):
-        mismatch = dependencies.difference(study.config, attached.read(path))
+        mismatch = dependencies.difference(study.config, attached.read_record(path))
         if mismatch is not None:
             raise InputError(
                 path,
@@ -200,7 +200,7 @@ class WorkflowRun:
         InputError
             If another run of the workflow uses the folder.
         """
-        self._held.enter_context(take_folder(self.folder))
+        self._held.enter_context(lock_folder(self.folder))
         count = results_folder.take_over(self.folder, outputs)
         if count:
             print(
@@ -220,7 +220,7 @@ class WorkflowRun:
 
     def made(self, path: str) -> bool:
         """Tell whether a job of this run wrote a file, and did not only touch it."""
-        has_run_jobs = bool(usage.since(self.folder, self.began_s))
+        has_run_jobs = bool(usage.list_processes_since(self.folder, self.began_s))
         return (
             has_run_jobs
             and os.path.exists(path)
@@ -247,9 +247,9 @@ class WorkflowRun:
         import pandas as pd
 
         from repose.common.files import read_table, write_table
-        from repose.common.provenance import machine
+        from repose.common.provenance import describe_machine
 
-        processes = usage.since(self.folder, self.began_s)
+        processes = usage.list_processes_since(self.folder, self.began_s)
         if not processes:
             return
         usage.correct_benchmarks(self.folder, processes)
@@ -260,7 +260,7 @@ class WorkflowRun:
             "began": time.strftime("%Y-%m-%dT%H:%M:%SZ", began),
             "wall_s": round(time.time() - self.began_s, 1),
             "cpu_s": round(_processor_time_s(processes), 1),
-            "processor": machine()["processor"],
+            "processor": describe_machine()["processor"],
         }
         runs = pd.DataFrame([row])
         if os.path.exists(path):
@@ -281,7 +281,7 @@ def _processor_time_s(processes: Iterable[usage.Process]) -> float:
     """
     this_process = str(os.getpid())
     this_host = os.uname().nodename
-    cpu_s = usage.used_here_s()
+    cpu_s = usage.measure_processor_time_s()
     for process in processes:
         is_child = this_process in process.ancestors.split()
         if process.host != this_host or not is_child:

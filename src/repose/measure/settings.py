@@ -77,7 +77,7 @@ class MeasureSettings(Section):
     ) -> Self:
         """Make settings with the values of config/method.yaml for the keys left out."""
         keys["mm_per_pixel"] = mm_per_pixel
-        return method.with_defaults(cls, "measure", keys)
+        return method.make_section_with_defaults(cls, "measure", keys)
 
     def contradictions(self) -> Contradictions:
         """Refuse an upper end of the fitted part that leaves the part too short for a line."""

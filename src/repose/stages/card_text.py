@@ -14,7 +14,7 @@ from repose.calibrate.answer import (
     nearness,
 )
 from repose.calibrate.card import RANGE, with_remark
-from repose.common.numbers import rounded, with_error
+from repose.common.numbers import format_with_error, rounded
 
 # Absolute correlation from which a pair of parameters is listed.
 STRONG_CORRELATION = 0.5
@@ -420,7 +420,7 @@ def _format_mean(mean: float | None, error: float | None) -> str:
     """Write a mean with its standard error, if it is known."""
     if mean is None:
         return "no number"
-    return with_error(mean, error)
+    return format_with_error(mean, error)
 
 
 def _format_moduli(material: Card) -> str:

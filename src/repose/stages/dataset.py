@@ -22,7 +22,7 @@ from repose.calibrate.seeds import UNNAMED
 from repose.calibrate.targets import OWN, Target, Targets
 from repose.common.errors import InputError
 from repose.common.files import Path_, read_json, write_json, write_table
-from repose.common.statuses import explain
+from repose.common.statuses import describe_failures
 from repose.measure.angles import CALIBRATED_ANGLE
 from repose.measure.settings import MeasureSettings, line_of
 from repose.stages.parameter_sets import list_parameters, read_samples
@@ -146,8 +146,8 @@ def describe_counts(samples: Mapping[str, int], runs: Mapping[str, int]) -> str:
     """
     left_out = {status: count for status, count in samples.items() if status != "ok"}
     failed = {status: count for status, count in runs.items() if status != "ok"}
-    left_out_text = explain(left_out, "left out") or "none left out"
-    failed_text = explain(failed, "failed") or "none failed"
+    left_out_text = describe_failures(left_out, "left out") or "none left out"
+    failed_text = describe_failures(failed, "failed") or "none failed"
     return (
         f"{samples.get('ok', 0)} of {sum(samples.values())} samples can be used; "
         f"{left_out_text}. "

@@ -17,7 +17,7 @@ import numpy as np
 from repose.bench.bench_test import Run
 from repose.common import attached, provenance
 from repose.common.errors import InputError
-from repose.common.files import json_text, read_json, read_npz, write_json, write_npz
+from repose.common.files import format_json, read_json, read_npz, write_json, write_npz
 from repose.common.ledger import is_own_file
 from repose.common.source_code import code_hash
 from repose.measure.saved_pours import POURS_ENDING, positions_file
@@ -77,7 +77,7 @@ class KeptRuns:
         """Keep a run without its frames, unless a damaged or foreign file is there."""
         path = self._path(run.record["seed"])
         if _is_replaceable(path):
-            description_and_record = json_text([self.description, run.record])
+            description_and_record = format_json([self.description, run.record])
             write_npz(
                 path,
                 {**run.arrays, DESCRIPTION_ARRAY: np.array(description_and_record)},
@@ -93,7 +93,10 @@ def read_measurement(pours: Path) -> dict[str, Any] | None:
     Return None if there is none, or if the stage would now measure differently.
     """
     path = _measurement_file(pours)
-    if not is_own_file(path) or attached.read(path) != provenance.current():
+    if (
+        not is_own_file(path)
+        or attached.read_record(path) != provenance.get_current_record()
+    ):
         return None
     kept = read_json(path)
     if kept["of"] != _hash_sources(pours):
@@ -116,16 +119,16 @@ def _measurement_file(pours: Path) -> Path:
 def _hash_sources(pours: Path) -> dict[str, str]:
     """Hash what a measurement depends on besides its record."""
     files = (pours, positions_file(pours))
-    hashes = {path.name: provenance.hash_of_file(path) for path in files}
+    hashes = {path.name: provenance.hash_file(path) for path in files}
     return hashes | {"code": code_hash("stages.job")}
 
 
 def _is_current(path: Path) -> bool:
     """Tell whether a file is ours, unchanged, and of the origin of the current stage."""
-    stage_record = provenance.current()
+    stage_record = provenance.get_current_record()
     if stage_record is None or not is_own_file(path):
         return False
-    file_record = attached.read(path)
+    file_record = attached.read_record(path)
     return file_record is not None and file_record["origin"] == stage_record["origin"]
 
 

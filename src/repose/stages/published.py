@@ -10,7 +10,7 @@ from repose.calibrate.responses import Response
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 from repose.common.files import Path_, read_table
-from repose.common.tables import Column, is_number, read, read_text_rows
+from repose.common.tables import Column, holds_numbers, read, read_text_rows
 from repose.measure.definitions import CALIBRATED_ANGLE, MEAN_KEYS
 from repose.stages.parameter_sets import PARAMETER_COLUMNS
 
@@ -82,7 +82,7 @@ def _read_rows(path: Path_ | None) -> list[dict[str, Any]]:
     rows = []
     for table in list_tables(path):
         rows += read(
-            table, (SOLUTION_COLUMN, *PARAMETER_COLUMNS), others=is_number
+            table, (SOLUTION_COLUMN, *PARAMETER_COLUMNS), others=holds_numbers
         ).rows()
     return rows
 
@@ -159,7 +159,7 @@ def check_published_sets(path: Path_ | None) -> None:
     """
     for table in list_tables(path):
         n_rows = len(
-            read(table, (SOLUTION_COLUMN, *PARAMETER_COLUMNS), others=is_number)
+            read(table, (SOLUTION_COLUMN, *PARAMETER_COLUMNS), others=holds_numbers)
         )
         if not 1 <= n_rows <= MOST_SETS:
             raise InputError(table, "rows", n_rows, f"1 to {MOST_SETS} solutions")

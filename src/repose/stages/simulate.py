@@ -479,7 +479,7 @@ def _collect_inputs(
     for name in settings.files:
         if not Path(name).is_file():
             raise InputError("simulator", "files", name, EXPECTED_FILE)
-        hashes[Path(name).name] = provenance.hash_of_file(name)
+        hashes[Path(name).name] = provenance.hash_file(name)
     return {
         "command": command,
         "program": program,
@@ -548,7 +548,7 @@ def find_file_fault(folder: Path, name: str) -> InputError | None:
 
 def _hash_inputs(inputs: Mapping[str, Any]) -> dict[str, str]:
     """Make the content of `INPUT_HASH_FILE`, the hash of the inputs of a run."""
-    return {"inputs": provenance.hash_of(dict(inputs))}
+    return {"inputs": provenance.hash_content(dict(inputs))}
 
 
 def _run_in_folder(
@@ -593,7 +593,7 @@ def _run_in_folder(
         )
         for name in settings.files_read:
             listed = f"{folder.name}/{name}"
-            ledger.adopt_below(folder.parent, listed, source=work_folder / name)
+            ledger.list_file_below(folder.parent, listed, source=work_folder / name)
     shutil.rmtree(folder, ignore_errors=True)
     os.replace(work_folder, folder)
     return ending

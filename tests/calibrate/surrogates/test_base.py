@@ -10,7 +10,7 @@ from refusals import input_error, value_error
 from repose.calibrate.responses import require_same_definitions
 from repose.calibrate.surrogates import base, load, make, names
 from repose.calibrate.surrogates.settings import NetworkSettings
-from repose.common.faults import subschema
+from repose.common.faults import find_schema
 from repose.config.models import settings_type
 
 SETTINGS = NetworkSettings.of(
@@ -298,7 +298,7 @@ def test_surrogates_are_registered_once():
         "cubic",
         {},
     )
-    assert subschema(("surrogate",), settings_type())["enum"] == list(names())
+    assert find_schema(("surrogate",), settings_type())["enum"] == list(names())
 
 
 def test_load_names_what_is_wrong(tmp_path, fitted):

@@ -14,10 +14,10 @@ import yaml
 from shared import ROOT, says
 
 from repose.calibrate.study import Study
-from repose.common.reading import read
+from repose.common.reading import read_yaml
 
 STUDY = ROOT / "config/article_data.yaml"
-CONTENT = read(STUDY)
+CONTENT = read_yaml(STUDY)
 PARAMETERS = CONTENT["parameters"]
 RESPONSES = ("aor_deg", "height_mm")
 SAMPLES = 40

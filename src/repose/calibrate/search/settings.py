@@ -94,7 +94,7 @@ class MigaSettings(Section):
     @classmethod
     def with_defaults(cls, **keys: Any) -> Self:
         """Make settings with the values of config/method.yaml for the keys left out."""
-        return method.with_defaults(cls, "miga", keys)
+        return method.make_section_with_defaults(cls, "miga", keys)
 
     def contradictions(self) -> Contradictions:
         """Refuse a tournament larger than its population."""

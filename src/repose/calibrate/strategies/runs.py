@@ -14,19 +14,19 @@ from repose.calibrate.strategies.base import strategy
 from repose.calibrate.study import Study
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
-from repose.common.files import TURN, Path_
+from repose.common.files import TURN_COLUMN, Path_
 from repose.common.tables import (
     Column,
     Fault,
-    check,
-    check_columns,
+    convert_columns,
     describe_unread,
+    holds_numbers,
     is_missing,
-    is_plain,
     match_column_names,
-    plain_number,
+    parse_number,
     read,
     refuse,
+    require_columns,
 )
 
 OK = "ok"
@@ -51,8 +51,8 @@ Table: TypeAlias = pd.DataFrame | Rows
 # A number as pandas and spreadsheets write it in a column of whole numbers with gaps.
 WHOLE = re.compile(r"\d+\.0")
 NUMBERS = ("sample", "run")
-TURNS = Column(TURN, int, low=0, high=1e9, empty=True)
-OPTIONAL = ("status", TURN)
+TURNS = Column(TURN_COLUMN, int, low=0, high=1e9, empty=True)
+OPTIONAL = ("status", TURN_COLUMN)
 # The largest size of a response; a larger one counts as infinite.
 LARGEST = 1e100
 RESPONSE = "a finite number, or for a failed run NaN"
@@ -230,7 +230,7 @@ def unread_columns(study: Study, rows: Rows) -> dict[str, str]:
     name_it = (
         "; where it says whether a run is good, name it status, with ok for a good run"
     )
-    return describe_unread(cells, if_few=name_it)
+    return describe_unread(cells, hint_if_few=name_it)
 
 
 def read_rows(path: Path_, study: Study) -> Rows:
@@ -254,7 +254,7 @@ def read_rows(path: Path_, study: Study) -> Rows:
         If the file is not a table, or if only some of the rows have a sample or a run.
     """
     # Any cell of a parameter or a response is accepted here.
-    names = (TURN, *study.parameters.names, *study.targets.names)
+    names = (TURN_COLUMN, *study.parameters.names, *study.targets.names)
     columns = [Column(name, object, needed=False) for name in names]
     status = Column("status", str, needed=False, empty=True)
     needed = ", ".join([*study.parameters.free, *study.targets.names])
@@ -305,7 +305,7 @@ def checked_runs(
     Returns
     -------
     pandas.DataFrame
-        ``sample``, ``status``, parameters and responses. The turns are in ``attrs[TURN]``.
+        ``sample``, ``status``, parameters and responses. The turns are in ``attrs[TURN_COLUMN]``.
 
     Raises
     ------
@@ -322,7 +322,7 @@ def checked_runs(
     new_names = match_column_names(rows[0], columns_of(study))
     rows = [{new_names.get(key, key): row[key] for key in row} for row in rows]
     needed = needed_responses(study, [row.get("status") for row in rows])
-    check_columns(source, rows[0], (*space.free, *needed))
+    require_columns(source, rows[0], (*space.free, *needed))
     rows = with_missing(rows, study)
     columns = (*parameters, *responses, *OPTIONAL)
     cells = {name: [row.get(name) for row in rows] for name in columns}
@@ -332,9 +332,9 @@ def checked_runs(
     parameter_columns = map(
         _describe_parameter_column, parameters, low.tolist(), high.tolist()
     )
-    sets, faults_of_sets = check(cells, parameter_columns)
+    sets, faults_of_sets = convert_columns(cells, parameter_columns)
     outcomes = judge_runs(cells, responses)
-    turns, faults_of_turns = check(cells, [TURNS])
+    turns, faults_of_turns = convert_columns(cells, [TURNS])
     refuse(source, [*faults_of_sets, *outcomes.faults, *faults_of_turns])
 
     table = pd.DataFrame({"status": outcomes.statuses, **sets, **outcomes.values})
@@ -342,7 +342,7 @@ def checked_runs(
     table[parameters] = np.clip(table[parameters].to_numpy(float), low, high)
     numbers = _number_samples(table[parameters], rows, study, source)
     table.insert(0, "sample", numbers)
-    table.attrs[TURN] = np.nan_to_num(turns[TURN]).astype(int).tolist()
+    table.attrs[TURN_COLUMN] = np.nan_to_num(turns[TURN_COLUMN]).astype(int).tolist()
     _refuse_repeated_rows(table, rows, source)
     if enough:
         _require_enough_samples(table, space, source)
@@ -386,7 +386,7 @@ def judge_runs(
     faults = [
         (k, "status", status, "ok, or a word such as failed")
         for k, status in enumerate(statuses)
-        if is_plain([status])
+        if holds_numbers([status])
     ]
 
     # Read the responses, but ignore faults in runs whose status reports a failure.
@@ -396,7 +396,7 @@ def judge_runs(
         for name in responses
     }
     columns = [Column(name, empty=True, words=RESPONSE) for name in responses]
-    values, faults_of_responses = check(numbers, columns, failed_rows)
+    values, faults_of_responses = convert_columns(numbers, columns, failed_rows)
 
     # If one response of a run is missing, the run failed and loses all its responses.
     for k, responses_of_run in enumerate(zip(*values.values(), strict=True)):
@@ -437,7 +437,7 @@ def cells_of_result(
     for name in responses:
         is_marked_as_missing = name in cells and is_missing(cells[name])
         try:
-            cells[name] = plain_number(cells[name])
+            cells[name] = parse_number(cells[name])
         except (KeyError, TypeError, ValueError, OverflowError):
             cells[name] = math.nan
             if not is_marked_as_missing:
@@ -445,7 +445,7 @@ def cells_of_result(
 
     # A number as a status may mean success or failure. As text it means failure.
     status = str(cells.get("status", ""))
-    if is_plain([status]):
+    if holds_numbers([status]):
         cells["status"] = f"status {status}"
 
     # An empty result or a status of failure reports that the run failed.
@@ -474,7 +474,7 @@ def _read_status(cell: Any) -> str:
 def _replace_infinite(cell: Any) -> Any:
     """Return NaN for an infinite number, and any other cell as it is."""
     try:
-        is_infinite = abs(plain_number(cell)) > LARGEST
+        is_infinite = abs(parse_number(cell)) > LARGEST
     except (TypeError, ValueError, OverflowError):
         return cell
     return math.nan if is_infinite else cell

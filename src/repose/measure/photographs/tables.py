@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 import pandas as pd
 
 from repose.common.files import write_table, write_text
-from repose.common.target_range import range_about
+from repose.common.target_range import compute_target_range
 from repose.measure.definitions import DEFINITIONS, MEAN_KEYS
 from repose.measure.photographs.photograph import Photograph
 from repose.measure.results import Measurement
@@ -202,7 +202,7 @@ def _format_target(row: Any, bench: str, response: str) -> list[str]:
         sd = "null # one pile gives no scatter"
         target_range = "[null, null] # what counts as met"
     else:
-        low, high = range_about(row.value, row.sd, row.repetitions)
+        low, high = compute_target_range(row.value, row.sd, row.repetitions)
         sd = f"{row.sd:.3f}"
         target_range = f"[{low:.3f}, {high:.3f}]"
     return [

@@ -11,9 +11,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, FigureBase
 
 from repose.calibrate.calibration import Calibration
-from repose.calibrate.strategies.runs import TURN
+from repose.calibrate.strategies.runs import TURN_COLUMN
 from repose.calibrate.targets import Target
-from repose.common.files import path_of
+from repose.common.files import convert_to_path
 
 from . import panels, plane, posterior, style, surrogate
 
@@ -51,7 +51,7 @@ def plot(
     matplotlib.figure.Figure
     """
     if path is not None:
-        path = path_of("path", path)
+        path = convert_to_path("path", path)
         style.check_ending(path)
     # Each figure gets a part of the page, as high as it needs.
     all_parts = list(list_parts(calibration).values())
@@ -87,7 +87,7 @@ def list_parts(calibration: Calibration) -> dict[str, FigurePart]:
     n_free = calibration.study.parameters.dimensions
     targets = calibration.study.targets
     n_plane_targets = len(plane.leave_out_profiles(targets))
-    n_batches = len(set(calibration.runs.attrs.get(TURN, ())))
+    n_batches = len(set(calibration.runs.attrs.get(TURN_COLUMN, ())))
 
     # The height of a figure grows with the number of its rows.
     parts = {}
@@ -174,7 +174,7 @@ def _find_batches(calibration: Calibration) -> pd.Series:
     """
     # A sample may have runs of several batches.
     runs = calibration.runs
-    batch_of_run = pd.Series(runs.attrs[TURN], runs["sample"])
+    batch_of_run = pd.Series(runs.attrs[TURN_COLUMN], runs["sample"])
     batch_of_sample = batch_of_run.groupby(level=0).first()
     return calibration.samples["sample"].map(batch_of_sample)
 

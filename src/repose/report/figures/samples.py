@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from repose.calibrate.designs.latin_hypercube import METHODS
 from repose.calibrate.responses import Response
 from repose.common.files import read_table
-from repose.common.statuses import explain
+from repose.common.statuses import describe_failures
 from repose.report.study_view import compute_cell_edges
 
 from . import panels, style
@@ -182,7 +182,7 @@ def _describe_failed_samples(table: pd.DataFrame) -> str:
     failed = table[table["status"] != "ok"]
     if failed.empty:
         return f"{explanation}; all {len(table)} samples gave a result"
-    reasons = explain(failed["status"].value_counts().to_dict(), "failed")
+    reasons = describe_failures(failed["status"].value_counts().to_dict(), "failed")
     note = (
         f"{explanation}; {len(failed)} of {len(table)} samples gave no result (×, at "
         f"the bottom): {reasons}"

@@ -7,7 +7,7 @@ from datetime import date
 from repose.calibrate.answer import WITHIN
 from repose.calibrate.calibration import Calibration
 from repose.common import provenance
-from repose.common.files import path_of
+from repose.common.files import convert_to_path
 from repose.report.figures import own, style
 from repose.report.page import captions, page
 from repose.report.page.study import Results
@@ -24,7 +24,7 @@ def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
     InputError
         If `out_path` is no path.
     """
-    out_path = path_of("path", out_path)
+    out_path = convert_to_path("path", out_path)
     # Arrange what the calibration knows as the results of a study.
     study = calibration.study
     probability: dict[str, float | None] = dict.fromkeys(study.targets.names)
@@ -47,7 +47,7 @@ def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
         samples=calibration.samples,
         summary=calibration.summary,
         date=date.today().isoformat(),
-        origin=provenance.machine(),
+        origin=provenance.describe_machine(),
         files=_draw_figures(calibration),
         captions=captions.OWN_SIMULATOR_FIGURES,
     )

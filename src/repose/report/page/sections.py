@@ -20,8 +20,8 @@ from repose.calibrate.runs import error_of, overlap_warning
 from repose.calibrate.targets import Target
 from repose.calibrate.uncertainty.posterior import LARGEST_R_HAT
 from repose.common.files import read_json, read_table
-from repose.common.numbers import rounded, with_error
-from repose.common.statuses import explain
+from repose.common.numbers import format_with_error, rounded
+from repose.common.statuses import describe_failures
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.settings import describe_line_of_response, line_of
 from repose.report.page import captions
@@ -366,7 +366,7 @@ def _describe_failures(study: Results) -> str:
     failures = Counter(status for status in statuses if status != "ok")
     if not failures:
         return ""
-    return f"Of these {len(statuses)} simulations, {explain(failures, 'failed')}."
+    return f"Of these {len(statuses)} simulations, {describe_failures(failures, 'failed')}."
 
 
 def _make_response_table(study: Results) -> Table:
@@ -567,7 +567,7 @@ def _format_mean_with_error(
     is_rounding_error = error is not None and error < 1e-9 * abs(mean)
     if pd.isna(error) or is_rounding_error:
         error = None
-    return f"{with_error(mean, error).replace('+-', '±')}{unit}"
+    return f"{format_with_error(mean, error).replace('+-', '±')}{unit}"
 
 
 # --- The drum -------------------------------------------------------------------------

@@ -87,7 +87,7 @@ class Results:
         The outcome of the search; with ``steps`` if the strategy reports its course.
     date, origin
         Day of the results, and their version, commit and processor, as
-        `repose.common.provenance.machine`.
+        `repose.common.provenance.describe_machine`.
     settings
         The sections of the configuration, such as `settings.measure`; None for a study
         with a simulator of the user's own.
@@ -195,7 +195,7 @@ def read_results(config: Config, jobs: Sequence[str], files: Files) -> Results:
         summary=summary,
         simulator=study.simulator,
         date=modified.isoformat(),
-        origin=attached.read(files["table4"]) or provenance.machine(),
+        origin=attached.read_record(files["table4"]) or provenance.describe_machine(),
         settings=study.settings,
         files=files,
         published_sets=_read_published_sets(files),

@@ -6,7 +6,7 @@ from typing import Any
 
 import pandas as pd
 
-from repose.common.statuses import reword
+from repose.common.statuses import replace_statuses
 from repose.stages.published import STALE_WARNING
 
 # Columns of words, which the style sheet aligns to the left.
@@ -50,7 +50,9 @@ def fold_table(title: str, frame: pd.DataFrame) -> FoldedTable:
         title = f"{title}, {STALE_WARNING}"
     columns = [str(column) for column in frame.columns]
     if "reason" in frame:
-        frame = frame.assign(reason=frame["reason"].map(reword, na_action="ignore"))
+        frame = frame.assign(
+            reason=frame["reason"].map(replace_statuses, na_action="ignore")
+        )
     rows = frame.astype(object).where(frame.notna(), None).values.tolist()
     return FoldedTable(f"{title} ({len(frame)} rows)", Table(columns, rows))
 
