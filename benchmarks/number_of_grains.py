@@ -16,7 +16,7 @@ import pandas as pd
 from repose.bench import Scene, bench, scene_size
 from repose.bench.funnel import FunnelSettings
 from repose.calibrate.runs import mean_and_error
-from repose.config.computed import diameter_mm as diameter_mm_of
+from repose.config.computed import compute_diameter_mm as diameter_mm_of
 from repose.config.pipeline import PipelineConfig
 from repose.stages.job import run_once
 

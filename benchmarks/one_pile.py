@@ -33,8 +33,8 @@ from repose.bench.settings import SceneSettings, SimulationSettings
 from repose.common.places import list_default_configs
 from repose.config.pipeline import PipelineConfig
 from repose.dem.rotations import rotation_matrices
-from repose.export.job import make, sphere_of_volume
-from repose.export.laws import rolling_coefficient
+from repose.export.job import make_equal_sphere, make_job
+from repose.export.laws import compute_rolling_coefficient
 from repose.measure.clusters import largest_cluster
 from repose.measure.pile import MeasureSettings
 from repose.measure.saved_piles import pile_responses
@@ -112,7 +112,7 @@ def grain(source, spheres):
     """The default berry and its clump, or the sphere of its volume."""
     study = PipelineConfig.load(source)
     if spheres == 1:
-        return study.grain, sphere_of_volume(study.particle)
+        return study.grain, make_equal_sphere(study.particle)
     clump = {"particle": "multisphere", "spheres": spheres}
     study = PipelineConfig.of(
         study.config | {"berry": study.config["berry"] | clump}, source
@@ -134,7 +134,7 @@ def study(set_name):
     config["simulation"]["time_step_s"] = TIME_STEP_S
     berry, particle = grain(source, SPHERES[set_name])
     job = replace(
-        make(config, SETS[set_name], particle, berry), time_step_s=TIME_STEP_S
+        make_job(config, SETS[set_name], particle, berry), time_step_s=TIME_STEP_S
     )
     return config, berry, particle, job
 
@@ -170,7 +170,7 @@ def pour_ours(name, set_name, seed):
 def their_rolling(set_name, job):
     """The parameters with the coefficients of rolling that the decks hold."""
     rolling = {
-        f"mur_{key}": rolling_coefficient(job, pair)
+        f"mur_{key}": compute_rolling_coefficient(job, pair)
         for key, pair in (("gg", job.grains), ("gp", job.on_wall))
     }
     return SETS[set_name] | rolling
@@ -189,7 +189,7 @@ def run_deck(name, job, commands, edit=lambda text, folder: text):
     """The spheres at the end of a deck, after a change of its text."""
     program, change = DECKS[name]
     with tempfile.TemporaryDirectory() as folder:
-        deck = export.write(job, program, folder)[0]
+        deck = export.write_deck(job, program, folder)[0]
         text = edit(deck.read_text(), Path(folder))
         deck.write_text(re.sub(*change, text) if change else text)
         done = subprocess.run(

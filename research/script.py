@@ -100,7 +100,7 @@ class Script:
 
 def _settings(config, apparatus):
     """Both configurations, with files by their content."""
-    return dependencies.settings_of(config | settings.of(config), "research")
+    return dependencies.select_stage_settings(config | settings.of(config), "research")
 
 
 def _files(args: argparse.Namespace) -> Iterator[Path]:

@@ -13,7 +13,7 @@ from repose.common import ledger
 from repose.common.attached import SIDECAR_SUFFIX
 from repose.common.errors import BAD_INPUT, InputError, print_fault
 from repose.common.ledger import write_listed_file
-from repose.config.results_folder import run_folder
+from repose.config.results_folder import name_run_folder
 
 # Folders of a study; those of `research` and of its strategies are among them.
 FOLDERS = (
@@ -86,7 +86,7 @@ def take(results_dir: str | Path, out: str | Path) -> list[Path]:
 
 def _kept(source: Path) -> list[Path]:
     """List the files of a study's own folders: no runs, and none of another study in a folder below."""
-    left_out = {run_folder(name) for name in bench_tests()}
+    left_out = {name_run_folder(name) for name in bench_tests()}
     found = []
     for folder, below, names in os.walk(source):
         known = set(below) if Path(folder) != source else OWN.intersection(below)

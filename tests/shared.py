@@ -90,7 +90,7 @@ SLIP = target("drum_slip_deg", 31.0, 1.0, 20.0, 40.0, 5)
 
 def settings_of(config):
     """The sections of a configuration that has only some of them, unchecked."""
-    fields = models.settings_type().model_fields
+    fields = models.make_settings_type().model_fields
     sections = {}
     for name, value in config.items():
         kind = fields[name].annotation if name in fields else None
@@ -102,7 +102,7 @@ def settings_of(config):
         elif is_section and isinstance(value, dict):
             value = kind.model_construct(**value)
         sections[name] = value
-    return models.settings_type().model_construct(**sections)
+    return models.make_settings_type().model_construct(**sections)
 
 
 def calibration_settings_of(config):

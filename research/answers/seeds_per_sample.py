@@ -73,9 +73,9 @@ def table_of(step):
 
 def runs_depend_on(config, apparatus):
     """Settings of a measured pour."""
-    pour_settings = dependencies.settings_of(config, "heap") | dependencies.settings_of(
-        config, "berry"
-    )
+    pour_settings = dependencies.select_stage_settings(
+        config, "heap"
+    ) | dependencies.select_stage_settings(config, "berry")
     points = dependencies.select_sections(
         settings.of(config), "pool.seed", "pool.fresh_samples"
     )

@@ -12,16 +12,16 @@ script = Script("shape", __doc__)
 
 def depends_on(config, apparatus):
     """List the settings that a cell depends on; `config` is its own, without other cells' settings."""
-    found = dependencies.simulation_settings(config) | dependencies.simulation_settings(
-        config, "cylinder"
-    )
+    found = dependencies.select_simulation_settings(
+        config
+    ) | dependencies.select_simulation_settings(config, "cylinder")
     found |= dependencies.select_sections(
         config, "measure", "targets"
-    ) | dependencies.measurement_settings(config, "cylinder")
+    ) | dependencies.select_measurement_settings(config, "cylinder")
     return (
         found
-        | dependencies.settings_of(config, "berry")
-        | dependencies.settings_of(config, "published_solutions")
+        | dependencies.select_stage_settings(config, "berry")
+        | dependencies.select_stage_settings(config, "published_solutions")
     )
 
 

@@ -19,7 +19,7 @@ from repose.calibrate.seeds import pour_seeds
 from repose.common import provenance
 from repose.common.errors import NoFlankError
 from repose.common.files import read_json, read_table, write_json, write_table
-from repose.config.computed import advised_step_s, find_longest_step
+from repose.config.computed import advise_time_step_s, find_longest_step
 from repose.grain.berry_files import read_grain
 from repose.grain.particle import Particle
 from repose.measure.further_responses import BENCH, CALIBRATED_ANGLE
@@ -161,7 +161,7 @@ def run_cell(
     )
     berry = read_grain(berry_json)
     # the study's own particle may bear more
-    longest_s = advised_step_s(
+    longest_s = advise_time_step_s(
         find_longest_step(cell_config, particle, berry).time_step_s
     )
     config = changed(

@@ -14,8 +14,8 @@ from repose.bench.parameters import LAW_PARAMETERS, PARAMETERS
 from repose.common import faults
 from repose.common.errors import InputError, YamlError
 from repose.common.reading import parse_yaml
-from repose.config.computed import COMPUTED
-from repose.config.models import settings_type
+from repose.config.computed import COMPUTED_SETTINGS
+from repose.config.models import make_settings_type
 from repose.config.pipeline import PipelineConfig
 
 NULL = {"type": "null"}
@@ -31,7 +31,7 @@ def good():
 def resolved(schema):
     """A schema with its references followed, and that of its numbers where it may also be null or auto."""
     while "$ref" in schema:
-        schema = faults.make_schema(settings_type())["$defs"][
+        schema = faults.make_schema(make_settings_type())["$defs"][
             schema["$ref"].rsplit("/", 1)[1]
         ]
     others = [kind for kind in schema.get("anyOf", []) if kind not in (NULL, AUTO)]
@@ -57,7 +57,7 @@ def leaves():
     """Entries with values, so neither sections nor those of the research, which have any keys; and keys of a target."""
     found = {
         key: field
-        for key, field in entries(faults.make_schema(settings_type()))
+        for key, field in entries(faults.make_schema(make_settings_type()))
         if "properties" not in field and field.get("type") != "object"
     }
     of_target = resolved(found["targets"]["items"])["properties"]
@@ -70,7 +70,7 @@ def leaves():
 def sections():
     return [
         name
-        for name, schema in entries(faults.make_schema(settings_type()))
+        for name, schema in entries(faults.make_schema(make_settings_type()))
         if "properties" in schema
     ]
 
@@ -170,7 +170,7 @@ OPTIONAL = (
         if not field.is_required()
     ),
     *(f"parameters.{name}" for name in LAW_PARAMETERS),
-    *(setting.key for setting in COMPUTED),
+    *(setting.key for setting in COMPUTED_SETTINGS),
     "berry.mean_size",  # absent in results of earlier versions
 )
 
@@ -190,7 +190,7 @@ def test_every_missing_key_is_reported():
     required += [
         name
         for name in sections()
-        if name in faults.make_schema(settings_type())["required"]
+        if name in faults.make_schema(make_settings_type())["required"]
     ]
     check_all(missing, [(key, key) for key in required])
 
@@ -409,5 +409,5 @@ def test_thousands_of_unknown_keys_take_as_many_guesses_as_are_reported(
 
 @pytest.mark.parametrize("content", [5, [1], None, "text"])
 def test_a_configuration_without_keys_is_refused_as_a_whole(content):
-    [fault] = faults.find_faults(content, "a.yaml", settings_type()).faults
+    [fault] = faults.find_faults(content, "a.yaml", make_settings_type()).faults
     assert str(fault).endswith("expected keys with values")

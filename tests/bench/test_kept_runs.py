@@ -51,7 +51,9 @@ def pours():
         stage = provenance.record_stage(
             "pour",
             (),
-            lambda configuration, _: dependencies.settings_of(configuration, "pour"),
+            lambda configuration, _: dependencies.select_stage_settings(
+                configuration, "pour"
+            ),
             "funnel",
             "made",
         )

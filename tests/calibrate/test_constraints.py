@@ -20,7 +20,7 @@ from repose.calibrate.surrogates import make
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.uncertainty.sampler import joint_information_bits, sample
 from repose.common.errors import InputError
-from repose.config.dependencies import settings_of
+from repose.config.dependencies import select_stage_settings
 from repose.config.pipeline import PipelineConfig
 from repose.report.study_view import StudyView
 
@@ -256,12 +256,12 @@ def test_a_run_outside_is_data_and_proposals_obey():
 def test_the_pipeline_takes_constraints_and_records_them_only_where_given():
     without = PipelineConfig.load().config
     assert "constraints" not in without
-    assert "constraints" not in settings_of(without, "design")
+    assert "constraints" not in select_stage_settings(without, "design")
     rule = "mur_gg <= 0.5 * mus_gg"
     study = PipelineConfig.load(overrides={"constraints": [rule]})
     assert [one.text for one in study.parameters.constraints] == [rule]
     for stage in ("design", "network", "miga", "posterior"):
-        assert settings_of(study.config, stage)["constraints"] == [rule]
+        assert select_stage_settings(study.config, stage)["constraints"] == [rule]
     assert (
         StudyView(study.config).parameters.constraints == study.parameters.constraints
     )

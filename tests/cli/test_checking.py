@@ -11,7 +11,7 @@ import pytest
 from refusals import input_error
 from shared import every_bench_test
 
-from repose.cli import VERBS, checking, docs, parser, stages
+from repose.cli import VERBS, checking, docs, make_parser, stages
 from repose.cli.measuring import _make_measure_settings
 from repose.common import places
 from repose.config import check, computed, cost
@@ -33,7 +33,7 @@ def test_a_time_step_far_below_the_longest_is_reported_with_the_saved_time():
 
 @pytest.mark.parametrize("longest_s", [1.0e-3, 3.3e-5, 9.99e-7, 2.0e-6 / 0.8])
 def test_the_advised_step_has_two_digits_and_is_allowed(longest_s):
-    step = computed.advised_step_s(longest_s)
+    step = computed.advise_time_step_s(longest_s)
     assert step == float(f"{step:.2g}")
     assert 0.7 * longest_s < step <= computed.STEP_SHARE * longest_s * (1 + 1e-12)
 
@@ -50,7 +50,7 @@ def test_the_cost_is_that_of_the_least_disturbed_pour(monkeypatch):
     monkeypatch.setattr("repose.bench.funnel.FunnelTest.pour", pour)
     # all of the time is its own
     monkeypatch.setattr(time, "process_time", time.perf_counter)
-    grains = cost.FEWEST_TIMED
+    grains = cost.FEWEST_TIMED_GRAINS
     ranges: dict = dict.fromkeys(("e_gg", "e_gp"), (0.1, 0.5))
     ranges |= dict.fromkeys(("mus_gg", "mur_gg", "mus_gp", "mur_gp"), (0.1, 0.3))
     simulation = {
@@ -79,7 +79,7 @@ def test_a_terminal_shows_the_seconds_of_the_compilation_and_a_log_gets_one_line
         pass
     assert capsys.readouterr().err == "compiling\n"
     monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
-    monkeypatch.setattr(checking, "TICK_S", 0.01)
+    monkeypatch.setattr(checking, "UPDATE_INTERVAL_S", 0.01)
     with checking.show_elapsed_seconds("compiling"):
         time.sleep(0.1)
     assert "\rcompiling; 0 s" in capsys.readouterr().err
@@ -127,14 +127,14 @@ def test_files_are_those_of_inputs_by_name_and_none_that_a_step_writes(tmp_path)
         ["stage", "propose", "refined", str(tmp_path)],
     ]
     named = [
-        [path.name for path in stages.find_input_files(parser().parse_args(given))]
+        [path.name for path in stages.find_input_files(make_parser().parse_args(given))]
         for given in arguments
     ]
     assert named == [["a.csv"], ["b=1.json"], ["dataset.csv"]]
     # the samples of the next step, from an earlier run, were once an input of the step that writes them
     (tmp_path / "samples.csv").write_text("")
     arguments = ["stage", "propose", "sequential", f"--out={tmp_path}"]
-    assert not list(stages.find_input_files(parser().parse_args(arguments)))
+    assert not list(stages.find_input_files(make_parser().parse_args(arguments)))
 
 
 @pytest.mark.parametrize("name", ["config", "out"])

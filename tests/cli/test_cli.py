@@ -19,7 +19,7 @@ from shared import ROOT, check_all, run_python, written
 
 from repose.__main__ import main
 from repose.bench.parameters import PARAMETERS
-from repose.cli import GROUPS, STAGES, TYPED, VERBS, parser, registry
+from repose.cli import STAGES, USER_VERBS, VERB_GROUPS, VERBS, make_parser, registry
 from repose.common import provenance
 from repose.config import check
 from repose.config.pipeline import PipelineConfig
@@ -49,8 +49,8 @@ def test_every_verb_explains_itself_with_an_example_that_parses(command):
         text = " ".join(command(*call, "--help").out.split())
         example = text.split(f"example: repose {' '.join(call)}")[1]
         arguments = example.replace("'", "").split()
-        args, rest = parser().parse_known_args([*call, *arguments])
-        if args.verb != verb or (rest and not VERBS[verb].passes_on):
+        args, rest = make_parser().parse_known_args([*call, *arguments])
+        if args.verb != verb or (rest and not VERBS[verb].forwards_words):
             silent.append(verb)
     assert not silent
 
@@ -60,7 +60,7 @@ def test_help_fits_a_screen(command):
     for arguments, names in {
         ("--help",): first,
         ("help",): first,
-        ("help", "all"): list(TYPED),
+        ("help", "all"): list(USER_VERBS),
     }.items():
         lines = command(*arguments).out.splitlines()
         listed = [line.split()[0] for line in lines if re.match(" {2}[a-z]", line)]
@@ -72,7 +72,7 @@ def test_help_fits_a_screen(command):
     assert command("help", "card").out == command("card", "--help").out
     assert command("DOCS").out == command("docs").out
     out = command("--help").out
-    assert len(TYPED) <= 25
+    assert len(USER_VERBS) <= 25
     assert len(out.splitlines()) <= 45
     assert "example:" in out
     stages = re.findall(
@@ -80,7 +80,7 @@ def test_help_fits_a_screen(command):
     )
     assert stages[-len(STAGES) :] == list(STAGES)
     assert not [
-        name for names in GROUPS.values() for name in names if name not in VERBS
+        name for names in VERB_GROUPS.values() for name in names if name not in VERBS
     ]
 
 
@@ -476,4 +476,4 @@ def test_out_may_begin_with_a_tilde_and_has_no_line_break(
 def test_capitals_of_a_verb_and_of_a_program_do_not_matter(command):
     assert command("DOCS").out == command("docs").out
     words = ["export", "--to", "LAMMPS", "--card", "card.json"]
-    assert parser().parse_args(words).to == "lammps"
+    assert make_parser().parse_args(words).to == "lammps"

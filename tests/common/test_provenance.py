@@ -51,7 +51,9 @@ def run(
     check=None,
 ):
     def settings_of(configuration, bench_test):
-        return dependencies.settings_of(configuration, verb, bench_test, name=strategy)
+        return dependencies.select_stage_settings(
+            configuration, verb, bench_test, strategy_name=strategy
+        )
 
     runs = {"pour": "made", "measure_runs": "measured"}.get(verb, "")
     with provenance.record_stage(
@@ -130,7 +132,9 @@ def test_a_berrys_sizes_count_by_their_content(tmp_path):
         sizes = written(tmp_path / f"{folder}.csv", text)
         hashes.append(
             provenance.hash_content(
-                dependencies.settings_of(changed(berry={"sizes": str(sizes)}), "berry")
+                dependencies.select_stage_settings(
+                    changed(berry={"sizes": str(sizes)}), "berry"
+                )
             )
         )
     assert hashes[0] == hashes[1] != hashes[2]
@@ -189,13 +193,13 @@ def test_results_of_other_settings_or_another_engine_are_found(tmp_path, monkeyp
     empty_file = tmp_path / "own.json"
     empty_file.write_text("{}")
     paths = [path, empty_file, tmp_path / "missing.json"]
-    assert dependencies.find_outdated(CONFIG, paths) == []
-    assert dependencies.find_outdated(changed(network={"hidden": 3}), paths) == []
-    assert dependencies.find_outdated(
+    assert dependencies.find_outdated_files(CONFIG, paths) == []
+    assert dependencies.find_outdated_files(changed(network={"hidden": 3}), paths) == []
+    assert dependencies.find_outdated_files(
         changed(simulation={"gravity_m_s2": 1.62}), paths
     ) == [str(path)]
     monkeypatch.setattr(dependencies, "engine_hash", lambda: "edited")
-    assert dependencies.find_outdated(CONFIG, paths) == [str(path)]
+    assert dependencies.find_outdated_files(CONFIG, paths) == [str(path)]
 
 
 OTHER_TARGETS = [CONFIG["targets"][0] | {"value": 31.0}, *CONFIG["targets"][1:]]
@@ -343,10 +347,12 @@ def test_the_datasets_piles_are_a_studys_own_while_its_settings_and_files_are_th
 def test_an_outdated_batch_and_what_a_study_no_longer_has(tmp_path):
     path = tmp_path / "proposal.json"
     run("propose", (), lambda: files.write_json(path, {}), strategy="sequential")
-    assert dependencies.find_outdated(changed(network={"hidden": 3}), [path]) == []
-    assert dependencies.find_outdated(changed(sequential={"checks": 3}), [path]) == [
-        str(path)
-    ]
+    assert (
+        dependencies.find_outdated_files(changed(network={"hidden": 3}), [path]) == []
+    )
+    assert dependencies.find_outdated_files(
+        changed(sequential={"checks": 3}), [path]
+    ) == [str(path)]
     paths = [
         tmp_path / "a.json",
         pour(tmp_path / "b.json", apparatus="drum"),
@@ -360,7 +366,7 @@ def test_an_outdated_batch_and_what_a_study_no_longer_has(tmp_path):
         for key, value in changed(sequential={"checks": 3}).items()
         if key != "drum"
     }
-    assert dependencies.find_outdated(lacking, paths) == [str(paths[2])]
+    assert dependencies.find_outdated_files(lacking, paths) == [str(paths[2])]
 
 
 def test_the_processor_type_is_reported_with_what_stands_in_for_another(

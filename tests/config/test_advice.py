@@ -7,7 +7,7 @@ import pytest
 import shared
 
 from repose.config import advice, check, cost
-from repose.config.models import settings_of
+from repose.config.models import make_settings
 
 SPHERE = {
     "long_mm": 4.0,
@@ -20,8 +20,8 @@ GRAIN_M3 = math.pi / 6 * 4e-3**3
 
 
 def pours_of(config):
-    settings = settings_of(config)
-    return cost.strategy_pours(settings, settings.strategy)
+    settings = make_settings(config)
+    return cost.list_strategy_pours(settings, settings.strategy)
 
 
 @pytest.fixture
@@ -56,13 +56,13 @@ def test_the_sinking_is_that_of_a_column_and_the_pile_the_cone_of_its_angle(conf
     again = advice.compute_softening(config, SPHERE | {"shear_modulus_pa": softest})
     assert again.sinking == pytest.approx(advice.LARGEST_SINKING)
     config["targets"] = [target("aor_deg", 30.0)]
-    height = advice.estimate_height_m(config, SPHERE)
+    height = advice.estimate_pile_height_m(config, SPHERE)
     assert (
         f"a cone of 30 deg and {1e3 * height:.3g} mm Height"
         in advice.compare_volumes(config, GRAIN_M3)[0]
     )
     config["targets"] = [target("aor_deg", 45.0)]
-    assert advice.estimate_height_m(config, SPHERE) == pytest.approx(
+    assert advice.estimate_pile_height_m(config, SPHERE) == pytest.approx(
         height * 3 ** (1 / 3)
     )
     config["targets"] = []
@@ -164,16 +164,20 @@ def test_each_strategy_has_its_own_pours(config):
         "representative_seeds": 16,
     }
     work = cost.estimate_work(config, 1e-7)
-    expected = cost.REST_S + 32 * cost.JOB_START_S + 144 * work["pour_s"]
+    expected = cost.OTHER_WORK_S + 32 * cost.JOB_START_S + 144 * work["pour_s"]
     assert work["total_s"] == pytest.approx(expected)
 
 
 def test_the_longest_job_is_that_of_the_slowest_bench_test(config):
     config["refine"]["seeds"] = 100
     slowest = max(cost.estimate_run_s(config, name) for name in ("funnel", "drum"))
-    assert cost.longest_job_s(config) == pytest.approx(cost.JOB_START_S + 100 * slowest)
+    assert cost.estimate_longest_job_s(config) == pytest.approx(
+        cost.JOB_START_S + 100 * slowest
+    )
     config["validation"]["representative_seeds"] = 200
-    assert cost.longest_job_s(config) == pytest.approx(cost.JOB_START_S + 200 * slowest)
+    assert cost.estimate_longest_job_s(config) == pytest.approx(
+        cost.JOB_START_S + 200 * slowest
+    )
     config["funnel"] |= {"berries": 100, "rate_per_s": 10.0, "duration_s": 10.0}
     config["simulation"]["time_step_s"] = 1e-4
     assert cost.estimate_run_s(config, "funnel", 1e-7) == pytest.approx(

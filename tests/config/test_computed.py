@@ -13,7 +13,7 @@ from repose.config import computed
 from repose.config.pipeline import PipelineConfig
 
 CROPS = places.find_program_folder() / "crops"
-KEYS = [setting.key for setting in computed.COMPUTED]
+KEYS = [setting.key for setting in computed.COMPUTED_SETTINGS]
 
 
 @pytest.fixture(scope="module")

@@ -62,7 +62,7 @@ def test_the_short_form_becomes_that_of_the_stages():
     # Two standard errors about the mean.
     assert study.targets[0].low == 29.0
     assert study.targets[0].high == 31.0
-    assert study.settings.design_seeds(OWN) == 3
+    assert study.settings.count_design_seeds(OWN) == 3
     assert study.settings.design.seed == 7
     assert study.settings.measure is None
     assert study.settings.sequential.checks == 5
@@ -81,8 +81,10 @@ def test_jobs_read_the_resolved_configuration_unchanged():
 
 def test_the_values_of_snakemake_give_the_same_study():
     study = loaded()
-    layers = loader.of_workflow(loader.read("study.yaml"), ["study.yaml"])
-    assert ExternalConfig.of_layers(layers).config == study.config
+    layers = loader.locate_workflow_values(
+        loader.read_file("study.yaml"), ["study.yaml"]
+    )
+    assert ExternalConfig.from_layers(layers).config == study.config
 
 
 def test_a_pile_of_particles_has_a_section_measure():
@@ -122,7 +124,7 @@ def test_what_needs_our_simulator_is_refused():
 
 def test_a_run_depends_on_deck_and_command_alone():
     def settings(**changes):
-        return dependencies.settings_of(loaded(**changes).config, "simulate")
+        return dependencies.select_stage_settings(loaded(**changes).config, "simulate")
 
     before = settings()
     assert settings(**simulator(name="toy 2.0", memory_mb=5000)) == before
@@ -180,13 +182,13 @@ def test_a_trial_has_the_seed_of_the_first_run_of_the_design(tmp_path):
 
 
 def test_records_are_handed_over_as_counted_folders():
-    records = results_folder.records_of_runs("results/runs", {"001": 2, "002": 1})
+    records = results_folder.list_run_records("results/runs", {"001": 2, "002": 1})
     assert records == [
         "results/runs/001/1.json",
         "results/runs/001/2.json",
         "results/runs/002/1.json",
     ]
-    folders = results_folder.counted_folders(records)
+    folders = results_folder.count_records_by_folder(records)
     assert folders == ["results/runs/001=2", "results/runs/002=1"]
 
 
@@ -231,7 +233,7 @@ def test_a_program_is_added_to_a_study_with_our_simulator():
     assert study.parameters.fixed == {"e_gg": 0.3}
     target = study.targets[0]
     assert (target.name, target.value, target.response.unit) == ("aor_deg", 30, "deg")
-    assert study.settings.design_seeds(OWN) == 3
+    assert study.settings.count_design_seeds(OWN) == 3
     assert study.settings.design.seed == 5
     assert study.settings.design.samples == 20
     assert "funnel" not in study.config
@@ -239,7 +241,7 @@ def test_a_program_is_added_to_a_study_with_our_simulator():
 
 def test_seeds_of_the_added_file_count():
     study = layered(OURS, ADDED | {"seeds": 2, "seed": 9})
-    assert study.settings.design_seeds(OWN) == 2
+    assert study.settings.count_design_seeds(OWN) == 2
     assert study.settings.design.seed == 9
 
 
@@ -254,7 +256,7 @@ def test_missing_keys_have_the_defaults_of_a_study_with_our_simulator():
     names = ("label", "parameters", "targets", "funnel")
     ours = {name: OURS[name] for name in names} | {"funnel": {"berries": 150}}
     study = layered(ours, ADDED)
-    defaults = loader.read(places.find_file(places.METHOD_CONFIG))
+    defaults = loader.read_file(places.find_file(places.METHOD_CONFIG))
     assert study.settings.strategy == defaults["strategy"] == "published"
     assert study.settings.surrogate == defaults["surrogate"]
     assert study.settings.seeds == defaults["funnel"]["seeds"]

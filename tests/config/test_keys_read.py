@@ -1,4 +1,4 @@
-"""The keys of `dependencies.KEYS` beside those that each stage reads, on made-up runs."""
+"""The keys of `dependencies.STAGE_KEYS` beside those that each stage reads, on made-up runs."""
 
 import json
 from functools import cached_property
@@ -15,7 +15,7 @@ from test_simulated_piles import cone_of_berries
 
 from repose.calibrate.strategies import strategy
 from repose.calibrate.study import Study
-from repose.cli import TYPED, VERBS, parser
+from repose.cli import USER_VERBS, VERBS, make_parser
 from repose.config import dependencies, loader
 from repose.config.pipeline import PipelineConfig
 
@@ -29,7 +29,7 @@ SEVERAL = (
     "response_surface",
     "refined",
 )
-LISTED = dependencies.KEYS | {name: strategy(name).reads for name in SEVERAL}
+LISTED = dependencies.STAGE_KEYS | {name: strategy(name).reads for name in SEVERAL}
 SMALL = {
     "surrogate": "gaussian_process",
     "miga": {
@@ -113,8 +113,8 @@ def keys_read(plain, tmp_path_factory):
         """Run a stage as its rule does, without its record of provenance."""
         keys = found.setdefault(positional[0] if verb == "propose" else verb, set())
         named = [f"--{key}={value}" for key, value in options.items()]
-        name = [verb] if verb in TYPED else ["stage", verb]
-        arguments = parser().parse_args(
+        name = [verb] if verb in USER_VERBS else ["stage", verb]
+        arguments = make_parser().parse_args(
             [*name, *map(str, positional), *named, f"--config={resolved}"]
         )
         VERBS[verb].run(arguments, RecordingConfig(plain, keys))

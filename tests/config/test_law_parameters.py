@@ -22,7 +22,7 @@ from repose.calibrate.designs.settings import DesignSettings
 from repose.common import faults
 from repose.common.provenance import hash_content
 from repose.config import dependencies
-from repose.config.models import settings_type
+from repose.config.models import make_settings_type
 from repose.config.pipeline import PipelineConfig
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 from repose.stages.card_study import describe_laws as described_laws
@@ -42,13 +42,15 @@ def study(contact_law, rolling_law="budget", **parameters):
 
 def test_the_configuration_knows_the_laws():
     for key, laws in (("contact_law", CONTACT_LAWS), ("rolling_law", ROLLING_LAWS)):
-        assert faults.find_schema(["simulation", key], settings_type())["enum"] == list(
-            laws
-        )
+        assert faults.find_schema(["simulation", key], make_settings_type())[
+            "enum"
+        ] == list(laws)
         config = copy.deepcopy(study("hertz_mindlin").config)
-        before = hash_content(dependencies.settings_of(config, "pour"))
+        before = hash_content(dependencies.select_stage_settings(config, "pour"))
         config["simulation"][key] = "linear_spring" if key == "contact_law" else "epsd"
-        assert hash_content(dependencies.settings_of(config, "pour")) != before
+        assert (
+            hash_content(dependencies.select_stage_settings(config, "pour")) != before
+        )
 
 
 def test_the_card_tells_the_conventions_of_a_law():

@@ -232,7 +232,7 @@ def test_values_of_snakemake_are_read_as_the_file_of_each_key_has_them(tmp_path)
         "simulation": {"time_step_s": "2e-4", "gravity_m_s2": "1.62"},
         "miga": {"rounds": 20, "seed": "7"},
     }
-    config, origin = loader.over_defaults(values, [path])
+    config, origin = loader.merge_workflow_values(values, [path])
     assert config["simulation"]["time_step_s"] == 2e-4
     assert config["simulation"]["gravity_m_s2"] == 1.62
     assert config["miga"]["rounds"] == 20

@@ -130,7 +130,9 @@ def test_scores_are_defined_by_abscissae_and_share(quick, entry, table):
     share = study_of(quick, entry | {"covered": 0.5})
     for settings_of in (
         lambda s: s.definitions,
-        lambda s: dependencies.settings_of(s.config, "measure_runs", "turning"),
+        lambda s: dependencies.select_stage_settings(
+            s.config, "measure_runs", "turning"
+        ),
     ):
         assert settings_of(before) == settings_of(heights)
         assert settings_of(before) != settings_of(share)

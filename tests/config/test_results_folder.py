@@ -12,7 +12,7 @@ from repose.bench import bench, names
 from repose.common import ledger, provenance
 from repose.common.files import write_json, write_table, write_text
 from repose.config import dependencies, results_folder
-from repose.config.models import named_files
+from repose.config.models import list_file_keys
 from repose.config.pipeline import PipelineConfig
 
 
@@ -21,7 +21,7 @@ def test_the_wildcards_of_outputs_stand_for_what_rules_write():
         "r/{runs}/{sample}.json",
         r"r/{strategy,a|b}/batch_{batch,\d{1,4}}/a.csv",
     ]
-    ours = results_folder.make_pattern(outputs).fullmatch
+    ours = results_folder.make_output_pattern(outputs).fullmatch
     assert all(
         map(
             ours,
@@ -122,8 +122,8 @@ def test_a_folder_that_has_lost_its_lists_is_taken_over_by_the_records_of_its_re
     input_error("heaps/002.json: file is 'there already'", check)
     (folder / "heaps/002.json").unlink()
 
-    assert results_folder.take_over(str(folder), outputs) == 2
-    assert results_folder.take_over(str(folder), outputs) == 0
+    assert results_folder.relist_results(str(folder), outputs) == 2
+    assert results_folder.relist_results(str(folder), outputs) == 0
     check()
     kept = {*folder.rglob("*")}
     assert folder / "published/.repose" not in kept
@@ -255,29 +255,36 @@ def test_a_run_stands_on_its_scene_and_not_on_its_measurement(config):
         scene += [("wall", key) for key in config["wall"]]
         scene += [("simulation", key) for key in config["simulation"]]
         scene += [(name, key) for key in {*config[name]} - {"seeds", *measured_by}]
-        run = dependencies.simulation_settings(config, name)
+        run = dependencies.select_simulation_settings(config, name)
         for section, key in scene:
             changed = changed_key(config, section, key)
             where = f"{section}.{key}"
-            assert dependencies.simulation_settings(changed, name) != run, where
+            assert dependencies.select_simulation_settings(changed, name) != run, where
 
         measurement = [("measure", key) for key in config["measure"]]
         measurement += [(name, key) for key in measured_by]
-        measured = dependencies.measurement_settings(config, name)
-        following = dependencies.settings_of(config, "next")
+        measured = dependencies.select_measurement_settings(config, name)
+        following = dependencies.select_stage_settings(config, "next")
         for section, key in measurement:
             changed = changed_key(config, section, key)
             where = f"{section}.{key}"
-            assert dependencies.simulation_settings(changed, name) == run, where
-            assert dependencies.measurement_settings(changed, name) != measured, where
-            assert dependencies.settings_of(changed, "next") != following, where
+            assert dependencies.select_simulation_settings(changed, name) == run, where
+            assert (
+                dependencies.select_measurement_settings(changed, name) != measured
+            ), where
+            assert dependencies.select_stage_settings(changed, "next") != following, (
+                where
+            )
 
     check_all(check, [(name, name) for name in names() if name in config])
 
 
 def test_the_order_of_keys_changes_no_settings(config):
     other = in_reverse_order(config)
-    for select in (dependencies.simulation_settings, dependencies.measurement_settings):
+    for select in (
+        dependencies.select_simulation_settings,
+        dependencies.select_measurement_settings,
+    ):
         for name in names():
             if name in config:
                 assert str(select(other, name)) == str(select(config, name)), name
@@ -305,10 +312,10 @@ def test_results_stand_on_the_content_of_named_files_and_not_on_figures(
     config, tmp_path
 ):
     for verb in ("material_card", "network", "report"):
-        settings = dependencies.settings_of(
+        settings = dependencies.select_stage_settings(
             config | {"figures": {"format": ["png", "pdf"]}}, verb
         )
-        assert settings == dependencies.settings_of(config, verb)
+        assert settings == dependencies.select_stage_settings(config, verb)
 
     def settings_with(key, name, content):
         section, _, last = key.rpartition(".")
@@ -316,9 +323,9 @@ def test_results_stand_on_the_content_of_named_files_and_not_on_figures(
         changed = copy.deepcopy(config)
         path.write_text(content)
         (changed[section] if section else changed)[last] = str(path)
-        return dependencies.settings_of(changed, "report")
+        return dependencies.select_stage_settings(changed, "report")
 
-    keys = named_files()
+    keys = list_file_keys()
     assert {"photograph", "berry.sizes", "validation.published"} <= set(keys)
     for key in keys:
         assert (

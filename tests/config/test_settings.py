@@ -24,8 +24,8 @@ from repose.calibrate.study_file import OwnPosterior, OwnSequential, StudyFile
 from repose.common import faults, reading
 from repose.common.section import Section
 from repose.config import cost, loader, page
-from repose.config.computed import COMPUTED
-from repose.config.models import settings_type
+from repose.config.computed import COMPUTED_SETTINGS
+from repose.config.models import make_settings_type
 from repose.config.pipeline import PipelineConfig
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 
@@ -75,13 +75,13 @@ def test_the_tables_of_the_page_are_those_of_the_sections():
     assert without_names(text) == without_names(PAGE), (
         "write the page by `python -m repose.config.page`"
     )
-    sections = set(page.TABLE.findall(PAGE))
+    sections = set(page.TABLE_PATTERN.findall(PAGE))
     assert sections == {name for name in page.make_tables() if name not in ADDED}
 
 
 def test_a_section_without_a_table_on_the_page_is_named(tmp_path, monkeypatch, capsys):
     method = tmp_path / page.places.METHOD_CONFIG
-    file = tmp_path / page.PAGE
+    file = tmp_path / page.PAGE_PATH
     for copied in (method, file):
         copied.parent.mkdir(parents=True, exist_ok=True)
         shutil.copy(ROOT / copied.relative_to(tmp_path), copied)
@@ -105,7 +105,7 @@ def test_what_every_key_takes_is_known():
     }
     lines = []
     for model, sections in (
-        (settings_type(), every_bench_test()),
+        (make_settings_type(), every_bench_test()),
         (StudyFile, sections_of_a_study),
     ):
         for section, keys in sections.items():
@@ -208,15 +208,15 @@ def test_every_key_is_explained():
     explained = (ROOT / "config" / "README.md").read_text()
     for name in PipelineConfig.load().config:
         assert f"`{name}`" in explained
-        section = faults.find_schema([name], settings_type())
+        section = faults.find_schema([name], make_settings_type())
         for key in section.get("properties", ()):
             assert f"`{key}`" in explained, f"{name}.{key}"
 
 
 def test_no_unknown_key_is_allowed_and_few_are_optional():
-    schema = faults.make_schema(settings_type())
+    schema = faults.make_schema(make_settings_type())
     bench_tests = {*names()} - {"funnel"}
-    computed = {setting.key.partition(".")[2] for setting in COMPUTED}
+    computed = {setting.key.partition(".")[2] for setting in COMPUTED_SETTINGS}
     may_be_absent = {
         "contact_law",
         "rolling_law",
@@ -231,7 +231,7 @@ def test_no_unknown_key_is_allowed_and_few_are_optional():
         "shape_study",
     }
     sections = [
-        faults.find_schema([name], settings_type())
+        faults.find_schema([name], make_settings_type())
         for name in schema["properties"]
         if name not in ADDED
     ]
@@ -245,12 +245,12 @@ def test_no_unknown_key_is_allowed_and_few_are_optional():
 
 def test_a_key_may_be_auto_where_it_is_computed():
     found = set()
-    for name in faults.make_schema(settings_type())["properties"]:
-        section = faults.find_schema([name], settings_type())
+    for name in faults.make_schema(make_settings_type())["properties"]:
+        section = faults.find_schema([name], make_settings_type())
         for key, field in section.get("properties", {}).items():
             if field.get("default") == "auto":
                 found.add(f"{name}.{key}")
-    assert found == {setting.key for setting in COMPUTED}
+    assert found == {setting.key for setting in COMPUTED_SETTINGS}
 
 
 BAD_VALUES = (

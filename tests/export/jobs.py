@@ -4,7 +4,7 @@ import numpy as np
 
 from repose.bench.space import contact_space
 from repose.common.places import find_file
-from repose.export.job import make
+from repose.export.job import make_job
 from repose.grain.particle import Particle
 
 CONFIG = str(find_file("config/quick.yaml"))
@@ -62,4 +62,6 @@ def job_of(
         "rolling_law": rolling_law,
     }
     centre = contact_space(config["parameters"]).centre
-    return make(config | {"simulation": simulation}, centre | values, particle, berry)
+    return make_job(
+        config | {"simulation": simulation}, centre | values, particle, berry
+    )

@@ -39,7 +39,7 @@ def installed(program):
 def ran(program, job, folder):
     command = installed(program)
     result = RUNS[program][1]
-    export.write(job, program, folder)
+    export.write_deck(job, program, folder)
     done = subprocess.run(
         command,
         cwd=folder,

@@ -22,9 +22,13 @@ from repose.config import dependencies
 from repose.config.pipeline import PipelineConfig
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 from repose.export import edem, laws, surface, yade
-from repose.export.job import average_over_surface, make
-from repose.export.lammps import TSUJI, compute_restitutions, write_contact_law
-from repose.export.laws import rolling_coefficient
+from repose.export.job import average_over_surface, make_job
+from repose.export.lammps import (
+    TSUJI_COEFFICIENTS,
+    compute_restitutions,
+    write_contact_law,
+)
+from repose.export.laws import compute_rolling_coefficient
 from repose.export.liggghts import LEAST_RESTITUTION, find_prime
 from repose.stages import card_study
 
@@ -48,7 +52,7 @@ def config():
 
 @pytest.fixture(scope="module")
 def job(config):
-    return make(
+    return make_job(
         config, contact_space(config["parameters"]).centre, THREE, BERRY, seed=3
     )
 
@@ -107,7 +111,7 @@ def test_yade_gets_the_spheres_the_mass_and_the_funnel(job):
 def test_the_table_of_edem_has_values_with_units(config):
     study = PipelineConfig.load(CONFIG)
     scene = study.scene(study.parameters.centre, 1)
-    rows = edem.list_values(
+    rows = edem.list_table_rows(
         materials_of(scene),
         scene.parameters,
         THREE,
@@ -133,7 +137,7 @@ def test_liggghts_primes_and_takes_the_facets_around_the_funnel_as_one_face(job)
         r"curvature (\S+) curvature_tolerant yes",
         export.PROGRAMS["liggghts"](job)["in.pour"],
     ).group(1)
-    assert 360 / surface.AROUND < float(angle) < surface.ARC_DEG / 2
+    assert 360 / surface.N_FACETS < float(angle) < surface.LARGEST_ARC_DEG / 2
 
 
 def test_no_deck_has_a_dashpot_along_the_tangent_and_the_plate_is_the_configured_one(
@@ -217,7 +221,7 @@ def test_a_deck_of_a_sphere_has_no_clumps(config):
 
 
 def test_a_grain_is_exported_as_the_sphere_of_its_volume(config):
-    job = make(
+    job = make_job(
         config,
         contact_space(config["parameters"]).centre,
         SMOOTH,
@@ -250,7 +254,7 @@ def test_the_number_of_older_lammps_gives_the_same_damping(config, restitution):
     job = job_of(config, THREE, e_gg=restitution)
     number = compute_restitutions(job)["tsuji_gg"]
     expected = math.sqrt(5) * job.grains.damping_ratio
-    assert np.polyval(TSUJI, number) == pytest.approx(expected, abs=1e-9)
+    assert np.polyval(TSUJI_COEFFICIENTS, number) == pytest.approx(expected, abs=1e-9)
     assert number < 1.01
 
 
@@ -297,7 +301,9 @@ def test_the_equivalent_restitution_gives_the_calibrated_rebound(
 ):
     config = config | {"simulation": config["simulation"] | {"tension": tension}}
     values = contact_space(config["parameters"]).centre | {"e_gp": restitution}
-    typed = laws.equivalent_restitution(make(config, values, THREE, BERRY).on_wall)
+    typed = laws.compute_equivalent_restitution(
+        make_job(config, values, THREE, BERRY).on_wall
+    )
     # the formula of the other programs
     ratio = -math.log(typed) / math.hypot(math.log(typed), math.pi)
     assert rebound(ratio, limited) == pytest.approx(restitution, abs=1e-3)
@@ -307,7 +313,7 @@ def test_the_equivalent_restitution_gives_the_calibrated_rebound(
 def test_a_damping_that_liggghts_cannot_take_is_reported(job):
     strong = replace(job, grains=replace(job.grains, damping_ratio=1.2))
     assert (
-        laws.equivalent_restitution(strong.grains, LEAST_RESTITUTION)
+        laws.compute_equivalent_restitution(strong.grains, LEAST_RESTITUTION)
         == LEAST_RESTITUTION
     )
     assert LEAST_RESTITUTION > 0.05  # the program asks for more than that
@@ -325,11 +331,15 @@ def test_a_sphere_rolls_with_the_calibrated_coefficient_on_a_wall(job):
         job, lever_m=lever, on_wall=replace(job.on_wall, effective_radius_m=radius)
     )
     expected = job.on_wall.rolling_friction
-    assert laws.rolling_coefficient(sphere, sphere.on_wall) == pytest.approx(expected)
+    assert laws.compute_rolling_coefficient(sphere, sphere.on_wall) == pytest.approx(
+        expected
+    )
     # the same torque needs twice the coefficient
     longer = replace(sphere, lever_m=2 * lever)
     expected = 2 * job.on_wall.rolling_friction
-    assert laws.rolling_coefficient(longer, longer.on_wall) == pytest.approx(expected)
+    assert laws.compute_rolling_coefficient(longer, longer.on_wall) == pytest.approx(
+        expected
+    )
 
 
 def test_free_surface_of_two_spheres_that_overlap():
@@ -360,7 +370,7 @@ def test_the_funnel_is_the_simulated_one(job):
     lengths = np.linalg.norm(np.diff(line, axis=0), axis=1)
     middles = 0.5 * (line[1:, 0] + line[:-1, 0])
     # circumference of the polygon whose corners lie on the unit circle
-    around = 2 * surface.AROUND * math.sin(math.pi / surface.AROUND)
+    around = 2 * surface.N_FACETS * math.sin(math.pi / surface.N_FACETS)
     assert areas.sum() == pytest.approx(around * (lengths * middles).sum(), rel=1e-3)
 
 
@@ -394,7 +404,7 @@ def test_other_particles_and_laws_are_refused(config):
     centre = contact_space(config["parameters"]).centre
     input_error(
         "^particle: kind is 'smooth'; expected multisphere",
-        make,
+        make_job,
         config,
         centre,
         SMOOTH,
@@ -404,7 +414,10 @@ def test_other_particles_and_laws_are_refused(config):
         "simulation": config["simulation"] | {"contact_law": "linear_spring"}
     }
     input_error(
-        "hertz_mindlin", export.check_laws, make(linear, centre, THREE, BERRY), "yade"
+        "hertz_mindlin",
+        export.check_laws,
+        make_job(linear, centre, THREE, BERRY),
+        "yade",
     )
 
 
@@ -467,10 +480,10 @@ def test_rolling_is_written(config):
             law == "constant_torque"
         )
         # the lever of two grains is half of one grain's, that on a wall is the same
-        expected = 0.5 * rolling_coefficient(budget, budget.grains)
-        assert rolling_coefficient(job, job.grains) == expected
-        expected = rolling_coefficient(budget, budget.on_wall)
-        assert rolling_coefficient(job, job.on_wall) == expected
+        expected = 0.5 * compute_rolling_coefficient(budget, budget.grains)
+        assert compute_rolling_coefficient(job, job.grains) == expected
+        expected = compute_rolling_coefficient(budget, budget.on_wall)
+        assert compute_rolling_coefficient(job, job.on_wall) == expected
 
 
 # What stands for a law in the deck of each program. A pair of program and law that is not here is refused.
@@ -538,11 +551,11 @@ def test_each_law_is_written_as_the_program_has_it_or_refused(
     for key, law, written, pair in cases:
         job = job_of(config, particle, *pair, **constants)
         if (program, law) in written:
-            deck = export.write(job, program, tmp_path)[0]
+            deck = export.write_deck(job, program, tmp_path)[0]
             assert written[program, law] in deck.read_text()
             continue
         message = rf"simulation.{key} is '{law}'; expected .*hertz|budget"
-        refusal = input_error(message, export.write, job, program, tmp_path)
+        refusal = input_error(message, export.write_deck, job, program, tmp_path)
         is_lammps_jkr = (program, law) == ("lammps", "jkr")
         assert ("refuses cohesion" in str(refusal)) == is_lammps_jkr
 
@@ -656,7 +669,7 @@ def test_a_card_with_a_record_of_its_settings_goes_with_its_own_study_alone(
     config = PipelineConfig.load(CONFIG).config
     shown = json.loads((ROOT / "crops/cards/wheat.json").read_text())
     record = {"verb": "material_card", "origin": "", "seed": 1, "engine": None}
-    record["settings"] = dependencies.settings_of(config, "material_card")
+    record["settings"] = dependencies.select_stage_settings(config, "material_card")
     card = tmp_path / "card.json"
     card.write_text(json.dumps(shown | {"provenance": record}))
     changed = config | {"miga": config["miga"] | {"islands": 7}}

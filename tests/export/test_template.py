@@ -11,7 +11,7 @@ from repose import export
 from repose.cli import main
 from repose.common.errors import InputError
 from repose.config.pipeline import PipelineConfig
-from repose.export.template import NUMBER, template_of, write_template
+from repose.export.template import NUMBER, make_template, write_template
 from repose.stages.simulate import draw_seed, fill_template
 
 EXAMPLE = ROOT / "examples" / "lammps_pile"
@@ -58,7 +58,7 @@ def test_a_factor_stands_before_the_name():
     def text_of(values):
         return f"limit {2 * values['mu']:.8g}, mu {values['mu']:.8g}, 7"
 
-    template = template_of(text_of, {"mu": 0.3}, ["mu"])
+    template = make_template(text_of, {"mu": 0.3}, ["mu"])
     assert template == "limit {{ 2 * mu }}, mu {{ mu }}, 7"
 
 
@@ -73,12 +73,12 @@ def test_a_factor_stands_before_the_name():
 )
 def test_a_parameter_that_the_deck_does_not_hold_in_proportion_is_refused(text_of):
     with pytest.raises(InputError, match="--names is 'e'; expected parameters to"):
-        template_of(text_of, {"e": 0.3}, ["e"])
+        make_template(text_of, {"e": 0.3}, ["e"])
 
 
 def test_a_number_of_two_parameters_is_refused():
     with pytest.raises(InputError, match="--names is 'b'"):
-        template_of(
+        make_template(
             lambda values: f"{values['a'] * values['b']}", {"a": 2, "b": 3}, "ab"
         )
 

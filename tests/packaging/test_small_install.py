@@ -6,7 +6,7 @@ import sys
 import pandas as pd
 import pytest
 
-from repose.cli import EXTRAS
+from repose.cli import OPTIONAL_LIBRARIES
 
 STUDY = """
 label: mine
@@ -17,9 +17,7 @@ targets: {angle_deg: {value: 30, sd: 1, repetitions: 5}}
 sequential: {start_samples: 6, seeds: 2}
 posterior: {walkers: 32, steps: 100}
 """
-WITHOUT = (
-    f"import sys; sys.modules |= dict.fromkeys({(*EXTRAS, 'snakemake', 'psutil')}); "
-)
+WITHOUT = f"import sys; sys.modules |= dict.fromkeys({(*OPTIONAL_LIBRARIES, 'snakemake', 'psutil')}); "
 
 
 def without_extras(code, *arguments):

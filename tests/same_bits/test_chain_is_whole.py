@@ -10,7 +10,7 @@ def test_every_verb_of_the_chain_knows_its_options(tmp_path, monkeypatch):
     table = tmp_path / "results/validation/solutions.csv"
     table.parent.mkdir(parents=True)
     table.write_text("sample\n1\n")
-    parser = cli.parser()
+    parser = cli.make_parser()
     lines = list(chain.verbs(1))
     assert len(lines) > 10
     for line in lines:

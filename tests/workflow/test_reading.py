@@ -5,7 +5,7 @@ from forked import copied
 from shared import run_python
 
 from repose.config import earlier_check
-from repose.config.workflow_run import run_of_workflow
+from repose.config.workflow_run import prepare_run
 
 QUICK = "config/quick.yaml"
 # Snakemake itself imports numpy, PyYAML, Jinja2 and Pillow.
@@ -49,8 +49,8 @@ def test_a_checked_workflow_is_read_without_libraries_in_less_than_snakemakes_st
     (project / "empty.smk").write_text("rule all:\n    output: 'nothing'\n")
     monkeypatch.chdir(project)
     config = yaml.safe_load((project / QUICK).read_text())
-    run = run_of_workflow(config, [QUICK], has_command_line=False, inputs=True)
-    earlier_check.write(run.first_check, run.study.config)
+    run = prepare_run(config, [QUICK], has_command_line=False, inputs=True)
+    earlier_check.write_checked_config(run.first_check, run.study.config)
 
     lines = run_python("-c", READ, cwd=project).splitlines()
     rules = {line for line in lines if line.isidentifier()}

@@ -140,7 +140,7 @@ def test_each_rule_depends_on_the_settings_of_the_stage_that_it_runs():
             named = set(re.findall(r'\bsettings_of\(\s*"(\w+)"', rule))
             assert named <= stages, rule
             named_stages |= named
-    assert set(dependencies.KEYS) - named_stages == {"measure_silhouette"}
+    assert set(dependencies.STAGE_KEYS) - named_stages == {"measure_silhouette"}
 
 
 def test_no_inside_is_used_and_functions_are_fewer_than_rules():

@@ -16,10 +16,10 @@ from repose.bench import names
 from repose.config import cost, results_folder, dependencies
 from repose.config.workflow_run import (
     check_folder,
-    check_when_planned,
+    check_kept_results_when_planned,
     handle_sigterm_in_thread,
-    has_pours,
-    run_of_workflow,
+    has_pour_jobs,
+    prepare_run,
 )
 from repose.common import places
 from repose.common.errors import BAD_INPUT, InputError, exit_on_fault
@@ -57,7 +57,7 @@ with exit_on_fault():
         if set("{}") & set(place):  # snakemake takes them for wildcards
             allowed = "a folder without braces"
             raise InputError("installation", "folder", place, allowed)
-    RUN = run_of_workflow(
+    RUN = prepare_run(
         config,
         configfiles=workflow.overwrite_configfiles,
         has_command_line=bool(workflow.config_settings.config),
@@ -74,16 +74,16 @@ PRODUCTS = [
     *([config["strategy"]] if config["strategy"] != "published" else []),
 ]
 # What a stage reads of the configuration, with the content of files; as it stands there. Their change reruns a rule.
-settings_of = functools.partial(dependencies.settings_of, config)
+settings_of = functools.partial(dependencies.select_stage_settings, config)
 sections = functools.partial(dependencies.select_sections, config)
 # Whether a program of the user's own makes the runs.
 IS_EXTERNAL = STUDY.simulator is not None
 # Ten times the estimate of the longest job, for slower cores and busy ones.
 MINUTES_OF_RUNS = 10
 if not IS_EXTERNAL:
-    MINUTES_OF_RUNS += round(10 * cost.longest_job_s(config) / 60)
+    MINUTES_OF_RUNS += round(10 * cost.estimate_longest_job_s(config) / 60)
 # Folder of each bench test's runs. Wildcard `runs`: one of these.
-RUN_FOLDERS = {name: results_folder.run_folder(name) for name in (*names(), OWN)}
+RUN_FOLDERS = {name: results_folder.name_run_folder(name) for name in (*names(), OWN)}
 APPARATUS_OF = {runs: name for name, runs in RUN_FOLDERS.items()}
 # Bench tests whose responses are targets, and the folders of their runs.
 BENCH_TESTS = STUDY.targets.apparatus

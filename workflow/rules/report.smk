@@ -5,7 +5,7 @@ HAS_PILE = "funnel" in BENCH_TESTS
 BY_BATCHES = None if BY_THE_CHAIN else getattr(rules, answer().rule).output
 # The posterior takes the scatter of the targets from runs of one sample, by the network.
 HAS_POSTERIOR = BY_THE_CHAIN and all(
-    STUDY.settings.seeds_of(name) > 1 for name in BENCH_TESTS
+    STUDY.settings.count_seeds(name) > 1 for name in BENCH_TESTS
 )
 CARD = f"{RESULTS}/card.json"
 TRAJECTORY = not IS_EXTERNAL and (

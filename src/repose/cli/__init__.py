@@ -25,14 +25,14 @@ from repose.cli import new, docs, checking, run, exporting, inputs, pouring, mea
 from repose.cli import calibration, cards, strategies, own_simulator, uncertainty  # noqa: F401, isort: skip
 from repose.cli import pictures, services, simulating  # noqa: F401, isort: skip
 from repose.cli.registry import PROGRAM, VERBS, Verb
-from repose.cli.stages import stage
+from repose.cli.stages import run_as_stage
 from repose.common.errors import BAD_INPUT, InputError, print_fault, require
 
 # The verbs that a person types, in the groups of the help; the first ones are enough for
 # a study. All others are stages, called by the rules of the workflow.
-FIRST = "a study"
-GROUPS = {
-    FIRST: ("new", "check", "measure", "run", "card", "export", "marker"),
+FIRST_GROUP = "a study"
+VERB_GROUPS = {
+    FIRST_GROUP: ("new", "check", "measure", "run", "card", "export", "marker"),
     "before a study": ("plan",),
     "your own simulator": ("design", "tell", "ask", "calibrate"),
     "one pile, one picture": ("heap", "figure", "film", "provenance"),
@@ -40,14 +40,14 @@ GROUPS = {
     "the simulator": ("bench",),
     "the documentation": ("docs",),
 }
-TYPED = tuple(name for names in GROUPS.values() for name in names)
-STAGES = tuple(name for name in VERBS if name not in TYPED)
+USER_VERBS = tuple(name for names in VERB_GROUPS.values() for name in names)
+STAGES = tuple(name for name in VERBS if name not in USER_VERBS)
 STAGE = "stage"
 HELP = "help"
 # Control characters, but for tab and new line.
-CONTROL = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
+CONTROL_CHARACTERS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 # Libraries that only some verbs need.
-EXTRAS = (
+OPTIONAL_LIBRARIES = (
     "cv2",
     "jinja2",
     "jupyter_threejs_sage",
@@ -76,11 +76,11 @@ def main(words: Sequence[str] | None = None) -> int:
     _prepare_streams()
     words = list(sys.argv[1:] if words is None else words)
     if words:
-        words[0] = _match_case(words[0], (*TYPED, STAGE, HELP))
+        words[0] = _match_case(words[0], (*USER_VERBS, STAGE, HELP))
 
     # Print the help, or explain that a verb is unknown.
     if words == [HELP, "all"]:
-        print(_list_verbs(GROUPS))
+        print(_list_verbs(VERB_GROUPS))
         return 0
     if words[:1] == [HELP]:
         words = [*words[1:], "--help"]
@@ -90,19 +90,19 @@ def main(words: Sequence[str] | None = None) -> int:
         return BAD_INPUT
 
     # Parse the options. Only some verbs take further words, for another program.
-    args, further_words = parser().parse_known_args(words)
+    args, further_words = make_parser().parse_known_args(words)
     verb = VERBS[args.verb]
     args.rest = further_words
     args.words = words
-    if further_words and not verb.passes_on:
-        parser().error(f"unrecognized arguments: {' '.join(further_words)}")
+    if further_words and not verb.forwards_words:
+        make_parser().error(f"unrecognized arguments: {' '.join(further_words)}")
 
     try:
         _check_threads()
         return _run_verb(verb, args)
     except ModuleNotFoundError as error:
         library = (error.name or "").partition(".")[0]
-        if library not in EXTRAS:
+        if library not in OPTIONAL_LIBRARIES:
             raise
         print_fault(
             f"{error.name} is not installed: expected "
@@ -145,8 +145,8 @@ def _run_verb(verb: Verb, args: argparse.Namespace) -> int:
     """
     _check_out_path(args)
     # The jobs of a workflow are recorded one by one, not the verb that starts them.
-    context = nullcontext() if verb.passes_on else stage(args, verb.runs)
-    with redirect_stdout(Printable(sys.stdout)), context:
+    context = nullcontext() if verb.forwards_words else run_as_stage(args, verb.runs)
+    with redirect_stdout(EscapingStream(sys.stdout)), context:
         status = verb(args)
     sys.stdout.flush()
     return status or 0
@@ -160,7 +160,7 @@ def _check_threads() -> None:
     require(is_number, "environment", name, number, "a whole number from 1, or none")
 
 
-class Printable:
+class EscapingStream:
     """A stream that writes control characters as backslash escapes.
 
     Users' texts may hold some, such as the codes of a terminal.
@@ -174,7 +174,7 @@ class Printable:
 
     def write(self, text: str) -> int:
         """Write a text."""
-        self.stream.write(CONTROL.sub(_escape, text))
+        self.stream.write(CONTROL_CHARACTERS.sub(_escape, text))
         return len(text)
 
 
@@ -211,7 +211,7 @@ def _check_out_path(args: argparse.Namespace) -> None:
 
 
 @functools.cache
-def parser() -> argparse.ArgumentParser:
+def make_parser() -> argparse.ArgumentParser:
     """Make the parser of all verbs, and of the stages below the verb `stage`.
 
     Its help lists only the verbs that are enough for a study.
@@ -221,7 +221,7 @@ def parser() -> argparse.ArgumentParser:
         description="Calibrates the contact parameters of a discrete element model\n"
         "from a pile of grains.",
         usage=f"{PROGRAM} [--version] VERB ...",
-        epilog=_list_verbs([FIRST]),
+        epilog=_list_verbs([FIRST_GROUP]),
         formatter_class=argparse.RawDescriptionHelpFormatter,
         add_help=False,
     )
@@ -232,7 +232,7 @@ def parser() -> argparse.ArgumentParser:
     verbs = main_parser.add_subparsers(
         prog=PROGRAM, metavar="VERB", required=True, help=argparse.SUPPRESS
     )
-    for name in TYPED:
+    for name in USER_VERBS:
         VERBS[name].add_to(verbs)
 
     # Stages are called by two words: repose stage NAME.
@@ -282,7 +282,7 @@ def _find_unknown_verb(words: list[str]) -> str | None:
             "stage", words[1:], known=STAGES, listing=f"{PROGRAM} {STAGE} --help"
         )
     return _describe_unknown_name(
-        "verb", words, known=(*TYPED, STAGE), listing=f"{PROGRAM} --help"
+        "verb", words, known=(*USER_VERBS, STAGE), listing=f"{PROGRAM} --help"
     )
 
 
@@ -343,7 +343,7 @@ def _list_targets() -> tuple[str, ...]:
     """List the names of the studies that `repose run` can make."""
     from repose.config import cost
 
-    return tuple(name for name in cost.SENTENCES if name.isidentifier())
+    return tuple(name for name in cost.STUDY_SUMMARIES if name.isidentifier())
 
 
 def _list_verbs(group_titles: Iterable[str]) -> str:
@@ -352,7 +352,7 @@ def _list_verbs(group_titles: Iterable[str]) -> str:
     Parameters
     ----------
     group_titles : iterable of str
-        Keys of `GROUPS`.
+        Keys of `VERB_GROUPS`.
 
     Returns
     -------
@@ -363,7 +363,7 @@ def _list_verbs(group_titles: Iterable[str]) -> str:
     lines: list[str] = []
     for group_title in group_titles:
         lines.append(f"{group_title}:")
-        lines += [_format_entry(name) for name in GROUPS[group_title]]
+        lines += [_format_entry(name) for name in VERB_GROUPS[group_title]]
         lines.append("")
     lines += [
         f"`{PROGRAM} VERB --help` explains a verb, `{PROGRAM} help all` lists all verbs,",

@@ -9,10 +9,10 @@ from repose.config.pipeline import PipelineConfig
 if TYPE_CHECKING:
     from repose.grain.particle import Particle
 
-MADE = "made from the configuration if not given"
+DEFAULT_HELP = "made from the configuration if not given"
 BERRY_AND_PARTICLE = (
-    Option("--berry", help=f"berry.json; {MADE}"),
-    Option("--particle", help=f"particle.json; {MADE}"),
+    Option("--berry", help=f"berry.json; {DEFAULT_HELP}"),
+    Option("--particle", help=f"particle.json; {DEFAULT_HELP}"),
 )
 
 

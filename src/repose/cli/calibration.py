@@ -167,7 +167,9 @@ def published_sets(args: argparse.Namespace, study: PipelineConfig) -> None:
     # NAME.json are described in NAME.pours.json beside it.
     measurements = [Path(job) for job in args.jobs]
     runs = [path.with_suffix(".pours.json") for path in measurements]
-    outdated_files = dependencies.find_outdated(study.config, [*measurements, *runs])
+    outdated_files = dependencies.find_outdated_files(
+        study.config, [*measurements, *runs]
+    )
     if outdated_files:
         raise InputError(
             outdated_files[0],

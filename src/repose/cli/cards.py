@@ -11,11 +11,19 @@ from repose.config.pipeline import PipelineConfig
 N_CARDS = {"show": 1, "compare": 2, "check": 1}
 # Exit statuses of `card check` where the targets are not met; where the runs of the
 # check do not decide it, or there are none.
-NOT_MET = 3
-UNDECIDED = 4
-FILES = ("berry", "particle", "feasible", "table4", "posterior", "draws", "dataset")
-MIGA = "results/miga/summary.json"
-VALIDATION = "results/validation/representative.csv"
+NOT_MET_STATUS = 3
+UNDECIDED_STATUS = 4
+FILE_OPTIONS = (
+    "berry",
+    "particle",
+    "feasible",
+    "table4",
+    "posterior",
+    "draws",
+    "dataset",
+)
+SUMMARY_PATH = "results/miga/summary.json"
+REPRESENTATIVE_PATH = "results/validation/representative.csv"
 
 
 @verb(
@@ -55,8 +63,8 @@ def card(args: argparse.Namespace) -> int:
     print(card_text.format_verdict(cards[0]))
     are_met = card_text.get_verdict(cards[0]).met
     if are_met is None:
-        return UNDECIDED
-    return 0 if are_met else NOT_MET
+        return UNDECIDED_STATUS
+    return 0 if are_met else NOT_MET_STATUS
 
 
 @verb(
@@ -67,10 +75,10 @@ def card(args: argparse.Namespace) -> int:
         help="file of the verb shape",
     ),
     FEASIBLE,
-    Option("--summary", default=MIGA, help="file of the verb miga: the answer"),
+    Option("--summary", default=SUMMARY_PATH, help="file of the verb miga: the answer"),
     Option(
         "--representative",
-        default=VALIDATION,
+        default=REPRESENTATIVE_PATH,
         help="file of the verb validate: the check of the answer",
     ),
     Option(
@@ -113,5 +121,5 @@ def material_card(args: argparse.Namespace, study: PipelineConfig) -> None:
         small_run=settings.small_run,
         parameter_names=study.parameter_names,
     )
-    files = {name: getattr(args, name) for name in FILES}
+    files = {name: getattr(args, name) for name in FILE_OPTIONS}
     card_study.run(study, result, files=files, out=args.out)

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from repose.cli.options import require_option
-from repose.cli.registry import CONFIG, Option, configs_of, load, verb
+from repose.cli.registry import CONFIG, Option, list_config_files, load_study, verb
 from repose.common.errors import InputError, InputErrors
 from repose.common.numbers import rounded
 from repose.config.pipeline import PipelineConfig
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from repose.config.cost import Pours
     from repose.stages.settings import SimulatorSettings
 
-TICK_S = 1.0
-FILES = CONFIG.with_changes(
+UPDATE_INTERVAL_S = 1.0
+CONFIG_FILES = CONFIG.with_changes(
     nargs="+",
     default=[CONFIG.keywords["default"]],
     help=f"{CONFIG.keywords['help']}, or several",
@@ -35,11 +35,11 @@ def _load_with_scene_advice(args: argparse.Namespace) -> PipelineConfig:
     for the same pile before the error goes on to the user.
     """
     try:
-        return load(args, inputs=True)
+        return load_study(args, inputs=True)
     except InputError as error:
         n_grains = _find_refused_number_of_grains(error)
         if n_grains is not None:
-            _print_smaller_scene(configs_of(args), n_grains)
+            _print_smaller_scene(list_config_files(args), n_grains)
         raise
 
 
@@ -78,7 +78,7 @@ def _print_smaller_scene(files: list[str], n_grains: int) -> None:
         action="store_true",
         help="with a section simulator: make one run and print its responses",
     ),
-    config=FILES,
+    config=CONFIG_FILES,
     study=_load_with_scene_advice,
 )
 def check(args: argparse.Namespace, study: PipelineConfig) -> None:
@@ -112,7 +112,7 @@ def check(args: argparse.Namespace, study: PipelineConfig) -> None:
     _print_lines(check_lines.run_trials(study, grain_step_s, show_elapsed_seconds))
 
     # Print the number of runs and their time.
-    pours = cost.strategy_pours(settings, settings.strategy)
+    pours = cost.list_strategy_pours(settings, settings.strategy)
     work = cost.estimate_work(study.config, grain_step_s, pours)
     _print_pours(work["pours"])
     minutes = work["total_s"] / args.cores / 60
@@ -168,7 +168,7 @@ def _print_computed(files: list[str], study: PipelineConfig) -> None:
     from repose.common.keys import get_value
     from repose.config import computed, loader
 
-    config_of_files = loader.read_layers(files).config
+    config_of_files = loader.merge_with_defaults(files).config
     numbers = []
     for setting in computed.find_settings_to_compute(config_of_files):
         value = get_value(study.config, setting.key)
@@ -203,7 +203,7 @@ def _print_pours(pours: "Pours") -> None:
         help="runs.csv of earlier pours, for the noise (default: the runs of the study, if any)",
         recorded=False,  # they may be of another study
     ),
-    config=FILES,
+    config=CONFIG_FILES,
     study=_load_with_scene_advice,
 )
 def plan(args: argparse.Namespace, study: PipelineConfig) -> None:
@@ -358,7 +358,7 @@ def show_elapsed_seconds(sentence: str) -> Iterator[None]:
     def update_seconds() -> None:
         """Write the line again after each tick, until the block has ended."""
         start_s = time.monotonic()
-        while not is_finished.wait(TICK_S):
+        while not is_finished.wait(UPDATE_INTERVAL_S):
             elapsed_s = time.monotonic() - start_s
             line = f"\r{sentence}; {elapsed_s:.0f} s"
             print(line, end="", file=sys.stderr, flush=True)

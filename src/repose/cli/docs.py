@@ -8,7 +8,7 @@ from repose.cli.registry import PROGRAM, Option, verb
 from repose.common import places
 from repose.common.errors import did_you_mean, require
 
-NO_PAGES = ("docs", "reference")  # the site's first page, and its list of modules
+HIDDEN_PAGES = ("docs", "reference")  # the site's first page, and its list of modules
 
 
 @verb(
@@ -26,7 +26,7 @@ def docs(args: argparse.Namespace) -> None:
     if args.name is None:
         width = max(len(name) for name in known)
         for name, path in known.items():
-            print(f"{name:{width}}  {title_of(path)}")
+            print(f"{name:{width}}  {read_title(path)}")
         return
 
     require(
@@ -69,10 +69,10 @@ def find_pages() -> dict[str, Path]:
         paths[name] = path
     paths["configuration"] = places.find_program_folder() / "config" / "README.md"
     paths["library"] = places.PACKAGE / "dem" / "README.md"
-    return {name: paths[name] for name in sorted(paths) if name not in NO_PAGES}
+    return {name: paths[name] for name in sorted(paths) if name not in HIDDEN_PAGES}
 
 
-def title_of(path: Path) -> str:
+def read_title(path: Path) -> str:
     """Return the first heading of a page; an empty text if it has none."""
     for line in path.read_text(encoding="utf-8").splitlines():
         if line.startswith("# "):

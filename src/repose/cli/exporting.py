@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from repose.cli.options import require_option
 from repose.cli.parameter_sets import PARAMETER_SET, read_parameters
-from repose.cli.registry import CONFIG, Option, load, verb
+from repose.cli.registry import CONFIG, Option, load_study, verb
 from repose.common import provenance
 from repose.common.errors import InputError
 from repose.common.section import AUTO
 from repose.config.pipeline import PipelineConfig
-from repose.export import PROGRAMS, write
+from repose.export import PROGRAMS, write_deck
 
 if TYPE_CHECKING:
     from repose.grain.particle import Particle
 
 # Spheres of a clump: the default, and the most that fill a mesh here.
-SPHERES = 14
+DEFAULT_SPHERES = 14
 MOST_SPHERES = 64
 
 Card = Mapping[str, Any]
@@ -45,7 +45,7 @@ Card = Mapping[str, Any]
         type=int,
         metavar="N",
         help="spheres of the clump; 1: the sphere of the grain's volume (default: those "
-        f"of the study's clump, 1 for a spherical grain, or {SPHERES})",
+        f"of the study's clump, 1 for a spherical grain, or {DEFAULT_SPHERES})",
     ),
     Option("--seed", type=int, default=1, help="of the grains' places (1)"),
     Option(
@@ -64,24 +64,24 @@ def export(args: argparse.Namespace) -> None:
 
     example: --to yade --card results/card.json --config results/config.json --out results/export/yade
     """
-    from repose.export.job import Job, make
+    from repose.export.job import Job, make_job
     from repose.export.template import write_template
     from repose.stages.card_study import read_repose_card
 
     # Read what is to be exported: the study, the card, or both.
-    study = None if args.config is None else load(args)
+    study = None if args.config is None else load_study(args)
     _require_one_parameter_option(args)
     card = None if args.card is None else read_repose_card(args.card)
     _check_numbers(args)
     if study is None:
         study = _find_study(args, card)
 
-    source = _choose_source(args, study, card)
+    source = _choose_export_source(args, study, card)
     values = _choose_parameter_values(args, study, card)
 
-    def make_job(parameters: Mapping[str, float]) -> Job:
+    def make_job_with(parameters: Mapping[str, float]) -> Job:
         """Make the simulation that is written, for any values of the parameters."""
-        return make(
+        return make_job(
             config=source.config,
             parameters=parameters,
             particle=source.particle,
@@ -93,10 +93,10 @@ def export(args: argparse.Namespace) -> None:
     # Write a template, in which names stand for some numbers, or a deck.
     if args.names:
         paths = write_template(
-            make_job, values, names=args.names, program=args.to, folder=args.out
+            make_job_with, values, names=args.names, program=args.to, folder=args.out
         )
     else:
-        paths = write(make_job(values), args.to, args.out)
+        paths = write_deck(make_job_with(values), args.to, args.out)
     for path in paths:
         print(path)
 
@@ -157,7 +157,7 @@ def _find_study(args: argparse.Namespace, card: Card | None) -> PipelineConfig |
 
     if card is None:
         args.config = str(CONFIG.keywords["default"])
-        study = load(args)
+        study = load_study(args)
         # Reading the grain here reports faults of its files early.
         _ = study.grain
         return study
@@ -167,7 +167,7 @@ def _find_study(args: argparse.Namespace, card: Card | None) -> PipelineConfig |
         return None
     args.config = str(path)
     try:
-        study = load(args)
+        study = load_study(args)
         _ = study.grain
     except InputError as error:
         # The card may have been moved away from the files of its study.
@@ -209,7 +209,7 @@ def _choose_parameter_values(
 # --- the grain ------------------------------------------------------------------------
 
 
-class _Source(NamedTuple):
+class _ExportSource(NamedTuple):
     """What is exported besides the parameters.
 
     Attributes
@@ -254,12 +254,12 @@ def _choose_number_of_spheres(
         return int(args.spheres)
     if particle.is_clump or is_sphere(particle):
         return None
-    return SPHERES
+    return DEFAULT_SPHERES
 
 
-def _choose_source(
+def _choose_export_source(
     args: argparse.Namespace, study: PipelineConfig | None, card: Card | None
-) -> _Source:
+) -> _ExportSource:
     """Choose the grain to export: that of the study, or of the card without a study.
 
     Parameters
@@ -289,7 +289,9 @@ def _choose_source(
     return source
 
 
-def _make_source_of_study(args: argparse.Namespace, study: PipelineConfig) -> _Source:
+def _make_source_of_study(
+    args: argparse.Namespace, study: PipelineConfig
+) -> _ExportSource:
     """Make the grain of a study ready for programs that know only spheres.
 
     Parameters
@@ -304,23 +306,23 @@ def _make_source_of_study(args: argparse.Namespace, study: PipelineConfig) -> _S
     grain, particle = load_grain_and_particle(study)
     n_spheres = _choose_number_of_spheres(args, particle)
     if n_spheres is None:
-        return _Source(study.config, grain, particle, one_sphere=False)
+        return _ExportSource(study.config, grain, particle, one_sphere=False)
     if n_spheres == 1:
-        return _Source(study.config, grain, particle, one_sphere=True)
+        return _ExportSource(study.config, grain, particle, one_sphere=True)
 
     # Fill the mesh of the grain with spheres.
     clump_study = _replace_particle_by_clump(study, n_spheres, args.config)
     clump_grain, clump = load_grain_and_particle(clump_study)
-    return _Source(study.config, clump_grain, clump, one_sphere=False)
+    return _ExportSource(study.config, clump_grain, clump, one_sphere=False)
 
 
-def _make_source_of_card(args: argparse.Namespace, card: Card) -> _Source:
+def _make_source_of_card(args: argparse.Namespace, card: Card) -> _ExportSource:
     """Make the grain of a card ready for programs that know only spheres."""
     from repose.stages import card_study
 
     card_particle = card_study.rebuild_particle(card, None, args.card)
     n_spheres = _choose_number_of_spheres(args, card_particle)
-    return _Source(
+    return _ExportSource(
         config=card_study.rebuild_configuration(card, args.card),
         grain=card["grain"],
         particle=card_study.rebuild_particle(card, n_spheres, args.card),

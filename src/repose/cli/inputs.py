@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from repose.cli.options import BERRY
 from repose.cli.own_simulator import load_any_study
-from repose.cli.registry import Option, load, verb
+from repose.cli.registry import Option, load_study, verb
 from repose.common.errors import InputError
 from repose.common.files import write_bytes, write_table
 from repose.config.pipeline import PipelineConfig
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 def _load_study_of_grain(args: argparse.Namespace) -> PipelineConfig | None:
     """Load the study, or return None for a mesh that is built from axes."""
-    return None if args.axes or args.stl else load(args)
+    return None if args.axes or args.stl else load_study(args)
 
 
 @verb(
@@ -95,7 +95,7 @@ def _build_mesh(args: argparse.Namespace) -> None:
         )
     density = args.density
     if density is None:
-        density = load(args).settings.berry.density_kg_m3
+        density = load_study(args).settings.berry.density_kg_m3
     mesh, shape_number = mesh_from_axes.grain_mesh(
         args.axes,
         args.mass_g,

@@ -15,14 +15,14 @@ from typing import TYPE_CHECKING, Self
 if TYPE_CHECKING:
     import psutil
 
-END = b"\0"  # no signal has the number 0: it ends the thread that reads signals
+END_BYTE = b"\0"  # no signal has the number 0: it ends the thread that reads signals
 # Interval at which jobs are looked for that started after the signal.
-REPEAT_S = 0.5
+SEARCH_INTERVAL_S = 0.5
 # Time after which a job that still runs gets the signal again. A process that is about
 # to become another program loses the signals that it has.
-PATIENCE_S = 3.0
+REPEAT_AFTER_S = 3.0
 # Time in which a thread begins that was about to start at the signal.
-START_S = 5.0
+THREAD_START_LIMIT_S = 5.0
 
 
 class Interruption:
@@ -77,7 +77,7 @@ class Interruption:
         signal.set_wakeup_fd(self._earlier_wakeup_fd)
         for number, handler in self._earlier_handlers.items():
             signal.signal(number, handler)
-        os.write(self._writing_end, END)
+        os.write(self._writing_end, END_BYTE)
         self._thread.join()
         os.close(self._reading_end)
         os.close(self._writing_end)
@@ -87,7 +87,7 @@ class Interruption:
         while True:
             # Each signal is one byte. `os.read` blocks until the next one.
             number = os.read(self._reading_end, 1)[0]
-            if number == END[0]:
+            if number == END_BYTE[0]:
                 return
             if number in self._forwarded_signals and self.signal_number is None:
                 self.signal_number = number
@@ -107,7 +107,7 @@ class Interruption:
 
     def _interrupt_new_jobs(self) -> None:
         """Interrupt jobs that start after the signal, until the run has ended."""
-        while not self._has_ended.wait(REPEAT_S):
+        while not self._has_ended.wait(SEARCH_INTERVAL_S):
             self._interrupt_jobs()
 
     def _wait_for_threads(self) -> None:
@@ -120,7 +120,7 @@ class Interruption:
         """
         # A thread that is still to begin at the limit never will: the exception came
         # before the system had made it.
-        limit = time.monotonic() + START_S
+        limit = time.monotonic() + THREAD_START_LIMIT_S
         while any(
             thread.is_alive() or time.monotonic() < limit
             for thread in threading.enumerate()
@@ -138,7 +138,7 @@ class Interruption:
         now = time.monotonic()
         for job in psutil.Process().children(recursive=True):
             earlier = self._interrupted_at.get(job)
-            if earlier is None or now - earlier >= PATIENCE_S:
+            if earlier is None or now - earlier >= REPEAT_AFTER_S:
                 self._interrupted_at[job] = now
                 with contextlib.suppress(psutil.NoSuchProcess):
                     job.send_signal(signal.SIGINT)

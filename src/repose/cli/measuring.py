@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from repose.cli.options import BERRY, JSON, require_option
-from repose.cli.registry import CONFIG, Option, load, verb
+from repose.cli.registry import CONFIG, Option, load_study, verb
 from repose.common.errors import InputError, raise_together
 from repose.common.files import format_json
 from repose.common.keys import require_section
@@ -24,14 +24,16 @@ if TYPE_CHECKING:
     from repose.measure.settings import MeasureSettings
 
 # Pixel sizes from a microscope to a heap in a hall [mm].
-SCALES = (1e-3, 100.0)
-ANGLE_LINE = "its line of the angle (default: over the whole side)"
-BENCHES = "funnel or lifted_cylinder, which leave a pile, turning or drawdown"
-POINTS = "three points of the drum's inner rim, or of the box's two lower inner corners"
-SIZES = "sizes.csv"  # in the folder of a crop
-PARTICLE_TABLE = "piles.csv"  # of files of particles
-RESULTS_TABLE = "results.csv"  # of runs with the responses of their piles
-TWO_FLANKS = "a pile with two flanks, seen from the side"
+PIXEL_SIZE_LIMITS_MM = (1e-3, 100.0)
+ANGLE_LINE_HELP = "its line of the angle (default: over the whole side)"
+BENCH_HELP = "funnel or lifted_cylinder, which leave a pile, turning or drawdown"
+POINTS_HELP = (
+    "three points of the drum's inner rim, or of the box's two lower inner corners"
+)
+SIZES_FILE = "sizes.csv"  # in the folder of a crop
+PARTICLE_TABLE_FILE = "piles.csv"  # of files of particles
+RESULTS_TABLE_FILE = "results.csv"  # of runs with the responses of their piles
+EXPECTED_PILE = "a pile with two flanks, seen from the side"
 
 
 @verb(
@@ -74,15 +76,15 @@ TWO_FLANKS = "a pile with two flanks, seen from the side"
         help="height of a grain, for the secant (by --config or sizes.csv)",
     ),
     CONFIG.with_changes(
-        default=None, help=f"the study that the photographs are for; {ANGLE_LINE}"
+        default=None, help=f"the study that the photographs are for; {ANGLE_LINE_HELP}"
     ),
-    Option("--bench", default="funnel", help=f"bench test: {BENCHES} (funnel)"),
+    Option("--bench", default="funnel", help=f"bench test: {BENCH_HELP} (funnel)"),
     Option(
         "--points",
         nargs="+",
         type=float,
         metavar="PX",
-        help=f"column and row of {POINTS}",
+        help=f"column and row of {POINTS_HELP}",
     ),
     Option(
         "--doubtful",
@@ -124,7 +126,7 @@ def measure(args: argparse.Namespace) -> None:
 
     example: *.jpg --square-mm 20 --out measured
     """
-    if _hold_particles(args.pictures):
+    if _are_particle_files(args.pictures):
         _measure_particle_files(args)
         return
 
@@ -142,10 +144,10 @@ def measure(args: argparse.Namespace) -> None:
             args, pictures, overlays=overlays, scale=scale, settings=settings
         )
     else:
-        _measure_apparatus(args, pictures, overlays=overlays, settings=settings)
+        _measure_beds(args, pictures, overlays=overlays, settings=settings)
 
 
-def _hold_particles(names: Sequence[str]) -> bool:
+def _are_particle_files(names: Sequence[str]) -> bool:
     """Tell whether files hold particles instead of pictures.
 
     Parameters
@@ -240,7 +242,7 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
                 source=name,
             )
         except NoFlankError as error:
-            raise InputError(name, "pile", error.reason, TWO_FLANKS) from error
+            raise InputError(name, "pile", error.reason, EXPECTED_PILE) from error
         rows.append(
             {
                 "file": name,
@@ -253,13 +255,13 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
             }
         )
     table = pd.DataFrame(rows)
-    path = Path(args.out) / PARTICLE_TABLE
+    path = Path(args.out) / PARTICLE_TABLE_FILE
     write_table(path, table)
     if runs is not None:
-        piles = table.set_index(table["file"].map(_name_run))
+        piles = table.set_index(table["file"].map(_find_run_name))
         for column, response in benches[args.bench].items():
             runs[response] = runs.index.map(piles[column])
-        write_table(Path(args.out) / RESULTS_TABLE, runs)
+        write_table(Path(args.out) / RESULTS_TABLE_FILE, runs)
 
     # Print the table, or a line for each pile.
     if args.json:
@@ -276,7 +278,7 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
     print(f"angles by every line and more: {path}")
 
 
-def _name_run(path: str) -> str:
+def _find_run_name(path: str) -> str:
     """Return the name of a file without its ending, which names sample and run."""
     return Path(path).stem
 
@@ -305,7 +307,7 @@ def _read_runs(path: str, files: Sequence[str]) -> "pd.DataFrame":
 
     runs = read_table(path, ("sample", "run"))
     runs.index = runs["sample"].astype(str) + "_" + runs["run"].astype(str)
-    names = [_name_run(file) for file in files]
+    names = [_find_run_name(file) for file in files]
     for file, name in zip(files, names, strict=True):
         require_option(
             name in runs.index,
@@ -526,13 +528,13 @@ def _require_measured_pile(
             photograph.path,
             "pile",
             photograph.refusal_reason,
-            f"{TWO_FLANKS}; {overlay} shows the part taken for the pile",
+            f"{EXPECTED_PILE}; {overlay} shows the part taken for the pile",
         )
         for photograph, overlay in zip(photographs, overlays, strict=True)
     )
 
 
-def _measure_apparatus(
+def _measure_beds(
     args: argparse.Namespace,
     pictures: list[Path],
     overlays: list[Path],
@@ -570,7 +572,7 @@ def _measure_apparatus(
             None,
             f"a study, whose section {args.bench} has the measures",
         )
-    scene = SceneSettings(load(args).config)
+    scene = SceneSettings(load_study(args).config)
     # Refuse a study without the section of this bench test.
     require_section(scene.config, args.bench)
 
@@ -635,7 +637,7 @@ def _read_scale(args: argparse.Namespace) -> "Scale":
     if args.length:
         return _compute_scale_of_length(args)
     if args.mm_per_pixel is not None:
-        _require_between("--mm-per-pixel", args.mm_per_pixel, *SCALES)
+        _require_between("--mm-per-pixel", args.mm_per_pixel, *PIXEL_SIZE_LIMITS_MM)
         _refuse_lens(args)
         return Scale(args.square_mm, args.mm_per_pixel, args.base_row)
     return Scale(args.square_mm, base_row=args.base_row)
@@ -673,7 +675,7 @@ def _compute_scale_of_length(args: argparse.Namespace) -> "Scale":
             f"{LARGEST_LEVEL_DEG:g} degrees",
         )
     mm_per_pixel, level_deg = result
-    _require_between("--length", mm_per_pixel, *SCALES)
+    _require_between("--length", mm_per_pixel, *PIXEL_SIZE_LIMITS_MM)
     _refuse_lens(args)
     return Scale(
         args.square_mm,
@@ -714,10 +716,10 @@ def _make_measure_settings(args: argparse.Namespace) -> "MeasureSettings":
     # Find the settings, and the table of the measured sizes.
     if args.config is None:
         settings = MeasureSettings.with_defaults()
-        sizes_csv = SIZES if Path(SIZES).is_file() else None
+        sizes_csv = SIZES_FILE if Path(SIZES_FILE).is_file() else None
         keeps_volume = True
     else:
-        study = load(args).settings
+        study = load_study(args).settings
         settings = study.measure
         sizes_csv = study.berry.sizes
         keeps_volume = study.berry.keeps_volume
@@ -829,6 +831,6 @@ def measure_silhouette(args: argparse.Namespace, study: PipelineConfig) -> None:
     try:
         measurement = pile.measure_image(image, settings.mm_per_pixel, settings)
     except pile.NoFlankError as error:
-        raise InputError(args.picture, "pile", str(error), TWO_FLANKS) from None
+        raise InputError(args.picture, "pile", str(error), EXPECTED_PILE) from None
     write_image(args.overlay, drawing.overlay(image, measurement))
     write_json(args.out, measurement.record())

@@ -8,7 +8,7 @@ from repose.cli.options import require_option
 from repose.cli.registry import Option, verb
 
 # Written into every file of the template in place of the crop's name.
-NAME = "NAME"
+NAME_PLACEHOLDER = "NAME"
 
 
 @verb(
@@ -22,10 +22,10 @@ def new(args: argparse.Namespace) -> None:
     """
     from repose.common import faults
     from repose.common.ledger import write_atomically
-    from repose.config.models import settings_type
+    from repose.config.models import make_settings_type
 
     # Check the name. It also becomes the label of the study.
-    model = settings_type()
+    model = make_settings_type()
     require_option(
         faults.is_valid_value("label", args.name, model),
         "new",
@@ -45,7 +45,7 @@ def new(args: argparse.Namespace) -> None:
     # Copy the template, and put the name of the crop into each file.
     template = Path(__file__).parents[1] / "config" / "new_crop"
     for path in sorted(template.rglob("*.*")):
-        text = path.read_text(encoding="utf-8").replace(NAME, args.name)
+        text = path.read_text(encoding="utf-8").replace(NAME_PLACEHOLDER, args.name)
         new_path = folder / path.relative_to(template)
         new_path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(new_path, methodcaller("write", text.encode()))

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from repose.cli.registry import Option, load, verb
+from repose.cli.registry import Option, load_study, verb
 from repose.common import places
 from repose.common.errors import require
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from repose.calibrate.study import Study
     from repose.config.pipeline import PipelineConfig
 
-FOLDER = "own"
+DEFAULT_FOLDER = "own"
 
 
 def _load_own_study(args: argparse.Namespace) -> "Study":
@@ -64,7 +64,9 @@ def load_any_study(args: argparse.Namespace) -> "Study | PipelineConfig":
     from repose.calibrate.study_file import is_own
 
     return (
-        _load_own_study(args) if is_own(places.find_file(args.config)) else load(args)
+        _load_own_study(args)
+        if is_own(places.find_file(args.config))
+        else load_study(args)
     )
 
 
@@ -75,7 +77,7 @@ def _warn(text: str) -> None:
 
 @verb(
     Option("runs", help="CSV file, a row for each run: parameters and responses"),
-    out=f"{FOLDER}/runs.csv",
+    out=f"{DEFAULT_FOLDER}/runs.csv",
     study=_load_own_study,
 )
 def tell(args: argparse.Namespace, study: "Study") -> None:
@@ -104,10 +106,10 @@ def tell(args: argparse.Namespace, study: "Study") -> None:
 @verb(
     Option(
         "--runs",
-        default=f"{FOLDER}/runs.csv",
+        default=f"{DEFAULT_FOLDER}/runs.csv",
         help="the record; where it is missing, the start",
     ),
-    out=f"{FOLDER}/next.csv",
+    out=f"{DEFAULT_FOLDER}/next.csv",
     study=_load_own_study,
 )
 def ask(args: argparse.Namespace, study: "Study") -> None:
@@ -158,7 +160,7 @@ def ask(args: argparse.Namespace, study: "Study") -> None:
 
 @verb(
     Option("runs", help="CSV file, a row for each run: parameters and responses"),
-    out=FOLDER,
+    out=DEFAULT_FOLDER,
     study=_load_own_study,
 )
 def calibrate(args: argparse.Namespace, study: "Study") -> None:

@@ -110,7 +110,7 @@ def read_parameters(
         if texts or sample is None:
             allowed = "together with --sample, without --set"
             raise InputError("command line", "--samples", samples, allowed)
-        return _parameters_of_sample(samples, sample, study)
+        return _read_parameters_of_sample(samples, sample, study)
     require_option(sample is None, "--sample", sample, "together with --samples")
 
     # Check all names before reading the first value.
@@ -127,7 +127,7 @@ def read_parameters(
     return values
 
 
-def _parameters_of_sample(
+def _read_parameters_of_sample(
     samples: str, sample: int, study: PipelineConfig
 ) -> dict[str, float]:
     """Read the parameters of a sample from a table.

@@ -29,15 +29,15 @@ if TYPE_CHECKING:
     from repose.bench import Scene
 
 
-SIMULATION = (*PARAMETER_SET, SEED, *BERRY_AND_PARTICLE)
+SIMULATION_OPTIONS = (*PARAMETER_SET, SEED, *BERRY_AND_PARTICLE)
 APPARATUS = Option(
     "--apparatus", default="funnel", metavar="NAME", help="bench test (funnel)"
 )
 TRAJECTORY = Option(
     "--trajectory", type=float, metavar="S", help="also write positions every S seconds"
 )
-POUR = (*SIMULATION, *STUDY_SEEDS, TRAJECTORY)
-KEEP = Option(
+POUR_OPTIONS = (*SIMULATION_OPTIONS, *STUDY_SEEDS, TRAJECTORY)
+KEEP_RUNS = Option(
     "--keep-runs",
     action="store_true",
     help="keep each run in OUT/runs; a kept run with the same settings is not run again",
@@ -69,7 +69,7 @@ def warm_up(args: argparse.Namespace, study: PipelineConfig) -> None:
     )
 
 
-@verb(APPARATUS, *POUR, KEEP, MEASURE, out="results/try", runs="made")
+@verb(APPARATUS, *POUR_OPTIONS, KEEP_RUNS, MEASURE, out="results/try", runs="made")
 def pour(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Run a bench test with one parameter set and one or more seeds; save the runs for measure_runs.
 
@@ -77,7 +77,7 @@ def pour(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.stages.job import run_job
 
-    job = _make_job(args, study, args.apparatus)
+    job = _make_job_arguments(args, study, args.apparatus)
     pours = run_job(**job, keep_runs=args.keep_runs)
     print(pours)
     if args.measure:
@@ -114,7 +114,7 @@ def _keep_measurement(
 
 
 @verb(
-    *POUR,
+    *POUR_OPTIONS,
     JSON.with_changes(help="print the result as JSON"),
     out="results/try",
     runs="made",
@@ -126,7 +126,7 @@ def heap(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.stages.job import measure_job, run_job
 
-    job = _make_job(args, study, "funnel")
+    job = _make_job_arguments(args, study, "funnel")
     pours = run_job(**job)
     result = measure_job(job["scene"], pours)
     runs = result["runs"]
@@ -176,7 +176,7 @@ def _make_scene(
     return Scene.of(study.config, values, grain=grain, particle=particle)
 
 
-def _make_job(
+def _make_job_arguments(
     args: argparse.Namespace, study: PipelineConfig, apparatus: str
 ) -> dict[str, Any]:
     """Turn the options of a verb into the arguments of `repose.stages.job.run_job`.
@@ -217,7 +217,7 @@ def _make_job(
         allowed = f"from {step_s:g} to {duration_s:g} s"
         raise InputError("command line", "--trajectory", interval_s, allowed)
 
-    def progress(seed: int) -> Any:
+    def make_display(seed: int) -> Any:
         """Make the display that shows how far the run of a seed has come."""
         return display(0.0, duration_s, step_s, label=f"seed {seed}")
 
@@ -228,7 +228,7 @@ def _make_job(
         "seeds": seeds,
         "out_dir": args.out,
         "interval_s": interval_s,
-        "progress": progress,
+        "progress": make_display,
     }
 
 
@@ -259,7 +259,7 @@ def _choose_file_name(sample: int | None, apparatus: str) -> str:
         "--out", help="folder for NAME.json (the folder of the pours)", recorded=False
     ),
     *BERRY_AND_PARTICLE,
-    KEEP.with_changes(
+    KEEP_RUNS.with_changes(
         help="keep each measurement with its runs, and take a kept one that is the same"
     ),
     runs="measured",
@@ -283,7 +283,7 @@ def measure_runs(args: argparse.Namespace, study: PipelineConfig) -> None:
 
 
 @verb(
-    *SIMULATION,
+    *SIMULATION_OPTIONS,
     JSON.with_changes(help="print the measured runs as JSON"),
     out="results/try",
     runs="made",

@@ -19,7 +19,7 @@ Loader: TypeAlias = (
     "Callable[[argparse.Namespace], PipelineConfig | Study | None] | None"
 )
 # Separates the summary from the example in the docstring of a verb.
-EXAMPLE = "\n\nexample: "
+EXAMPLE_SEPARATOR = "\n\nexample: "
 HELP_COLUMNS = 78
 
 
@@ -68,7 +68,7 @@ CONFIG = Option(
 )
 
 
-class Given(argparse.Action):
+class NoteGivenOption(argparse.Action):
     """An option whose name is noted in ``namespace.given``; the last value counts."""
 
     def __call__(
@@ -95,7 +95,7 @@ class Verb(NamedTuple):
         The options.
     study : callable or None
         Makes the study from the parsed options.
-    passes_on : bool
+    forwards_words : bool
         Whether unknown words are no error and go into the list ``args.rest``.
     runs : str
         Whether the results are runs, as in `repose.common.provenance.record_stage`.
@@ -104,7 +104,7 @@ class Verb(NamedTuple):
     run: Callable
     options: tuple[Option, ...]
     study: Loader
-    passes_on: bool = False
+    forwards_words: bool = False
     runs: Literal["", "made", "measured"] = ""
 
     @property
@@ -115,13 +115,13 @@ class Verb(NamedTuple):
     @property
     def summary(self) -> str:
         """The summary in the function's docstring, in one line."""
-        summary, _, _ = cleandoc(self.run.__doc__ or "").partition(EXAMPLE)
+        summary, _, _ = cleandoc(self.run.__doc__ or "").partition(EXAMPLE_SEPARATOR)
         return " ".join(summary.split())
 
     @property
     def example(self) -> str:
         """The words after the verb in the example of the function's docstring."""
-        _, _, example = cleandoc(self.run.__doc__ or "").partition(EXAMPLE)
+        _, _, example = cleandoc(self.run.__doc__ or "").partition(EXAMPLE_SEPARATOR)
         return example
 
     def __call__(self, args: argparse.Namespace) -> int | None:
@@ -157,11 +157,11 @@ class Verb(NamedTuple):
         for option in self.options:
             keywords = option.keywords
             if not option.is_positional:
-                keywords = {"action": Given} | keywords
+                keywords = {"action": NoteGivenOption} | keywords
             parser.add_argument(*option.names, **keywords)
 
 
-def configs_of(args: argparse.Namespace) -> list[str]:
+def list_config_files(args: argparse.Namespace) -> list[str]:
     """List the files of --config; each overrides the ones before it."""
     files = getattr(args, "config", None)
     if isinstance(files, list):
@@ -169,7 +169,7 @@ def configs_of(args: argparse.Namespace) -> list[str]:
     return [files] if files else []
 
 
-def load(args: argparse.Namespace, inputs: bool = False) -> PipelineConfig:
+def load_study(args: argparse.Namespace, inputs: bool = False) -> PipelineConfig:
     """Load the study of --config.
 
     Parameters
@@ -179,7 +179,7 @@ def load(args: argparse.Namespace, inputs: bool = False) -> PipelineConfig:
     inputs : bool, optional
         Whether to check also the files that the configuration names.
     """
-    return PipelineConfig.load(*configs_of(args), inputs=inputs)
+    return PipelineConfig.load(*list_config_files(args), inputs=inputs)
 
 
 VERBS: dict[str, Verb] = {}  # in the order in which their modules are imported
@@ -189,7 +189,7 @@ def verb(
     *options: Option,
     out: str | None = None,
     config: bool | Option = True,
-    study: Loader = load,
+    study: Loader = load_study,
     **fields: Any,
 ) -> Callable[[Callable], Callable]:
     """Register a function as the verb of the same name (a decorator).

@@ -18,16 +18,16 @@ from repose.cli.stages import note_built_in_crop
 from repose.common import places
 from repose.common.errors import InputError, did_you_mean
 
-SEVERAL: dict[str, Any] = {
+LIST_KEYWORDS: dict[str, Any] = {
     "nargs": "+",
     "action": "extend",
     "default": [],
     "recorded": False,
 }
-ORDER = "each over the one before it; one of the program's own needs no copy"
-OF_SIGNAL = 128  # exit status of a program that a signal ended, less its number
-DRY = {"-n", "--dry-run", "--dryrun"}
-HANDED_ON = (
+FILES_HELP = "each over the one before it; one of the program's own needs no copy"
+SIGNAL_STATUS = 128  # exit status of a program that a signal ended, less its number
+DRY_RUN_WORDS = {"-n", "--dry-run", "--dryrun"}
+FORWARDED_OPTIONS = (
     "configfile",
     "config",
     "cores",
@@ -44,10 +44,12 @@ HANDED_ON = (
         "--configfile",
         "--configfiles",
         metavar="FILE",
-        help=f"configurations, {ORDER}",
-        **SEVERAL,
+        help=f"configurations, {FILES_HELP}",
+        **LIST_KEYWORDS,
     ),
-    Option("--config", "-C", metavar="KEY=VALUE", help="over the files", **SEVERAL),
+    Option(
+        "--config", "-C", metavar="KEY=VALUE", help="over the files", **LIST_KEYWORDS
+    ),
     Option("--cores", "-c", metavar="N", help="cores (all)"),
     Option("--jobs", "-j", metavar="N", help="jobs at a time, on a cluster"),
     Option(
@@ -60,7 +62,7 @@ HANDED_ON = (
     Option("--snakefile", "-s", metavar="FILE", help="another workflow"),
     Option("--list", action="store_true", help="name the studies with their cost"),
     config=False,
-    passes_on=True,
+    forwards_words=True,
 )
 def run(args: argparse.Namespace) -> int:
     """Run the whole study here, or the named targets, which stand before the options.
@@ -86,11 +88,11 @@ def run(args: argparse.Namespace) -> int:
         return 0
     _check_folder(args)
     note_built_in_crop(*args.configfile)
-    _provide_cache(args.directory or ".")
+    _choose_cache_folder(args.directory or ".")
 
-    arguments = snakemake_arguments(args)
+    arguments = build_snakemake_arguments(args)
     status = call_snakemake(main, arguments)
-    if status > OF_SIGNAL:
+    if status > SIGNAL_STATUS:
         _print_how_to_continue(args.words)
     elif status != 0:
         _check_targets(args.rest, arguments)
@@ -116,7 +118,7 @@ def _check_folder(args: argparse.Namespace) -> None:
         allowed = "a folder that is there"
         require_option(is_there, "--directory", args.directory, allowed)
         return
-    is_dry = not DRY.isdisjoint(args.rest)
+    is_dry = not DRY_RUN_WORDS.isdisjoint(args.rest)
     if not is_dry and not os.access(".", os.W_OK):
         allowed = "a folder into which you may write"
         raise InputError("command line", "folder", os.getcwd(), allowed)
@@ -146,11 +148,11 @@ def _check_configuration_options(args: argparse.Namespace) -> None:
         allowed = "KEY=VALUE; a target goes before the options"
         require_option(sign, "--config", entry, allowed)
         # Snakemake does not accept dotted keys.
-        allowed = f"a section with its keys, as in '{_in_section(key, value)}'"
+        allowed = f"a section with its keys, as in '{_nest_in_section(key, value)}'"
         require_option(key.isidentifier(), "--config", entry, allowed)
 
 
-def _in_section(key: str, value: str) -> str:
+def _nest_in_section(key: str, value: str) -> str:
     """Write a dotted key as snakemake takes it: the section with its keys in braces."""
     section, *inner = key.split(".")
     for name in reversed(inner):
@@ -158,7 +160,7 @@ def _in_section(key: str, value: str) -> str:
     return f"{section}={value}"
 
 
-def _provide_cache(folder: str) -> None:
+def _choose_cache_folder(folder: str) -> None:
     """Let snakemake and numba keep their caches in a folder if HOME cannot be written."""
     place = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
     while not place.exists() and place != place.parent:
@@ -202,7 +204,11 @@ def _check_rule_names(names: list[str], options: list[str]) -> None:
         Options of snakemake that choose the workflow and its configuration.
     """
     # Snakemake may print other lines around the names.
-    rules = [line for line in _listing("--list-rules", options) if line.isidentifier()]
+    rules = [
+        line
+        for line in _list_with_snakemake("--list-rules", options)
+        if line.isidentifier()
+    ]
     for name in names:
         if rules and name not in rules:
             guess = did_you_mean(name, rules)
@@ -221,7 +227,7 @@ def _check_paths(paths: list[str], options: list[str]) -> None:
         Options of snakemake that choose the workflow and its configuration.
     """
     # Below a header, the first column of snakemake's summary names the files.
-    lines = _listing("--summary", options)[1:]
+    lines = _list_with_snakemake("--summary", options)[1:]
     results = [line.partition("\t")[0] for line in lines]
     for path in paths:
         guess = did_you_mean(path, results)
@@ -230,7 +236,7 @@ def _check_paths(paths: list[str], options: list[str]) -> None:
             raise InputError("command line", "target", path, expected)
 
 
-def _listing(option: str, options: list[str]) -> list[str]:
+def _list_with_snakemake(option: str, options: list[str]) -> list[str]:
     """Return the lines that snakemake prints for an option that runs no job."""
     listing = subprocess.run(
         [sys.executable, "-m", "snakemake", *options, option],
@@ -241,7 +247,7 @@ def _listing(option: str, options: list[str]) -> list[str]:
     return listing.stdout.splitlines()
 
 
-def snakemake_arguments(args: argparse.Namespace) -> list[str]:
+def build_snakemake_arguments(args: argparse.Namespace) -> list[str]:
     """Build snakemake's command line from the options of `run`.
 
     By default it runs the workflow and profile of this program on all cores.
@@ -258,10 +264,10 @@ def snakemake_arguments(args: argparse.Namespace) -> list[str]:
     if not (args.cores or args.jobs or has_profile):
         values["cores"] = "all"
 
-    # The last option in `HANDED_ON` takes exactly one value. It thus cannot swallow the
+    # The last option in `FORWARDED_OPTIONS` takes exactly one value. It thus cannot swallow the
     # target that follows.
     words = []
-    for name in HANDED_ON:
+    for name in FORWARDED_OPTIONS:
         value = values[name]
         if not value:
             continue
@@ -298,5 +304,5 @@ def call_snakemake(main: Callable[[list[str]], object], arguments: list[str]) ->
         except SystemExit as end:
             status = end.code if isinstance(end.code, int) else 1
     if interruption.signal_number is not None:
-        return OF_SIGNAL + interruption.signal_number
+        return SIGNAL_STATUS + interruption.signal_number
     return status

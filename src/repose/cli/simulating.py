@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from repose.cli.options import SAMPLES
 from repose.cli.parameter_sets import STUDY_SEEDS
-from repose.cli.registry import Option, load, verb
+from repose.cli.registry import Option, load_study, verb
 from repose.common.errors import InputError
 from repose.common.statuses import describe_failure
 from repose.config.pipeline import PipelineConfig
@@ -21,7 +21,7 @@ PURPOSE = STUDY_SEEDS[1]
 
 def _load_external_study(args: argparse.Namespace) -> PipelineConfig:
     """Load a study with a program of the user's own."""
-    study = load(args)
+    study = load_study(args)
     _require_program(args, study)
     return study
 
@@ -69,7 +69,7 @@ def simulate(args: argparse.Namespace, study: PipelineConfig) -> None:
         seed=simulate.draw_seed(study_seed, args.purpose, args.sample, args.run),
         out_dir=args.out,
     )
-    print(_ending(record))
+    print(_describe_ending(record))
 
 
 @verb(
@@ -99,10 +99,10 @@ def measure_simulated(args: argparse.Namespace, study: PipelineConfig) -> None:
             measure=study.settings.measure,
         )
         for run in job["runs"]:
-            print(f"{folder}, seed {run['seed']}: {_ending(run)}")
+            print(f"{folder}, seed {run['seed']}: {_describe_ending(run)}")
 
 
-def _ending(run: Mapping[str, Any]) -> str:
+def _describe_ending(run: Mapping[str, Any]) -> str:
     """Describe how a run ended."""
     from repose.stages.simulate import OK
 

@@ -7,18 +7,21 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any, Literal
 
-from repose.cli.registry import VERBS, configs_of
+from repose.cli.registry import VERBS, list_config_files
 from repose.common import places, provenance
 from repose.common.lock import lock_folder_for_job
 from repose.stages.parameter_sets import list_job_files
 
 # Options whose values may be folders: such a folder stands for the files with this ending
 # of all samples. The keys are verb and option.
-FOLDERS = {("dataset", "jobs"): ".json", ("measure_runs", "pours"): ".pours.json"}
+FOLDER_OPTIONS = {
+    ("dataset", "jobs"): ".json",
+    ("measure_runs", "pours"): ".pours.json",
+}
 
 
 @contextmanager
-def stage(
+def run_as_stage(
     args: argparse.Namespace, runs: Literal["", "made", "measured"] = ""
 ) -> Iterator[None]:
     """Run a verb as a stage, as a context.
@@ -34,7 +37,7 @@ def stage(
         Whether the results are runs, as in `repose.common.provenance.record_stage`.
     """
     # A workflow runs its stages with the configuration in its folder of results.
-    files = configs_of(args)
+    files = list_config_files(args)
     folder = Path(files[-1]).parent if files else Path().parent
     with lock_folder_for_job(folder), record_verb(args, runs):
         yield
@@ -60,15 +63,15 @@ def record_verb(
         """Select the settings on which the results of this verb depend."""
         from repose.config import dependencies
 
-        return dependencies.settings_of(
-            config, args.verb, apparatus=apparatus, name=strategy
+        return dependencies.select_stage_settings(
+            config, args.verb, apparatus=apparatus, strategy_name=strategy
         )
 
     def check(config: Mapping[str, Any], inputs: provenance.Inputs) -> None:
         """Refuse input files of another study."""
         from repose.config import dependencies
 
-        source = ", ".join(configs_of(args))
+        source = ", ".join(list_config_files(args))
         dependencies.require_same_study(config, inputs, source)
 
     return provenance.record_stage(
@@ -97,7 +100,7 @@ def note_built_in_crop(*files: str) -> None:
         return
     # A study of the user's own simulator has no crop.
     for path in files:
-        if "simulator" in loader.read(places.find_file(path)):
+        if "simulator" in loader.read_file(places.find_file(path)):
             return
     print(
         "repose: note: this folder has no config.yaml; missing settings were taken from "
@@ -141,8 +144,8 @@ def _list_paths(args: argparse.Namespace, option: str) -> list[str]:
     value = getattr(args, option)
 
     # Options whose value may be a folder, which stands for the files in it.
-    if (args.verb, option) in FOLDERS:
-        ending = FOLDERS[args.verb, option]
+    if (args.verb, option) in FOLDER_OPTIONS:
+        ending = FOLDER_OPTIONS[args.verb, option]
         return [str(path) for path in list_job_files(value, args.samples, ending)]
     if (args.verb, option) == ("measure_simulated", "runs"):
         from repose.stages import simulated

@@ -5,7 +5,7 @@ import argparse
 from repose.cli.registry import Option, verb
 from repose.config.pipeline import PipelineConfig
 
-FOLDER = "results/sequential"
+DEFAULT_FOLDER = "results/sequential"
 STRATEGY = Option("strategy", help="name of the strategy", recorded=False)
 
 
@@ -16,7 +16,7 @@ STRATEGY = Option("strategy", help="name of the strategy", recorded=False)
         nargs="*",
         help="folders of all batches so far: dataset.csv and runs.csv",
     ),
-    out=f"{FOLDER}/batch_0",
+    out=f"{DEFAULT_FOLDER}/batch_0",
 )
 def propose(args: argparse.Namespace, study: PipelineConfig) -> None:
     """List the samples that a strategy simulates after the batches so far, or those of its answer, and say why.
@@ -44,7 +44,7 @@ def propose(args: argparse.Namespace, study: PipelineConfig) -> None:
         nargs="+",
         help="folders of all batches, and last of the answer, with its proposal.json",
     ),
-    out=FOLDER,
+    out=DEFAULT_FOLDER,
 )
 def conclude(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Compare a strategy's simulated answer with its prediction and the targets, collect all batches.

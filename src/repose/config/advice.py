@@ -13,7 +13,7 @@ from repose.bench.settings import SceneSettings
 from repose.common.keys import Config
 from repose.common.numbers import rounded
 from repose.common.statuses import describe_status
-from repose.config.computed import Grain, diameter_mm
+from repose.config.computed import Grain, compute_diameter_mm
 from repose.dem.laws import ROLLING_LAWS
 from repose.grain.particle import Particle
 
@@ -105,7 +105,7 @@ def give_funnel_hints(
 
     # A pile that reaches the outlet blocks it.
     funnel = _read_funnel_settings(config)
-    height_mm = 1e3 * estimate_height_m(config, grain)
+    height_mm = 1e3 * estimate_pile_height_m(config, grain)
     outlet_mm = funnel.outlet_height_mm
     if height_mm > outlet_mm:
         yield (
@@ -120,7 +120,7 @@ def give_funnel_hints(
         n_needed = count_needed_grains(config, particle.volume_m3)
         beginning = f"{n_needed} would fill the target pile, which is"
         n_grains = max(n_grains, n_needed)
-    grain_mm = diameter_mm(grain)
+    grain_mm = compute_diameter_mm(grain)
     definition = SceneSettings(config).measure_of({}).response
     yield _describe_number_of_grains(
         n_grains,
@@ -233,13 +233,16 @@ def compute_softening(config: Config, grain: Grain) -> Softening:
     approach at the bottom. Divided by d it is the share of the Height that is lost. This
     share goes with the modulus to the power of -2/3.
     """
-    diameter_m = 1e-3 * diameter_mm(grain)
+    diameter_m = 1e-3 * compute_diameter_mm(grain)
     gravity = SceneSettings(config).simulation.gravity_m_s2
 
     # Compute the pressure at the bottom of the pile, and by how much it pushes two
     # grains there into each other.
     pressure_pa = (
-        PACKING * grain["density_kg_m3"] * gravity * estimate_height_m(config, grain)
+        PACKING
+        * grain["density_kg_m3"]
+        * gravity
+        * estimate_pile_height_m(config, grain)
     )
     contact_modulus_pa = grain["shear_modulus_pa"] / (1 - grain["poisson_ratio"])  # E*
     approach_m = (
@@ -255,7 +258,7 @@ def compute_softening(config: Config, grain: Grain) -> Softening:
     return Softening(sinking, softest_pa)
 
 
-def estimate_height_m(config: Config, grain: Grain) -> float:
+def estimate_pile_height_m(config: Config, grain: Grain) -> float:
     """Estimate the height of the pile from the targets [m].
 
     If the height is a target, it is this target. If only the angle is, it is the height
@@ -275,7 +278,7 @@ def estimate_height_m(config: Config, grain: Grain) -> float:
         return 1e-3 * targets.height_mm
     if targets.angle_deg is not None:
         # All grains together, with the gaps between them, form a cone.
-        grain_m3 = math.pi / 6 * (1e-3 * diameter_mm(grain)) ** 3
+        grain_m3 = math.pi / 6 * (1e-3 * compute_diameter_mm(grain)) ** 3
         volume_m3 = funnel.berries * grain_m3 / PACKING
         return _compute_cone_height_m(volume_m3, targets.angle_deg)
     return 0.5e-3 * funnel.outlet_height_mm

@@ -36,7 +36,7 @@ LARGEST_EXCESS = 0.02
 FEWEST_PILES = 3  # a standard deviation of fewer is a guess
 LONGEST_TRIAL_S = 60.0  # of a trial run, as estimated
 # Restitution and friction of the trial runs, as shares of their ranges.
-TRIALS = {
+TRIAL_SHARES = {
     "most bounce, least friction": (1.0, 0.0),
     "centre of the ranges": (0.5, 0.5),
     "least bounce, most friction": (0.0, 1.0),
@@ -44,9 +44,9 @@ TRIALS = {
 # A target this far beyond the trial runs, as a share of their spread, is worth a warning.
 # Three single runs seldom hold the extremes: of the runs of config/paper.yaml, whose trials
 # end at 30.5 degrees and spread over 11.8, 2.5 % are 0.4 spreads steeper or more.
-FAR_FROM_TRIALS = 0.5
+LARGEST_DISTANCE_FROM_TRIALS = 0.5
 # A time step that could be longer by this factor is worth a hint.
-MUCH_LONGER = 1.5
+WORTHWHILE_RATIO = 1.5
 # Widths of the columns in the table of costs.
 COST_COLUMNS = {
     "strategy": 18,
@@ -89,8 +89,8 @@ def propose_smaller_scene(files: Iterable[str], grains: int) -> Iterator[str]:
     # Other faults of the configuration are reported elsewhere.
     with contextlib.suppress(InputError):
         study = PipelineConfig.load(*files, overrides=overrides, inputs=True)
-        height_mm = 1e3 * advice.estimate_height_m(study.config, study.grain)
-        diameter_mm = computed.diameter_mm(study.grain)
+        height_mm = 1e3 * advice.estimate_pile_height_m(study.config, study.grain)
+        diameter_mm = computed.compute_diameter_mm(study.grain)
         yield from scene_size.advice(
             study.config, diameter_mm, height_mm=height_mm, poured=grains
         )
@@ -121,7 +121,7 @@ def describe_study(study: PipelineConfig) -> Iterator[str]:
     dataset_csv = dependencies.find_own_dataset(config)
     for assessment in reach.assess_targets(config, particle, dataset_csv).values():
         yield describe_reach(assessment)
-    for sentence in wide_ranges(study.settings.parameters.given):
+    for sentence in wide_ranges(study.settings.parameters.entries):
         yield f"ranges: WARNING: {sentence}"
 
     # The time step, and what it does to a hit.
@@ -326,8 +326,8 @@ def describe_time_step(step_s: float, limit: "Limit") -> str:
     """
     maximum_s = computed.round_down(limit.time_step_s, digits=3)
     text = f"time step: ok, {rounded(step_s)} s; maximum {rounded(maximum_s, 3)} s"
-    advised_s = computed.advised_step_s(limit.time_step_s)
-    if advised_s > MUCH_LONGER * step_s:
+    advised_s = computed.advise_time_step_s(limit.time_step_s)
+    if advised_s > WORTHWHILE_RATIO * step_s:
         percent = 100 * step_s / advised_s
         text += (
             f": {limit.reason}; with {advised_s:g} s a run takes "
@@ -389,16 +389,16 @@ def run_trials(
                 run, _ = run_once(test, study.scene(parameters, 1))
                 runs.append(run)
 
-        for point, run in zip(TRIALS, runs, strict=True):
+        for point, run in zip(TRIAL_SHARES, runs, strict=True):
             sentence = describe(run, test.summary).removeprefix("seed 1: ")
             yield f"{name}: {point}: {sentence}"
         yield from _warn_of_trials(study, test, runs)
 
 
 def _choose_trial_sets(study: PipelineConfig) -> list[dict[str, float]]:
-    """Return the parameters of the trial runs, in the order of `TRIALS`.
+    """Return the parameters of the trial runs, in the order of `TRIAL_SHARES`.
 
-    Each free parameter lies at a share of its range, which `TRIALS` gives for the
+    Each free parameter lies at a share of its range, which `TRIAL_SHARES` gives for the
     restitutions and for all other parameters, such as friction.
     """
     space = study.parameters
@@ -407,7 +407,7 @@ def _choose_trial_sets(study: PipelineConfig) -> list[dict[str, float]]:
     shares = np.array(
         [
             np.where(is_restitution, restitution, friction)
-            for restitution, friction in TRIALS.values()
+            for restitution, friction in TRIAL_SHARES.values()
         ]
     )
     return [
@@ -447,7 +447,7 @@ def _warn_of_trials(
         values = [run[target.name] for run in good_runs]
         low = min(values)
         high = max(values)
-        margin = FAR_FROM_TRIALS * (high - low)
+        margin = LARGEST_DISTANCE_FROM_TRIALS * (high - low)
         if not low - margin <= target.value <= high + margin:
             yield (
                 f"{target.name}: WARNING: the target {rounded(target.value)} is far "
@@ -498,7 +498,7 @@ def tabulate_costs(
                 study, "sequential", pours=pours, grain_step_s=grain_step_s
             )
     if "response_surface" not in misfits:
-        most_pours = cost.strategy_pours(settings, "response_surface")
+        most_pours = cost.list_strategy_pours(settings, "response_surface")
         yield _format_cost_row(
             study, "response_surface", pours=most_pours, grain_step_s=grain_step_s
         )
@@ -539,7 +539,7 @@ def _format_cost_row(
     checks = [entry for entry in work["pours"] if isinstance(entry, CheckRuns)]
     n_checks = cost.count_runs(checks)
     minutes = work["total_s"] / 60
-    disk_mb = cost.disk_mb(study.settings, n_runs)
+    disk_mb = cost.estimate_disk_mb(study.settings, n_runs)
     return _align_costs(
         {
             "strategy": f"*{name}" if name == study.settings.strategy else name,
@@ -575,7 +575,7 @@ def list_studies(files: list[str]) -> str:
     InputError
         If a file cannot be read.
     """
-    config, _ = loader.read_layers(files)
+    config, _ = loader.merge_with_defaults(files)
     try:
         study = PipelineConfig.load(*files)
         config = study.config
@@ -590,11 +590,11 @@ def list_studies(files: list[str]) -> str:
         unknown = (
             f"cost: once {names} is complete; `repose check` lists the missing keys"
         )
-        cost_texts = dict.fromkeys(cost.SENTENCES, unknown)
+        cost_texts = dict.fromkeys(cost.STUDY_SUMMARIES, unknown)
 
     label = config.get("label")
     lines = [f"repose run TARGET; without one, all of calibration. Studies of {label}:"]
-    for target, sentence in cost.SENTENCES.items():
+    for target, sentence in cost.STUDY_SUMMARIES.items():
         lines.append(f"  {target:24} {sentence}")
         lines.append(f"{'':27}{cost_texts[target]}")
     return "\n".join(lines)
@@ -604,7 +604,7 @@ def _list_studies_of_program(study: PipelineConfig) -> str:
     """List what a study can run whose runs another program makes."""
     lines = [f"repose run TARGET; without one, all of calibration. Studies of {study}:"]
     for target in ("calibration", "uncertainty", *strategies.others()):
-        sentence = cost.SENTENCES.get(target, "Another way to calibrate.")
+        sentence = cost.STUDY_SUMMARIES.get(target, "Another way to calibrate.")
         lines.append(f"  {target:24} {sentence}")
     return "\n".join(lines)
 
@@ -614,7 +614,7 @@ def _describe_strategy_cost(study: PipelineConfig, strategy: str) -> str:
     misfit = cost.explain_strategy_misfit(study.settings, strategy)
     if misfit:
         return misfit
-    pours = cost.strategy_pours(study.settings, strategy)
+    pours = cost.list_strategy_pours(study.settings, strategy)
     minutes = cost.estimate_work(study.config, pours=pours)["total_s"] / 60
     n_pours = cost.count_runs(pours or ())
     return f"at most {n_pours} pours, about {rounded(minutes, 2)} min on one core, by itself"

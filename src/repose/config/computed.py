@@ -38,12 +38,14 @@ REST_TIME = 40
 
 # Beverloo's law for the discharge of grains from an opening.
 BEVERLOO_FACTOR = 0.58
-BEVERLOO_EMPTY_EDGE = 1.4  # diameters of a grain by which the opening seems narrower
+BEVERLOO_EDGE_DIAMETERS = (
+    1.4  # diameters of a grain by which the opening seems narrower
+)
 
 Grain = Mapping[str, Any]  # the mean grain, as in berry.json
 
 
-class Computed(NamedTuple):
+class ComputedSetting(NamedTuple):
     """A key that may be `auto`: the program can compute its value.
 
     Attributes
@@ -73,7 +75,7 @@ class Computed(NamedTuple):
         return "berry" in self.reads
 
 
-def find_settings_to_compute(config: Config) -> list[Computed]:
+def find_settings_to_compute(config: Config) -> list[ComputedSetting]:
     """Find the settings that are `auto` or missing and can be computed.
 
     Parameters
@@ -83,11 +85,11 @@ def find_settings_to_compute(config: Config) -> list[Computed]:
 
     Returns
     -------
-    list of Computed
+    list of ComputedSetting
         In the order in which they are computed.
     """
     settings = []
-    for setting in COMPUTED:
+    for setting in COMPUTED_SETTINGS:
         section = config.get(setting.section)
         if not isinstance(section, Mapping):
             continue
@@ -96,13 +98,17 @@ def find_settings_to_compute(config: Config) -> list[Computed]:
     return settings
 
 
-def replace_setting(config: Config, setting: Computed, value: Any) -> dict[str, Any]:
+def replace_setting(
+    config: Config, setting: ComputedSetting, value: Any
+) -> dict[str, Any]:
     """Copy a configuration, and replace the value of one of its settings."""
     section = {**config[setting.section], setting.name: value}
     return {**config, setting.section: section}
 
 
-def find_longest_step(config: Config, particle: "Particle", mean: Grain) -> "Limit":
+def find_longest_step(
+    config: Config, particle: "Particle", mean_grain: Grain
+) -> "Limit":
     """Find the longest time step that is stable for every parameter set of a study.
 
     Parameters
@@ -111,7 +117,7 @@ def find_longest_step(config: Config, particle: "Particle", mean: Grain) -> "Lim
         The configuration.
     particle : Particle
         The body of the mean grain.
-    mean : mapping
+    mean_grain : mapping
         The mean grain, as in berry.json.
 
     Returns
@@ -139,7 +145,7 @@ def find_longest_step(config: Config, particle: "Particle", mean: Grain) -> "Lim
     for name in LAW_PARAMETERS:
         if name in ranges:
             critical_set[name] = ranges[name][1]
-    scene = Scene.of(config, critical_set, grain=mean, particle=particle)
+    scene = Scene.of(config, critical_set, grain=mean_grain, particle=particle)
     return longest_time_step(scene)
 
 
@@ -148,7 +154,7 @@ def find_ranges(config: Config) -> dict[str, tuple[float, float]]:
 
     For a fixed parameter both are its value.
     """
-    entries = select_valid_sections(config).parameters.given
+    entries = select_valid_sections(config).parameters.entries
     return {name: range_of(name, entry, ALLOWED) for name, entry in entries.items()}
 
 
@@ -158,22 +164,22 @@ def round_down(value: float, digits: int) -> float:
     return float(f"{math.floor(value / unit) * unit:.{digits}g}")
 
 
-def advised_step_s(longest_s: float) -> float:
+def advise_time_step_s(longest_s: float) -> float:
     """Recommend a time step: `STEP_SHARE` of the longest, rounded down to two digits."""
     return round_down(STEP_SHARE * longest_s, digits=2)
 
 
-def axes_mm(grain: Grain) -> Sequence[float]:
+def list_axes_mm(grain: Grain) -> Sequence[float]:
     """Return the three axes of the mean grain, the longest first [mm]."""
     return [grain[name] for name in ("long_mm", "major_mm", "minor_mm")]
 
 
-def diameter_mm(grain: Grain) -> float:
+def compute_diameter_mm(grain: Grain) -> float:
     """Compute the equivalent diameter of the mean grain [mm].
 
     It is the geometric mean of the axes (Eq. 1).
     """
-    return math.prod(axes_mm(grain)) ** (1 / 3)
+    return math.prod(list_axes_mm(grain)) ** (1 / 3)
 
 
 def _choose_split(config: Config, _grain: Grain, _particle: "Particle") -> Any:
@@ -183,7 +189,7 @@ def _choose_split(config: Config, _grain: Grain, _particle: "Particle") -> Any:
 
 def _choose_mm_per_pixel(_config: Config, grain: Grain, _particle: "Particle") -> float:
     """Choose the size of a pixel, so small that a grain is round in the picture [mm]."""
-    size = float(f"{diameter_mm(grain) / PIXELS_A_GRAIN:.2g}")
+    size = float(f"{compute_diameter_mm(grain) / PIXELS_A_GRAIN:.2g}")
     return min(max(size, FINEST_MM_PER_PIXEL), COARSEST_MM_PER_PIXEL)
 
 
@@ -191,7 +197,7 @@ def _choose_factory_height_mm(
     _config: Config, grain: Grain, _particle: "Particle"
 ) -> float:
     """Choose the height above the inlet at which grains appear: one diameter [mm]."""
-    return float(f"{diameter_mm(grain):.2g}")
+    return float(f"{compute_diameter_mm(grain):.2g}")
 
 
 def _choose_factory_diameter_mm(
@@ -202,7 +208,7 @@ def _choose_factory_diameter_mm(
     It is the inlet without a margin of half a grain, and at least half of the inlet.
     """
     inlet_mm = select_valid_sections(config).funnel.inlet_diameter_mm
-    longest_axis_mm = max(axes_mm(grain))
+    longest_axis_mm = max(list_axes_mm(grain))
     disc_mm = max(inlet_mm - longest_axis_mm, 0.5 * inlet_mm)
     return float(f"{disc_mm:.3g}")
 
@@ -255,7 +261,7 @@ def _compute_discharge_per_s(
     """
     settings = select_valid_sections(config)
     gravity_m_s2 = settings.simulation.gravity_m_s2
-    empty_edge_mm = BEVERLOO_EMPTY_EDGE * diameter_mm(grain)
+    empty_edge_mm = BEVERLOO_EDGE_DIAMETERS * compute_diameter_mm(grain)
     opening_m = 1e-3 * (settings.funnel.outlet_diameter_mm - empty_edge_mm)
     bulk_density_kg_m3 = PACKING * grain["density_kg_m3"]
     return (
@@ -294,49 +300,51 @@ def _choose_rest_window_s(config: Config, _grain: Grain, particle: "Particle") -
 
 def _choose_time_step_s(config: Config, grain: Grain, particle: "Particle") -> float:
     """Choose the longest time step that the engine allows, with a margin [s]."""
-    return advised_step_s(find_longest_step(config, particle, grain).time_step_s)
+    return advise_time_step_s(find_longest_step(config, particle, grain).time_step_s)
 
 
-COMPUTED = (
-    Computed("network", "split", reads=("surrogate",), compute=_choose_split),
-    Computed("measure", "mm_per_pixel", reads=("berry",), compute=_choose_mm_per_pixel),
-    Computed(
+COMPUTED_SETTINGS = (
+    ComputedSetting("network", "split", reads=("surrogate",), compute=_choose_split),
+    ComputedSetting(
+        "measure", "mm_per_pixel", reads=("berry",), compute=_choose_mm_per_pixel
+    ),
+    ComputedSetting(
         "funnel",
         "factory_height_mm",
         reads=("berry",),
         compute=_choose_factory_height_mm,
     ),
-    Computed(
+    ComputedSetting(
         "funnel",
         "factory_diameter_mm",
         reads=("berry", "funnel"),
         compute=_choose_factory_diameter_mm,
     ),
-    Computed(
+    ComputedSetting(
         "funnel",
         "rest_motion_mm",
         reads=("berry", "simulation"),
         compute=_choose_rest_motion_mm,
     ),
-    Computed(
+    ComputedSetting(
         "funnel",
         "rest_window_s",
         reads=("berry", "simulation"),
         compute=_choose_rest_window_s,
     ),
-    Computed(
+    ComputedSetting(
         "simulation",
         "rest_energy_j",
         reads=("berry", "simulation"),
         compute=_choose_rest_energy_j,
     ),
-    Computed(
+    ComputedSetting(
         "funnel",
         "duration_s",
         reads=("berry", "funnel", "simulation"),
         compute=_estimate_duration_s,
     ),
-    Computed(
+    ComputedSetting(
         "simulation",
         "time_step_s",
         reads=("berry", "wall", "parameters", "validation", "simulation"),

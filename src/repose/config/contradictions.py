@@ -22,7 +22,7 @@ from repose.calibrate.strategies import obeying_strategies, strategy
 from repose.config.models import StudySettings, select_valid_sections
 
 # Dotted keys, each with its allowed values.
-Pairs = Iterator[tuple[str, str]]
+KeyFaults = Iterator[tuple[str, str]]
 
 
 class Rule(NamedTuple):
@@ -32,12 +32,12 @@ class Rule(NamedTuple):
     ----------
     reads : tuple of str
         Sections, and keys outside sections; the rule is applied if none has a fault.
-    faults : callable
+    find_faults : callable
         Yields the dotted key and the allowed values of each fault.
     """
 
     reads: tuple[str, ...]
-    faults: Callable[[], Pairs]
+    find_faults: Callable[[], KeyFaults]
 
 
 def list_rules_before_numbers(config: Mapping[str, Any]) -> list[Rule]:
@@ -107,27 +107,27 @@ def find_tests_in_use(config: Mapping[str, Any]) -> list[BenchTest[Any]]:
     return [test for test in bench_tests() if test.name in config]
 
 
-def _find_strategy_faults(settings: StudySettings) -> Pairs:
+def _find_strategy_faults(settings: StudySettings) -> KeyFaults:
     """Yield faults of values with which the strategy cannot run."""
     from repose.calibrate.strategies import cost
 
     name = settings.strategy
     yield from cost.contradictions(
         name,
-        settings.of_strategy(name),
+        settings.get_strategy_section(name),
         free=settings.free,
         responses=len(settings.targets),
     )
 
 
-def _find_constraint_faults(settings: StudySettings) -> Pairs:
+def _find_constraint_faults(settings: StudySettings) -> KeyFaults:
     """Yield a fault for constraints that the study cannot meet.
 
     They may allow too little of the ranges, or the strategy does not obey them.
     """
     if settings.constraints is None:
         return
-    entries = settings.parameters.given
+    entries = settings.parameters.entries
     for key, allowed in constraint_faults(settings.constraints, entries, ALLOWED):
         # The key is a position in the list, or empty for the list as a whole.
         yield f"constraints.{key}".rstrip("."), allowed
@@ -135,7 +135,7 @@ def _find_constraint_faults(settings: StudySettings) -> Pairs:
         yield "strategy", obeying_strategies()
 
 
-def _find_surrogate_faults(settings: StudySettings) -> Pairs:
+def _find_surrogate_faults(settings: StudySettings) -> KeyFaults:
     """Yield a fault if the design has too few training samples for the surrogate."""
     from repose.calibrate.surrogates import names, surrogate_class
 
@@ -157,7 +157,7 @@ def _find_surrogate_faults(settings: StudySettings) -> Pairs:
     )
 
 
-def _find_validation_faults(settings: StudySettings) -> Pairs:
+def _find_validation_faults(settings: StudySettings) -> KeyFaults:
     """Yield a fault if too few validation samples show the noise of all targets."""
     n_targets = len(settings.targets)
     if (
@@ -185,11 +185,11 @@ def _count_design_samples(settings: StudySettings, part: int) -> int:
     return int(settings.network.split[part] * settings.design.samples + 1e-9)
 
 
-def _find_contact_law_faults(settings: StudySettings) -> Pairs:
+def _find_contact_law_faults(settings: StudySettings) -> KeyFaults:
     """Yield faults of laws that lack parameters, and of parameters that lack their law."""
     contact_law = settings.simulation.contact_law
     rolling_law = settings.simulation.rolling_law
-    entries = settings.parameters.given
+    entries = settings.parameters.entries
 
     # Some contact laws have additional parameters, which the study must give.
     missing = [
@@ -219,7 +219,7 @@ def _find_contact_law_faults(settings: StudySettings) -> Pairs:
         yield f"parameters.{name}", f"absent: it belongs to {law_setting}"
 
 
-def _find_seed_faults(settings: StudySettings) -> Pairs:
+def _find_seed_faults(settings: StudySettings) -> KeyFaults:
     """Yield a fault for each bench test with too few runs of a sample to compare them.
 
     With `network.replicates` the noise comes from the runs of one sample, so a single
@@ -229,7 +229,7 @@ def _find_seed_faults(settings: StudySettings) -> Pairs:
         return
     test_names = dict.fromkeys(target.apparatus for target in settings.targets)
     for name in test_names:
-        if settings.design_seeds(name) < 2:
+        if settings.count_design_seeds(name) < 2:
             # Some strategies have a key of their own for the number of runs.
             strategy_key = strategy(settings.strategy).seeds_key
             yield (
@@ -239,7 +239,9 @@ def _find_seed_faults(settings: StudySettings) -> Pairs:
             )
 
 
-def _find_target_faults(settings: StudySettings, config: Mapping[str, Any]) -> Pairs:
+def _find_target_faults(
+    settings: StudySettings, config: Mapping[str, Any]
+) -> KeyFaults:
     """Yield faults of targets whose bench test has no section, and of repeated ones.
 
     Parameters

@@ -19,30 +19,30 @@ from repose.grain.particle import Particle
 from repose.stages.published import list_sets_to_simulate
 
 # Measured on one core of a common server.
-SECONDS_A_GRAIN_STEP = 8e-8
-SECONDS_A_VIEW = 0.01
+SECONDS_PER_GRAIN_STEP = 8e-8
+SECONDS_PER_VIEW = 0.01
 # Start of the two processes of a job: its simulation and its measurement.
 JOB_START_S = 2.5
 # All of a study but its runs: posterior, figures, film, report, and snakemake itself.
-REST_S = 120.0
+OTHER_WORK_S = 120.0
 
 # The simulation that is timed takes about half a second on one core.
-TIMED_S = 1.5  # simulated time
-TIMED_STEPS = 1.0e7  # time steps times grains
-FEWEST_TIMED = 20  # grains
+TIMED_POUR_S = 1.5  # simulated time
+TIMED_GRAIN_STEPS = 1.0e7  # time steps times grains
+FEWEST_TIMED_GRAINS = 20  # grains
 # It is repeated, and the shortest time counts: other programs only slow it down.
-REPEATS = 3
+N_TIMED_POURS = 3
 
-BYTES_A_GRAIN = 62  # of a saved run, measured
+BYTES_PER_GRAIN = 62  # of a saved run, measured
 # Keys with the number of runs of a parameter set end with one of these.
-SEEDS = ("seeds", "checks")
+SEED_KEY_ENDINGS = ("seeds", "checks")
 # The runs of a study: purpose, number of parameter sets, seeds of each parameter set.
 # Those that check an answer are `CheckRuns`.
 Pours = Sequence[tuple[str, int, int]]
 
 
 def estimate_run_s(
-    config: Config, name: str, grain_step_s: float = SECONDS_A_GRAIN_STEP
+    config: Config, name: str, grain_step_s: float = SECONDS_PER_GRAIN_STEP
 ) -> float:
     """Estimate the wall time of a run of a bench test on one core.
 
@@ -78,7 +78,7 @@ def count_grains(settings: StudySettings, name: str) -> int:
     It is 1 for a bench test of a single grain. A bench test that is filled to a height
     counts as many grains as the funnel, since the size of a grain is not known here.
     """
-    grains: int | None = getattr(settings.bench(name), "berries", 1)
+    grains: int | None = getattr(settings.get_bench_section(name), "berries", 1)
     if grains is None:
         return settings.funnel.berries
     return grains
@@ -86,16 +86,16 @@ def count_grains(settings: StudySettings, name: str) -> int:
 
 def _find_pouring_rate_per_s(settings: StudySettings, name: str) -> float:
     """Find how many grains are poured per second; infinite if all start at once."""
-    rate: float = getattr(settings.bench(name), "rate_per_s", math.inf)
+    rate: float = getattr(settings.get_bench_section(name), "rate_per_s", math.inf)
     return rate
 
 
-def disk_mb(settings: StudySettings, pours: int) -> float:
-    """Estimate the disk space of `pours` runs in each bench test of the targets [MB]."""
+def estimate_disk_mb(settings: StudySettings, n_runs: int) -> float:
+    """Estimate the disk space of `n_runs` runs in each bench test of the targets [MB]."""
     grains = sum(
         count_grains(settings, name) for name in _list_tests_of_targets(settings)
     )
-    return 1e-6 * BYTES_A_GRAIN * grains * pours
+    return 1e-6 * BYTES_PER_GRAIN * grains * n_runs
 
 
 def _list_tests_of_targets(settings: StudySettings) -> list[str]:
@@ -103,20 +103,20 @@ def _list_tests_of_targets(settings: StudySettings) -> list[str]:
     return list(dict.fromkeys(target.apparatus for target in settings.targets))
 
 
-def strategy_pours(settings: StudySettings, name: str) -> Pours | None:
+def list_strategy_pours(settings: StudySettings, name: str) -> Pours | None:
     """Count the most runs of a strategy; None for the article's method."""
-    return strategies.pours(name, settings.of_strategy(name), settings.free)
+    return strategies.pours(name, settings.get_strategy_section(name), settings.free)
 
 
 def explain_strategy_misfit(settings: StudySettings, name: str) -> str | None:
     """Explain why a strategy cannot run with this configuration; None if it can."""
-    section = settings.of_strategy(name)
+    section = settings.get_strategy_section(name)
     return strategies.reason_against(
         name, section, free=settings.free, responses=len(settings.targets)
     )
 
 
-def longest_job_s(config: Config) -> float:
+def estimate_longest_job_s(config: Config) -> float:
     """Estimate the wall time of the longest job of a study [s].
 
     A job runs one parameter set with the largest number of seeds in any section. The
@@ -132,14 +132,14 @@ def longest_job_s(config: Config) -> float:
 def _find_largest_number_of_seeds(config: Config) -> int:
     """Find the largest number of runs per parameter set that any section requests.
 
-    A key with such a number is recognised by its ending, one of `SEEDS`.
+    A key with such a number is recognised by its ending, one of `SEED_KEY_ENDINGS`.
     """
     seed_counts: list[int] = []
     for section in config.values():
         if not isinstance(section, Mapping):
             continue
         for key, value in section.items():
-            if key.endswith(SEEDS):
+            if key.endswith(SEED_KEY_ENDINGS):
                 seed_counts.append(value)
     return max(seed_counts)
 
@@ -172,23 +172,24 @@ def measure_grain_step_s(
 
     # Choose the number of grains by the work, which is grains times steps.
     settings = select_valid_sections(config)
-    n_steps = TIMED_S / settings.simulation.time_step_s
+    n_steps = TIMED_POUR_S / settings.simulation.time_step_s
     n_grains = max(
-        FEWEST_TIMED, min(settings.funnel.berries, round(TIMED_STEPS / n_steps))
+        FEWEST_TIMED_GRAINS,
+        min(settings.funnel.berries, round(TIMED_GRAIN_STEPS / n_steps)),
     )
 
     # Pour all grains within the first quarter of the simulated time.
     small_funnel = settings.funnel.model_dump() | {
         "berries": n_grains,
-        "rate_per_s": 4 * n_grains / TIMED_S,
-        "duration_s": TIMED_S + 1.0,
+        "rate_per_s": 4 * n_grains / TIMED_POUR_S,
+        "duration_s": TIMED_POUR_S + 1.0,
         "rest_window_s": 0.5,
     }
     small_config = {**config, "funnel": small_funnel}
-    parameters = contact_space(settings.parameters.given).centre
+    parameters = contact_space(settings.parameters.entries).centre
 
     grain_steps_s = []
-    for _ in range(REPEATS):
+    for _ in range(N_TIMED_POURS):
         scene = Scene.of(
             small_config, parameters, grain=grain, particle=particle, seed=1
         )
@@ -207,7 +208,7 @@ def measure_grain_step_s(
 
 def estimate_work(
     config: Config,
-    grain_step_s: float = SECONDS_A_GRAIN_STEP,
+    grain_step_s: float = SECONDS_PER_GRAIN_STEP,
     pours: Pours | None = None,
 ) -> dict[str, Any]:
     """Estimate the cost of a study on one core.
@@ -219,7 +220,7 @@ def estimate_work(
     grain_step_s : float
         Time for one step of one grain [s].
     pours : sequence, optional
-        The runs of a strategy, from `strategy_pours`. The default is the runs of the
+        The runs of a strategy, from `list_strategy_pours`. The default is the runs of the
         article's method.
 
     Returns
@@ -234,10 +235,10 @@ def estimate_work(
 
     # Compute the time of one run in each bench test. The drum is among them because it
     # checks the answer of every study.
-    views_s = SECONDS_A_VIEW * settings.measure.views
+    views_s = SECONDS_PER_VIEW * settings.measure.views
     times_s = {"funnel": estimate_run_s(config, "funnel", grain_step_s) + views_s}
     for test in (*target_tests, "drum"):
-        if test not in times_s and settings.bench(test) is not None:
+        if test not in times_s and settings.get_bench_section(test) is not None:
             times_s[test] = estimate_run_s(config, test, grain_step_s)
 
     # Add up the runs. The article's method has further work besides the runs.
@@ -276,7 +277,7 @@ def list_article_pours(settings: StudySettings, test: str = "funnel") -> Pours:
     """
     validation = settings.validation
     return (
-        ("design", settings.design.samples, settings.design_seeds(test)),
+        ("design", settings.design.samples, settings.count_design_seeds(test)),
         CheckRuns("answer", 1, validation.representative_seeds),
         CheckRuns("other solutions", validation.solutions, validation.seeds),
     )
@@ -301,23 +302,23 @@ def _compute_article_time_s(
     times_s : mapping of str to float
         Time of one run in each bench test [s].
     """
-    total_s = REST_S + _compute_strategy_time_s(pours, [times_s["funnel"]])
+    total_s = OTHER_WORK_S + _compute_strategy_time_s(pours, [times_s["funnel"]])
 
     # The drum runs with the answer, whether or not one of the targets is its response.
-    if settings.bench("drum") is not None:
-        total_s += settings.seeds_of("drum") * (JOB_START_S + times_s["drum"])
+    if settings.get_bench_section("drum") is not None:
+        total_s += settings.count_seeds("drum") * (JOB_START_S + times_s["drum"])
 
     # Every further bench test of the targets runs all parameter sets.
     n_sets = sum(sets for _, sets, _ in pours)
     for test in _list_tests_of_targets(settings):
         if test == "funnel":
             continue
-        job_s = JOB_START_S + settings.design_seeds(test) * times_s[test]
+        job_s = JOB_START_S + settings.count_design_seeds(test) * times_s[test]
         total_s += n_sets * job_s
     return total_s
 
 
-SENTENCES = {
+STUDY_SUMMARIES = {
     "calibration": (
         "The method of the article: the contact parameters that give the measured pile."
     ),
@@ -340,7 +341,7 @@ SENTENCES = {
 
 
 def describe_costs(config: Config) -> dict[str, str]:
-    """Describe the runs and the time of each study in `SENTENCES`.
+    """Describe the runs and the time of each study in `STUDY_SUMMARIES`.
 
     Seconds to minutes of work with the surrogate alone are not counted.
 
@@ -355,7 +356,7 @@ def describe_costs(config: Config) -> dict[str, str]:
     pour_s = calibration["pour_s"]
 
     # Most studies reuse the runs of the calibration.
-    descriptions = dict.fromkeys(SENTENCES, "no pours besides the calibration")
+    descriptions = dict.fromkeys(STUDY_SUMMARIES, "no pours besides the calibration")
 
     # The calibration itself.
     n_calibration = count_runs(calibration["pours"])
@@ -386,5 +387,5 @@ def _describe_pours(n_pours: int, pour_s: float) -> str:
 def _count_published_sets(settings: StudySettings) -> int:
     """Count the published parameter sets that this study can simulate."""
     targets = [response(target.response) for target in settings.targets]
-    names = parameters_among(settings.parameters.given)
+    names = parameters_among(settings.parameters.entries)
     return len(list_sets_to_simulate(settings.validation.published, targets, names))

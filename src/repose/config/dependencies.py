@@ -26,8 +26,8 @@ from repose.common.provenance import (
     hash_file,
 )
 from repose.config.loader import is_external
-from repose.config.models import named_files, targets_of
-from repose.config.results_folder import run_folder
+from repose.config.models import list_file_keys, make_targets
+from repose.config.results_folder import name_run_folder
 
 # Entries that are no keys of a configuration:
 RESPONSES = "responses"  # names and definitions of the targets, without their values
@@ -39,7 +39,7 @@ SIMULATOR = (
 
 # Sections and dotted keys that each stage reads. A stage that is not here reads the
 # settings of a bench test, or all settings. A test compares them with the code.
-KEYS: dict[str, tuple[str, ...]] = {
+STAGE_KEYS: dict[str, tuple[str, ...]] = {
     "berry": ("berry",),
     "shape": ("berry",),
     "design": ("parameters", "design"),
@@ -73,26 +73,26 @@ KEYS: dict[str, tuple[str, ...]] = {
     "conclude": ("parameters", "targets", "measure"),
     "simulate": (SIMULATOR, "design.seed"),
 }
-# Stages whose results a stage reads, directly. `RUNS` are the runs of the targets.
-RUNS = "runs"
-READS: dict[str, tuple[str, ...]] = {
-    "dataset": (RUNS,),
+# Stages whose results a stage reads, directly. `RUNS_OF_TARGETS` are the runs of the targets.
+RUNS_OF_TARGETS = "runs"
+STAGE_SOURCES: dict[str, tuple[str, ...]] = {
+    "dataset": (RUNS_OF_TARGETS,),
     "network": ("dataset",),
     "miga": ("network",),
     "solutions": ("miga",),
-    "validate": ("solutions", RUNS),
+    "validate": ("solutions", RUNS_OF_TARGETS),
     "drum_tables": ("drum",),
     "noise": ("dataset",),
     "posterior": ("miga",),
     "sensitivity": ("network",),
     "plausible": ("posterior",),
     "next": ("plausible",),
-    "conclude": (RUNS,),
+    "conclude": (RUNS_OF_TARGETS,),
 }
 # Stages whose results are compared with a study. Rules choose the keys of pictures, and
 # of the studies in `research`.
-COMPARED = {
-    *KEYS,
+COMPARED_STAGES = {
+    *STAGE_KEYS,
     "pour",
     "measure_runs",
     "measure_simulated",
@@ -102,14 +102,14 @@ COMPARED = {
     "material_card",
 }
 # No result depends on the name of the study, its folder, or the format of its figures.
-WITHOUT_EFFECT = ("label", "results_dir", "figures")
+KEYS_WITHOUT_EFFECT = ("label", "results_dir", "figures")
 
 
-def settings_of(
+def select_stage_settings(
     config: Config,
     stage: str,
     apparatus: str | None = None,
-    name: str | None = None,
+    strategy_name: str | None = None,
 ) -> dict[str, Any]:
     """Select the settings that a stage, and the results that it reads, depend on.
 
@@ -122,7 +122,7 @@ def settings_of(
     apparatus : str, optional
         Bench test of a stage that simulates or measures; by default the funnel. Other
         stages ignore it.
-    name : str, optional
+    strategy_name : str, optional
         Strategy of the stages `propose` and `conclude`. Other stages have none.
 
     Returns
@@ -131,11 +131,13 @@ def settings_of(
         Values by section or dotted key. A hash of its content stands in place of the
         path of a file.
     """
-    selected = _select_settings(config, stage, apparatus or UNNAMED, name)
+    selected = _select_settings_with_paths(
+        config, stage, apparatus or UNNAMED, strategy_name
+    )
     return _hash_named_files(selected)
 
 
-def _select_settings(
+def _select_settings_with_paths(
     config: Config, stage: str, test: str, strategy_name: str | None
 ) -> dict[str, Any]:
     """Select the settings of a stage, and of the stages whose results it reads.
@@ -145,7 +147,7 @@ def _select_settings(
     config : mapping
         A resolved configuration.
     stage : str
-        Name of the stage, or `RUNS` for the runs of the targets.
+        Name of the stage, or `RUNS_OF_TARGETS` for the runs of the targets.
     test : str
         Bench test of a stage that simulates or measures.
     strategy_name : str or None
@@ -157,18 +159,18 @@ def _select_settings(
         Values by section or dotted key. Named files appear as paths.
     """
     # The runs of another program depend on its own section.
-    if is_external(config) and stage in (RUNS, "measure_simulated"):
+    if is_external(config) and stage in (RUNS_OF_TARGETS, "measure_simulated"):
         return _select_external_run_settings(config)
 
     # Stages that simulate or measure read the grain and the section of the bench test.
-    grain = {} if is_external(config) else select_sections(config, *KEYS["shape"])
+    grain = {} if is_external(config) else select_sections(config, *STAGE_KEYS["shape"])
     if stage == "pour":
-        return grain | simulation_settings(config, test)
+        return grain | select_simulation_settings(config, test)
     if stage == "drum":
-        return grain | simulation_settings(config, "drum")
+        return grain | select_simulation_settings(config, "drum")
     if stage in ("measure_runs", "heap"):
         return grain | _select_run_settings(config, test)
-    if stage == RUNS:
+    if stage == RUNS_OF_TARGETS:
         return grain | _select_target_run_settings(config)
 
     # Any other stage has a list of keys, or may read any key.
@@ -178,8 +180,8 @@ def _select_settings(
 
     # It also depends on the settings behind the results that it reads.
     selected: dict[str, Any] = {}
-    for source_stage in READS.get(stage, ()):
-        selected |= _select_settings(config, source_stage, test, None)
+    for source_stage in STAGE_SOURCES.get(stage, ()):
+        selected |= _select_settings_with_paths(config, source_stage, test, None)
     return selected | select_sections(config, *keys)
 
 
@@ -201,7 +203,7 @@ def _find_keys_of_stage(
         Sections, dotted keys and entries such as `RESPONSES`. None if the stage may read
         any key.
     """
-    stage_keys = KEYS.get(stage)
+    stage_keys = STAGE_KEYS.get(stage)
     if strategy_name is None:
         return stage_keys
     # A strategy may leave open what it reads.
@@ -213,20 +215,22 @@ def _find_keys_of_stage(
 
 def _select_all_settings(config: Config) -> dict[str, Any]:
     """Select all settings on which a result can depend."""
-    return {key: value for key, value in config.items() if key not in WITHOUT_EFFECT}
+    return {
+        key: value for key, value in config.items() if key not in KEYS_WITHOUT_EFFECT
+    }
 
 
 def _select_external_run_settings(config: Config) -> dict[str, Any]:
     """Select the settings of the measured runs of a program of the user's own."""
-    return select_sections(config, *KEYS["simulate"], "measure") | select_responses(
-        config
-    )
+    return select_sections(
+        config, *STAGE_KEYS["simulate"], "measure"
+    ) | select_responses(config)
 
 
 def _select_target_run_settings(config: Config) -> dict[str, Any]:
     """Select the settings of the measured runs of all targets, and their parameters."""
     selected = select_sections(config, "parameters")
-    tests = dict.fromkeys(target.apparatus for target in targets_of(config))
+    tests = dict.fromkeys(target.apparatus for target in make_targets(config))
     for test in tests:
         selected |= _select_run_settings(config, test)
     return selected | select_responses(config)
@@ -234,7 +238,9 @@ def _select_target_run_settings(config: Config) -> dict[str, Any]:
 
 def _select_run_settings(config: Config, test: str) -> dict[str, Any]:
     """Select the settings of a run of a bench test, and of its measurement."""
-    return simulation_settings(config, test) | measurement_settings(config, test)
+    return select_simulation_settings(config, test) | select_measurement_settings(
+        config, test
+    )
 
 
 def select_sections(config: Config, *keys: str) -> dict[str, Any]:
@@ -262,7 +268,7 @@ def select_sections(config: Config, *keys: str) -> dict[str, Any]:
         elif key == SCENE:
             selected[SCENE] = hash_scene(config)
         elif key == MEASURED_BY:
-            selected |= _select_measuring_settings(config)
+            selected |= _select_measurement_keys(config)
         else:
             selected[key] = _sort_mappings(lookup(config, key))
 
@@ -291,7 +297,7 @@ def _select_simulator_settings(config: Config) -> dict[str, Any]:
     return _sort_mappings(section)
 
 
-def _select_measuring_settings(config: Config) -> dict[str, Any]:
+def _select_measurement_keys(config: Config) -> dict[str, Any]:
     """Select the keys by which the runs of any configured bench test are measured."""
     selected: dict[str, Any] = {}
     for test in bench_tests():
@@ -312,7 +318,9 @@ def _select_test_keys(config: Config, test: str, keys: Iterable[str]) -> dict[st
     return select_sections(config, *(f"{test}.{key}" for key in keys))
 
 
-def simulation_settings(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
+def select_simulation_settings(
+    config: Config, apparatus: str = UNNAMED
+) -> dict[str, Any]:
     """Select the settings that one run of a bench test reads.
 
     Neither its measurement nor the number of its seeds is among them.
@@ -326,7 +334,9 @@ def simulation_settings(config: Config, apparatus: str = UNNAMED) -> dict[str, A
     return selected
 
 
-def measurement_settings(config: Config, apparatus: str = UNNAMED) -> dict[str, Any]:
+def select_measurement_settings(
+    config: Config, apparatus: str = UNNAMED
+) -> dict[str, Any]:
     """Select the settings that the measurement of a run reads."""
     test = bench(apparatus)
     selected = select_sections(config, "measure")
@@ -361,9 +371,9 @@ def hash_scene(config: Config) -> str:
     selected["measure"] = measure
 
     # Several targets can share a bench test.
-    tests = dict.fromkeys(target.apparatus for target in targets_of(config))
+    tests = dict.fromkeys(target.apparatus for target in make_targets(config))
     for test in tests:
-        selected |= simulation_settings(config, test)
+        selected |= select_simulation_settings(config, test)
         selected |= _select_test_keys(config, test, bench(test).measured_by)
     return hash_content(_hash_named_files(selected))
 
@@ -387,7 +397,7 @@ def select_responses(config: Config, apparatus: str | None = None) -> dict[str, 
     # A profile is defined by the points at which it is compared.
     response_names = []
     profiles = {}
-    for target in targets_of(config):
+    for target in make_targets(config):
         if apparatus is not None and target.apparatus != apparatus:
             continue
         response_names.append(target.response)
@@ -409,7 +419,7 @@ def _hash_named_files(selected: dict[str, Any]) -> dict[str, Any]:
         section.
     """
     hashed = dict(selected)
-    for dotted_key in named_files():
+    for dotted_key in list_file_keys():
         # Either the key of the file was selected by itself ...
         if hashed.get(dotted_key) is not None:
             hashed[dotted_key] = _hash_content(hashed[dotted_key])
@@ -447,8 +457,8 @@ class Difference(NamedTuple):
     current: Any
 
 
-def difference(
-    config: Config, record: Record | None, is_of_engine: bool = True
+def find_difference(
+    config: Config, record: Record | None, compares_engine: bool = True
 ) -> Difference | None:
     """Find the first setting in which a result differs from the study.
 
@@ -458,7 +468,7 @@ def difference(
         The resolved configuration of the study.
     record : mapping or None
         The record of the result. Without a record there is nothing to compare.
-    is_of_engine : bool
+    compares_engine : bool
         Whether to compare the engine, too.
 
     Returns
@@ -466,7 +476,7 @@ def difference(
     Difference or None
         The first difference, in the order of the keys; None if there is none.
     """
-    if record is None or record["verb"] not in COMPARED:
+    if record is None or record["verb"] not in COMPARED_STAGES:
         return None
     recorded = record["settings"]
     # Before version 0.5 a record had a hash of its settings.
@@ -483,12 +493,12 @@ def difference(
 
     # Compare the settings, and then the engine.
     current = convert_to_recorded_form(
-        settings_of(config, record["verb"], apparatus, strategy_name)
+        select_stage_settings(config, record["verb"], apparatus, strategy_name)
     )
     if recorded != current:
         return _find_first_difference(recorded, current)
     engine = engine_hash()
-    if is_of_engine and record["engine"] not in (None, engine):
+    if compares_engine and record["engine"] not in (None, engine):
         return Difference("engine", record["engine"], engine)
     return None
 
@@ -509,7 +519,7 @@ def _find_first_difference(recorded: Any, current: Any, prefix: str = "") -> Dif
     """
     # Go on with the first key, or entry of a list, in which they differ.
     if isinstance(recorded, Mapping) and isinstance(current, Mapping):
-        for key in _sort_keys_scene_last({*recorded, *current}):
+        for key in _sort_keys_with_scene_last({*recorded, *current}):
             recorded_part = recorded.get(key)
             current_part = current.get(key)
             if recorded_part != current_part:
@@ -528,7 +538,7 @@ def _find_first_difference(recorded: Any, current: Any, prefix: str = "") -> Dif
     return Difference(prefix.removeprefix("."), recorded, current)
 
 
-def _sort_keys_scene_last(keys: Iterable[str]) -> list[str]:
+def _sort_keys_with_scene_last(keys: Iterable[str]) -> list[str]:
     """Sort keys, with that of the scene last.
 
     The scene is a hash, which tells a user less than the keys that it is made of.
@@ -554,7 +564,7 @@ def require_same_study(config: Config, inputs: Inputs, source: str) -> None:
         The file of the configuration, for the message.
     """
     for path, record in inputs:
-        mismatch = difference(config, record, is_of_engine=False)
+        mismatch = find_difference(config, record, compares_engine=False)
         if mismatch is None:
             continue
         # A difference may only mean that a file of the study is not found from here: a
@@ -576,7 +586,7 @@ def require_same_study(config: Config, inputs: Inputs, source: str) -> None:
         )
 
 
-def find_outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
+def find_outdated_files(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
     """Find results of other settings or of another engine.
 
     Parameters
@@ -592,7 +602,9 @@ def find_outdated(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
         The paths of such results.
     """
     return [
-        str(path) for path in paths if difference(config, attached.read_record(path))
+        str(path)
+        for path in paths
+        if find_difference(config, attached.read_record(path))
     ]
 
 
@@ -612,7 +624,7 @@ def find_own_dataset(config: Config) -> Path | None:
     """
     folder = Path(config["results_dir"])
     table = folder / "dataset.csv"
-    piles = list(folder.glob(f"{run_folder(UNNAMED)}/*.json"))
+    piles = list(folder.glob(f"{name_run_folder(UNNAMED)}/*.json"))
     if not piles:
         return None
 
@@ -620,7 +632,7 @@ def find_own_dataset(config: Config) -> Path | None:
     files = [*folder.glob("berry/*.json"), *piles, table]
     if any(attached.read_record(path) is None for path in files):
         return None
-    if find_outdated(config, files):
+    if find_outdated_files(config, files):
         return None
 
     # A pile newer than the table is missing from it.

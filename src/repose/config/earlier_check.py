@@ -16,21 +16,30 @@ from repose.common.files import read_json, write_json
 from repose.common.keys import Config, get_value
 from repose.common.provenance import hash_content, hash_file
 from repose.common.source_code import code_hash
-from repose.config.models import named_files
+from repose.config.models import list_file_keys
 from repose.stages.published import find_sibling_table, list_tables
 
-FILE = "checked.json"
+FILE_NAME = "checked.json"
 # Rooms whose code checks a configuration or computes a number of it.
-ROOMS = ("common", "config", "stages", "bench", "measure", "calibrate", "grain", "dem")
+CHECKING_PACKAGES = (
+    "common",
+    "config",
+    "stages",
+    "bench",
+    "measure",
+    "calibrate",
+    "grain",
+    "dem",
+)
 
 
-def fingerprint(config: Config) -> str:
+def compute_fingerprint(config: Config) -> str:
     """Hash a configuration as its files have it, the files that it names, and the code."""
     contents = {}
     for path in _list_named_paths(config):
         if path is not None and Path(path).is_file():
             contents[str(path)] = hash_file(path)
-    code = code_hash(*ROOMS, follow_imports=False)
+    code = code_hash(*CHECKING_PACKAGES, follow_imports=False)
     return hash_content({"config": config, "files": contents, "code": code})
 
 
@@ -49,7 +58,7 @@ def _list_named_paths(config: Config) -> list[Any]:
         Texts and paths, and whatever else stands in place of a path.
     """
     # Keys that name a file, and the tables in the folder of published results.
-    paths = [get_value(config, key) for key in named_files()]
+    paths = [get_value(config, key) for key in list_file_keys()]
     published = get_value(config, "validation.published")
     if isinstance(published, str):
         paths += [*list_tables(published), find_sibling_table(published, "table1.csv")]
@@ -63,15 +72,15 @@ def _list_named_paths(config: Config) -> list[Any]:
     return paths
 
 
-def resolved(config: Config, checked: str) -> dict[str, Any] | None:
+def read_checked_config(config: Config, fingerprint: str) -> dict[str, Any] | None:
     """Read what an earlier run made of the same configuration.
 
     Parameters
     ----------
     config : mapping
         The configuration as its files have it.
-    checked : str
-        Its `fingerprint`.
+    fingerprint : str
+        Its `compute_fingerprint`.
 
     Returns
     -------
@@ -84,25 +93,25 @@ def resolved(config: Config, checked: str) -> dict[str, Any] | None:
         return None
 
     # Trust only a file that this program wrote and nobody changed.
-    path = Path(folder) / FILE
+    path = Path(folder) / FILE_NAME
     if not (path.is_file() and ledger.is_own_file(path)):
         return None
     try:
         content = read_json(path, {"fingerprint": str, "config": dict})
     except InputError:
         return None
-    return content["config"] if content["fingerprint"] == checked else None
+    return content["config"] if content["fingerprint"] == fingerprint else None
 
 
-def write(checked: str, config: Config) -> None:
+def write_checked_config(fingerprint: str, config: Config) -> None:
     """Keep a checked configuration for later commands.
 
     Parameters
     ----------
-    checked : str
-        The `fingerprint` of the configuration as its files have it.
+    fingerprint : str
+        The `compute_fingerprint` of the configuration as its files have it.
     config : mapping
         The same, complete, with a number in place of each `auto`.
     """
-    path = Path(config["results_dir"]) / FILE
-    write_json(path, {"fingerprint": checked, "config": config})
+    path = Path(config["results_dir"]) / FILE_NAME
+    write_json(path, {"fingerprint": fingerprint, "config": config})

@@ -35,8 +35,8 @@ from repose.config.models import (
     Label,
     ResultsFolder,
     StudySettings,
-    settings_type,
-    targets_of,
+    make_settings_type,
+    make_targets,
 )
 from repose.config.pipeline import PipelineConfig
 from repose.measure.settings import MeasureSettings
@@ -47,11 +47,11 @@ if TYPE_CHECKING:
     from repose.config.making import ConfigChecks
 
 # Sections that were checked with bounds of their own.
-WITH_OTHER_BOUNDS = ("sequential", "posterior")
+SECTIONS_WITH_OTHER_BOUNDS = ("sequential", "posterior")
 # Keys at the top of the short form, and where a study with our simulator has them.
-OLD_KEYS = {"seeds": "funnel.seeds", "seed": "design.seed"}
+MOVED_KEYS = {"seeds": "funnel.seeds", "seed": "design.seed"}
 # Keys of the file that are read as they are.
-AS_GIVEN = (
+COPIED_KEYS = (
     "label",
     "small_run",
     "results_dir",
@@ -112,7 +112,7 @@ class ExternalSettings(StudySettings):
     simulator: SimulatorSettings
     seeds: int
 
-    def seeds_of(self, name: str) -> int:
+    def count_seeds(self, name: str) -> int:
         return self.seeds
 
     @property
@@ -124,7 +124,7 @@ class ExternalConfig(PipelineConfig):
     """The configuration of a study whose runs another program makes."""
 
     @classmethod
-    def of_layers(cls, layered: loader.Layered, inputs: bool = False) -> Self:
+    def from_layers(cls, layered: loader.MergedConfig, inputs: bool = False) -> Self:
         """Check the values of files, and make the resolved configuration.
 
         Parameters
@@ -160,14 +160,14 @@ class ExternalConfig(PipelineConfig):
         models = _map_sections_to_models()
         sections: dict[str, Any] = {}
         for name, value in self.config.items():
-            if name in WITH_OTHER_BOUNDS:
+            if name in SECTIONS_WITH_OTHER_BOUNDS:
                 # The values were checked with the bounds of the short form.
                 sections[name] = models[name].model_construct(**value)
             elif name in models and value is not None:
                 sections[name] = models[name].model_validate(value)
             else:
                 sections[name] = value
-        sections["targets"] = targets_of(self.config)
+        sections["targets"] = make_targets(self.config)
         return ExternalSettings.model_construct(**sections)
 
     @cached_property
@@ -197,7 +197,7 @@ class ExternalConfig(PipelineConfig):
         the section `measure`, too.
         """
         definitions: dict[str, dict[str, Any]] = {}
-        for target in targets_of(self.config):
+        for target in make_targets(self.config):
             if target.profile is not None:
                 definitions[target.response] = {"profile": target.profile.abscissae}
 
@@ -279,7 +279,7 @@ def make_file_model() -> type[StudyFile]:
     return create_model("ExternalConfiguration", __base__=ExternalFile, **sections)
 
 
-def _require_whole_study(layered: loader.Layered) -> None:
+def _require_whole_study(layered: loader.MergedConfig) -> None:
     """Refuse a section `simulator` that stands alone, without the study around it.
 
     Other files are read over the configuration of the working folder. A file with this
@@ -296,7 +296,7 @@ def _require_whole_study(layered: loader.Layered) -> None:
     raise YamlError(file, "parameters", None, words)
 
 
-def convert_to_short_form(layered: loader.Layered) -> loader.Layered:
+def convert_to_short_form(layered: loader.MergedConfig) -> loader.MergedConfig:
     """Turn a study with our simulator, to which a program was added, into the short form.
 
     Its targets are a list. The short form has them by name, and the number of runs and
@@ -320,23 +320,25 @@ def convert_to_short_form(layered: loader.Layered) -> loader.Layered:
         return layered
 
     # Leave out the sections of our simulator. A mistyped key stays, and is refused later.
-    dropped = set(settings_type().model_fields) - set(make_file_model().model_fields)
+    dropped = set(make_settings_type().model_fields) - set(
+        make_file_model().model_fields
+    )
     short = {name: value for name, value in content.items() if name not in dropped}
     origin = dict(layered.origin.files_by_key)
 
     # Put the targets by name. All of them are from the file that has the list.
-    short["targets"] = _name_targets(targets)
+    short["targets"] = _map_targets_by_name(targets)
     for name, keys in short["targets"].items():
         for key in keys:
             origin[f"targets.{name}.{key}"] = layered.origin.find_file("targets")
 
     # Both forms have these keys, and different defaults.
-    defaults = loader.read(places.find_file(places.METHOD_CONFIG))
+    defaults = loader.read_file(places.find_file(places.METHOD_CONFIG))
     for key in ("strategy", "surrogate"):
         short.setdefault(key, defaults[key])
 
     # Move the number of runs and the seed to the top.
-    for key, old_key in OLD_KEYS.items():
+    for key, old_key in MOVED_KEYS.items():
         value = get_value(content, old_key)
         if key not in content and value is not None:
             short[key] = value
@@ -348,10 +350,10 @@ def convert_to_short_form(layered: loader.Layered) -> loader.Layered:
         design = dict(content["design"])
         design.pop("seed", None)
         short["design"] = design
-    return loader.Layered(short, Origin(origin, layered.origin.default_file))
+    return loader.MergedConfig(short, Origin(origin, layered.origin.default_file))
 
 
-def _name_targets(entries: Iterable[Any]) -> dict[Any, dict[str, Any]]:
+def _map_targets_by_name(entries: Iterable[Any]) -> dict[Any, dict[str, Any]]:
     """Turn a list of targets into a mapping by the names of their responses.
 
     A response of our bench tests has a unit, which the user need not give. A faulty entry
@@ -398,7 +400,7 @@ def list_unread_sections(content: Mapping[str, Any]) -> list[str]:
             continue
         keys_read = [
             old_key.removeprefix(f"{name}.")
-            for old_key in OLD_KEYS.values()
+            for old_key in MOVED_KEYS.values()
             if get_value(content, old_key) is not None
             and old_key.startswith(f"{name}.")
         ]
@@ -443,7 +445,7 @@ def _convert_to_resolved_form(complete: Mapping[str, Any]) -> dict[str, Any]:
     """
     # Copy the sections that both forms have.
     config: dict[str, Any] = {}
-    for name in AS_GIVEN:
+    for name in COPIED_KEYS:
         field = ExternalFile.model_fields[name]
         config[name] = complete.get(name, field.get_default())
     for name in names():

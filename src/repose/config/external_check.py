@@ -15,7 +15,12 @@ from repose.common.files import Path_
 from repose.common.numbers import rounded
 from repose.common.statuses import describe_failure
 from repose.config import loader
-from repose.config.cost import Pours, count_runs, list_article_pours, strategy_pours
+from repose.config.cost import (
+    Pours,
+    count_runs,
+    list_article_pours,
+    list_strategy_pours,
+)
 from repose.config.external import convert_to_short_form, list_unread_sections
 from repose.config.models import StudySettings
 from repose.config.pipeline import PipelineConfig
@@ -90,7 +95,7 @@ def describe_strategy(study: PipelineConfig, files: Sequence[Path_]) -> Iterator
         surrogate = f", surrogate {study.settings.surrogate}"
     yield f"strategy: {name}{surrogate}"
 
-    layered = loader.read_given(files)
+    layered = loader.merge_without_defaults(files)
     short_form = convert_to_short_form(layered).config
     keys = unread_keys({**short_form, "simulator": study.simulator.name})
     if keys:
@@ -112,7 +117,7 @@ def list_runs(settings: StudySettings) -> Pours:
         Purpose, number of parameter sets, and runs of each set.
     """
     name = settings.strategy
-    strategy_runs = strategy_pours(settings, name) or ()
+    strategy_runs = list_strategy_pours(settings, name) or ()
     if not strategy(name).begins_with_design:
         return strategy_runs
 

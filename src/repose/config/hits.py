@@ -105,7 +105,7 @@ def _simulate_rebound_speed(
 
 
 def describe_low_restitutions(
-    scene: Scene, lowest: Mapping[str, float]
+    scene: Scene, lowest_values: Mapping[str, float]
 ) -> Iterator[str]:
     """Describe which restitution a hit returns at this time step, if it is a low one.
 
@@ -113,7 +113,7 @@ def describe_low_restitutions(
     ----------
     scene : Scene
         Grain, laws and time step.
-    lowest : mapping
+    lowest_values : mapping
         Lowest value of each parameter in the study. The restitutions between two grains
         and between grain and wall, ``e_gg`` and ``e_gp``, are among them.
 
@@ -129,7 +129,7 @@ def describe_low_restitutions(
     texts = []
     for pair in PAIRS:
         name = f"e_{pair}"
-        restitution = lowest[name]
+        restitution = lowest_values[name]
         if restitution >= LOW_RESTITUTION:
             continue
 

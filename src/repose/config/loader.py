@@ -17,23 +17,23 @@ from repose.common.files import Path_, write_text
 from repose.common.keys import Config, Origin, get_value
 
 # Keys of `berry` that define a crop.
-CROP = ("sizes", "density_kg_m3", "stl")
+CROP_KEYS = ("sizes", "density_kg_m3", "stl")
 COMMAND_LINE = "command line (--config)"
 # Source of the values that another workflow gives to this one.
-WORKFLOW = "configuration"
-RESOLVED = "config.json"  # in the folder of results
+WORKFLOW_SOURCE = "configuration"
+RESOLVED_FILE = "config.json"  # in the folder of results
 # A number with an exponent: some YAML readers take 1e-3 for text.
-EXPONENT = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
+EXPONENT_PATTERN = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
 # Sections that replace those of another file: a parameter that is fixed must not keep
 # the prior of the file before.
-REPLACED = {f"parameters.{name}" for name in (*PARAMETERS, *LAW_PARAMETERS)}
+REPLACED_SECTIONS = {f"parameters.{name}" for name in (*PARAMETERS, *LAW_PARAMETERS)}
 # Stands for a value that is missing in a file; no file can hold it.
 MISSING = ...
 
-Read = Callable[[Path_], dict[str, Any]]
+ReadFunction = Callable[[Path_], dict[str, Any]]
 
 
-class Layered(NamedTuple):
+class MergedConfig(NamedTuple):
     """A configuration that was merged from several files.
 
     Attributes
@@ -48,7 +48,7 @@ class Layered(NamedTuple):
     origin: Origin
 
 
-class Layer(NamedTuple):
+class ConfigFile(NamedTuple):
     """A file of a configuration.
 
     Attributes
@@ -63,7 +63,7 @@ class Layer(NamedTuple):
     content: Config
 
 
-def read(path: Path_) -> dict[str, Any]:
+def read_file(path: Path_) -> dict[str, Any]:
     """Read a configuration file, as `repose.common.reading.read_yaml` does.
 
     That module is imported here, as the jobs of the workflow read no YAML.
@@ -73,7 +73,9 @@ def read(path: Path_) -> dict[str, Any]:
     return reading.read_yaml(path)
 
 
-def read_layers(files: Sequence[Path_], overrides: Config | None = None) -> Layered:
+def merge_with_defaults(
+    files: Sequence[Path_], overrides: Config | None = None
+) -> MergedConfig:
     """Merge configuration files over the defaults, and note which file holds each key.
 
     Values are not checked, and `auto` stays as it is. Files that are complete by
@@ -97,7 +99,7 @@ def read_layers(files: Sequence[Path_], overrides: Config | None = None) -> Laye
     """
     # The files may be merged twice: alone, and over the defaults. Read them once.
     paths = [places.find_file(path) for path in files]
-    read_once: Any = functools.cache(read)
+    read_once: Any = functools.cache(read_file)
     if paths:
         layered = _merge_files(paths, overrides, read_once)
         is_complete = not _lacks_keys(layered.config)
@@ -108,7 +110,9 @@ def read_layers(files: Sequence[Path_], overrides: Config | None = None) -> Laye
     )
 
 
-def read_given(files: Sequence[Path_], overrides: Config | None = None) -> Layered:
+def merge_without_defaults(
+    files: Sequence[Path_], overrides: Config | None = None
+) -> MergedConfig:
     """Merge configuration files, without the defaults.
 
     Parameters
@@ -126,14 +130,16 @@ def is_external(config: Config) -> bool:
     return isinstance(config.get("simulator"), Mapping)
 
 
-def of_workflow(
-    given: Config, files: Sequence[Path_] = (), default_source: str = COMMAND_LINE
-) -> Layered:
+def locate_workflow_values(
+    workflow_config: Config,
+    files: Sequence[Path_] = (),
+    default_source: str = COMMAND_LINE,
+) -> MergedConfig:
     """Find the file of each value in Snakemake's `config`, without any defaults.
 
     Parameters
     ----------
-    given : mapping
+    workflow_config : mapping
         Snakemake's `config`. Texts from its command line are parsed as YAML.
     files : sequence of path
         Its configuration files; each overrides those before it. Without any it is the
@@ -147,17 +153,19 @@ def of_workflow(
     """
     layers = []
     for path in files or places.list_default_configs()[-1:]:
-        layers.append(Layer(str(path), read(places.find_file(path))))
+        layers.append(ConfigFile(str(path), read_file(places.find_file(path))))
     origin: dict[str, str] = {}
     values = _find_in_files(
-        given, "", layers=layers, origin=origin, default_source=default_source
+        workflow_config, "", layers=layers, origin=origin, default_source=default_source
     )
-    return Layered(values, Origin(origin, default_file=layers[-1].path))
+    return MergedConfig(values, Origin(origin, default_file=layers[-1].path))
 
 
-def over_defaults(
-    given: Config, files: Sequence[Path_] = (), default_source: str = COMMAND_LINE
-) -> Layered:
+def merge_workflow_values(
+    workflow_config: Config,
+    files: Sequence[Path_] = (),
+    default_source: str = COMMAND_LINE,
+) -> MergedConfig:
     """Merge the values in Snakemake's `config` over the defaults.
 
     Snakemake has already merged its configuration files and its command line. This
@@ -166,7 +174,7 @@ def over_defaults(
 
     Parameters
     ----------
-    given : mapping
+    workflow_config : mapping
         Snakemake's `config`. Texts from its command line are parsed as YAML.
     files : sequence of path
         Its configuration files; each overrides those before it.
@@ -177,31 +185,31 @@ def over_defaults(
     -------
     Layered
     """
-    read_once: Any = functools.cache(read)
+    read_once: Any = functools.cache(read_file)
     files = [places.find_file(path) for path in files]
     method = places.find_file(places.METHOD_CONFIG)
     study = places.list_default_configs()[-1]
 
     # Choose the defaults. Values that define a crop need only those of the method.
     default_files: list[Path_] = [method]
-    if files or not _defines_crop(given):
-        contents = [*map(read_once, files), given]
+    if files or not _defines_crop(workflow_config):
+        contents = [*map(read_once, files), workflow_config]
         default_files = list_files_with_defaults((), read_once, contents)
-    needed_files = default_files if _lacks_keys(given) else []
+    needed_files = default_files if _lacks_keys(workflow_config) else []
     defaults = _merge_files(needed_files, read=read_once)
 
     # Find the file that each value comes from.
     layers = []
     for path in (*default_files, study, *files):
-        layers.append(Layer(str(path), read_once(path)))
+        layers.append(ConfigFile(str(path), read_once(path)))
     origin: dict[str, str] = {}
     values = _find_in_files(
-        given, "", layers=layers, origin=origin, default_source=default_source
+        workflow_config, "", layers=layers, origin=origin, default_source=default_source
     )
 
     # Merge the values over the defaults. A missing key belongs into the user's last file.
     config = _merge(defaults.config, values, origin={}, source="")
-    return Layered(
+    return MergedConfig(
         _resolve_named_files(config),
         Origin(
             {**defaults.origin.files_by_key, **origin},
@@ -214,7 +222,7 @@ def over_defaults(
 def _find_in_files(
     value: Any,
     dotted_key: str,
-    layers: Sequence[Layer],
+    layers: Sequence[ConfigFile],
     origin: dict[str, str],
     default_source: str,
 ) -> Any:
@@ -257,13 +265,13 @@ def _find_in_files(
         )
 
     # The section itself belongs to the last file that has it.
-    section_file = _last_file_with_section(dotted_key, layers)
+    section_file = _find_last_file_with_section(dotted_key, layers)
     origin[dotted_key] = section_file or default_source
     return section
 
 
 def _find_single_value(
-    value: Any, dotted_key: str, layers: Sequence[Layer], default_source: str
+    value: Any, dotted_key: str, layers: Sequence[ConfigFile], default_source: str
 ) -> tuple[Any, str]:
     """Find the last file that has a value of Snakemake.
 
@@ -283,7 +291,7 @@ def _find_single_value(
     """
     # Command lines contain only texts, and files may have numbers such as 1e-5 as text.
     parsed_value = value
-    if default_source == COMMAND_LINE or EXPONENT.match(str(value)):
+    if default_source == COMMAND_LINE or EXPONENT_PATTERN.match(str(value)):
         parsed_value = _parse_texts(value)
 
     # A file may have None as a value, so another default stands for a key that it lacks.
@@ -294,7 +302,9 @@ def _find_single_value(
     return parsed_value, default_source
 
 
-def _last_file_with_section(dotted_key: str, layers: Sequence[Layer]) -> str | None:
+def _find_last_file_with_section(
+    dotted_key: str, layers: Sequence[ConfigFile]
+) -> str | None:
     """Return the path of the last file that has a section; None if no file has it."""
     for layer in reversed(layers):
         if isinstance(get_value(layer.content, dotted_key), dict):
@@ -306,13 +316,15 @@ def _lacks_keys(config: Config) -> bool:
     """Return whether a section of a configuration lacks a key."""
     # Imported here, as help and jobs load none of it.
     from repose.common.faults import lacks_keys
-    from repose.config.models import settings_type
+    from repose.config.models import make_settings_type
 
-    return lacks_keys(config, settings_type())
+    return lacks_keys(config, make_settings_type())
 
 
 def list_files_with_defaults(
-    files: Sequence[Path_], read: Read = read, given: Iterable[Config] = ()
+    files: Sequence[Path_],
+    read: ReadFunction = read_file,
+    other_configs: Iterable[Config] = (),
 ) -> list[Path_]:
     """List the default files and the user's files of a configuration.
 
@@ -325,7 +337,7 @@ def list_files_with_defaults(
         The user's files.
     read : callable, optional
         Function that reads a file.
-    given : iterable of mapping
+    other_configs : iterable of mapping
         Values from other sources, which may also define a crop.
 
     Returns
@@ -338,7 +350,7 @@ def list_files_with_defaults(
         path for path in defaults if path.resolve() != built_in_crop
     ]
     contents = [read(path) for path in (*defaults_without_crop, *files)]
-    if any(_defines_crop(content) for content in (*contents, *given)):
+    if any(_defines_crop(content) for content in (*contents, *other_configs)):
         return [*defaults_without_crop, *files]
     return [*defaults, *files]
 
@@ -388,7 +400,7 @@ def _defines_crop(config: Config) -> bool:
         return False
     if grain.get("sizes") or grain.get("stl"):
         return True
-    if all(grain.get(key) is None for key in CROP):
+    if all(grain.get(key) is None for key in CROP_KEYS):
         return False
 
     # A density given as text comes from the command line. It changes one number of a crop
@@ -397,8 +409,10 @@ def _defines_crop(config: Config) -> bool:
 
 
 def _merge_files(
-    files: Sequence[Path_], overrides: Config | None = None, read: Read = read
-) -> Layered:
+    files: Sequence[Path_],
+    overrides: Config | None = None,
+    read: ReadFunction = read_file,
+) -> MergedConfig:
     """Merge the values of files and the overrides, and note which file holds each key.
 
     Parameters
@@ -420,7 +434,7 @@ def _merge_files(
     # file of the method.
     last_file = str(files[-1]) if files else ""
     method = str(places.find_file(places.METHOD_CONFIG))
-    return Layered(_resolve_named_files(config), Origin(origin, last_file, method))
+    return MergedConfig(_resolve_named_files(config), Origin(origin, last_file, method))
 
 
 def _resolve_named_files(config: dict[str, Any]) -> dict[str, Any]:
@@ -436,9 +450,9 @@ def _resolve_named_files(config: dict[str, Any]) -> dict[str, Any]:
     dict
         The same configuration.
     """
-    from repose.config.models import named_files
+    from repose.config.models import list_file_keys
 
-    for dotted_key in named_files():
+    for dotted_key in list_file_keys():
         section_name, _, key = dotted_key.rpartition(".")
         section = config.get(section_name) if section_name else config
         if isinstance(section, dict) and isinstance(section.get(key), str):
@@ -459,7 +473,7 @@ def is_resolved(*files: Path_) -> bool:
     if len(files) != 1:
         return False
     path = files[0]
-    return Path(path).name == RESOLVED and ledger.is_own_file(path)
+    return Path(path).name == RESOLVED_FILE and ledger.is_own_file(path)
 
 
 def _parse_texts(value: Any) -> Any:
@@ -501,7 +515,7 @@ def _merge(
     ----------
     config : dict
         The configuration, changed in place. Keys that `values` lack are kept, except in
-        the sections of `REPLACED`.
+        the sections of `REPLACED_SECTIONS`.
     values : mapping
         The new values. Their sections may be incomplete.
     origin : dict
@@ -525,7 +539,9 @@ def _merge(
             continue
 
         # A section. Replace the old one, unless both are to be merged.
-        is_merged = dotted_key not in REPLACED and isinstance(config.get(key), dict)
+        is_merged = dotted_key not in REPLACED_SECTIONS and isinstance(
+            config.get(key), dict
+        )
         if not is_merged:
             config[key] = copy.deepcopy(value)
         # For a section that was copied, this call only notes the source of its keys.

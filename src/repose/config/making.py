@@ -20,7 +20,11 @@ from repose.config.contradictions import (
     list_rules_after_numbers,
     list_rules_before_numbers,
 )
-from repose.config.models import StudySettings, select_valid_sections, settings_type
+from repose.config.models import (
+    StudySettings,
+    make_settings_type,
+    select_valid_sections,
+)
 from repose.grain.particle import Particle
 from repose.stages.published import (
     check_published_sets,
@@ -29,8 +33,8 @@ from repose.stages.published import (
 )
 
 # Sections that the mean grain follows from, and those that limit the time step.
-GRAIN = ("berry", "validation")
-TIME_STEP = ("simulation", "wall", "parameters", "validation")
+GRAIN_SECTIONS = ("berry", "validation")
+TIME_STEP_SECTIONS = ("simulation", "wall", "parameters", "validation")
 
 Result = TypeVar("Result")
 
@@ -102,7 +106,7 @@ class ConfigChecks:
         self.particle: Any = None
         self.inputs_are_checked = False
 
-    def complete(self, inputs: bool) -> None:
+    def check_and_compute(self, inputs: bool) -> None:
         """Check the configuration and compute each `auto`.
 
         Parameters
@@ -118,8 +122,8 @@ class ConfigChecks:
         """
         # Check each key separately. This replaces the faults of an earlier check.
         self._complete_targets()
-        self.config = faults.convert_whole_numbers(self.config, settings_type())
-        checked = faults.find_faults(self.config, self.source, settings_type())
+        self.config = faults.convert_whole_numbers(self.config, make_settings_type())
+        checked = faults.find_faults(self.config, self.source, make_settings_type())
         self.faults = checked.faults
         self.faulty_keys = checked.keys
 
@@ -220,7 +224,7 @@ class ConfigChecks:
         """Add the faults of the rules whose sections have none so far."""
         for rule in applicable:
             if self._may_read(*rule.reads):
-                self._add_faults(rule.faults())
+                self._add_faults(rule.find_faults())
 
     def _call_and_collect_faults(
         self, key: str, function: Callable[..., Result], *arguments: Any
@@ -285,10 +289,10 @@ class ConfigChecks:
 
         Keys with a fault, and keys without a value, are left out.
         """
-        from repose.config.models import named_files
+        from repose.config.models import list_file_keys
 
         paths = {}
-        for key in named_files():
+        for key in list_file_keys():
             if not self._may_use(key):
                 continue
             path = get_value(self.config, key)
@@ -323,7 +327,7 @@ class ConfigChecks:
         """
         from repose.grain import berry, build
 
-        if self.mean_grain is None and self._may_read(*GRAIN):
+        if self.mean_grain is None and self._may_read(*GRAIN_SECTIONS):
             settings = self.settings
             table1 = find_sibling_table(settings.validation.published, "table1.csv")
             result = self._call_and_collect_faults(
@@ -337,12 +341,12 @@ class ConfigChecks:
                 "berry", build.of_settings, self.mean_grain, self.settings.berry
             )
 
-    def _compute_setting(self, setting: computed.Computed) -> None:
+    def _compute_setting(self, setting: computed.ComputedSetting) -> None:
         """Replace an `auto` by its number, or mark its key as faulty if that fails.
 
         Parameters
         ----------
-        setting : Computed
+        setting : ComputedSetting
             The key, the sections that its number follows from, and the function that
             computes it.
         """
@@ -360,7 +364,7 @@ class ConfigChecks:
 
         # Even a computed number may lie outside the allowed range.
         for fault in faults.find_faults(
-            self.config, self.source, settings_type()
+            self.config, self.source, make_settings_type()
         ).faults:
             if fault.key == setting.key:
                 allowed = f"{fault.allowed}; `auto` gives this number"
@@ -370,11 +374,11 @@ class ConfigChecks:
         """Check that the grain fits the bench tests and the time step."""
         if self.mean_grain is None:
             return
-        axes_mm = computed.axes_mm(self.mean_grain)
+        axes_mm = computed.list_axes_mm(self.mean_grain)
         for test in find_tests_in_use(self.config):
             if self._may_read(test.name):
                 self._add_faults(test.misfits(SceneSettings(self.config), axes_mm))
-        if self.particle is not None and self._may_read(*TIME_STEP):
+        if self.particle is not None and self._may_read(*TIME_STEP_SECTIONS):
             self._add_faults(
                 find_time_step_faults(self.config, self.particle, self.mean_grain)
             )

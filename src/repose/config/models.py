@@ -58,21 +58,23 @@ from repose.stages.settings import ValidationSettings
 
 # --- types of several keys ------------------------------------------------------------
 
-LABEL = "text of 1 to 60 characters, letters, digits, _ and -"
+LABEL_WORDS = "text of 1 to 60 characters, letters, digits, _ and -"
 Label = Annotated[
     str,
     Field(max_length=60, pattern=r"^[A-Za-z0-9_][A-Za-z0-9_-]*$"),
-    Allowed(LABEL),
+    Allowed(LABEL_WORDS),
 ]
-FOLDER = (
+FOLDER_WORDS = (
     "a folder; letters, digits and . _ / -, without .., and no part begins with . or -"
 )
 PATH_PART = r"[A-Za-z0-9_][A-Za-z0-9_.-]*"
 FOLDER_PATTERN = rf"^/?{PATH_PART}(/{PATH_PART})*/?$"
 _Folder = Annotated[
-    str, Field(max_length=1000, pattern=FOLDER_PATTERN), Allowed(FOLDER)
+    str, Field(max_length=1000, pattern=FOLDER_PATTERN), Allowed(FOLDER_WORDS)
 ]
-ResultsFolder = Annotated[_Folder, AfterValidator(results_folder.check_is_apart)]
+ResultsFolder = Annotated[
+    _Folder, AfterValidator(results_folder.require_separate_folder)
+]
 Colour = Annotated[
     str,
     Field(pattern=r"^#[0-9a-fA-F]{6}$"),
@@ -92,14 +94,14 @@ class ParametersSettings(Section):
     """
 
     @property
-    def given(self) -> dict[str, Any]:
+    def entries(self) -> dict[str, Any]:
         """The parameters of the study, without those of other contact laws."""
         return {name: entry for name, entry in self if entry is not None}
 
     def contradictions(self) -> Contradictions:
         """Refuse a prior that its range excludes, and parameters that are all fixed."""
-        yield from far_priors(self.given)
-        if not count_free(self.given):
+        yield from far_priors(self.entries)
+        if not count_free(self.entries):
             yield "", "at least one free parameter: there is nothing to calibrate"
 
 
@@ -318,8 +320,8 @@ class FiguresSettings(Section):
 class StudySettings(Section):
     """The whole configuration.
 
-    Sections of bench tests besides the funnel are read by `bench`, sections of further
-    strategies by `of_strategy`: both register themselves (`settings_type`).
+    Sections of bench tests besides the funnel are read by `get_bench_section`, sections of further
+    strategies by `get_strategy_section`: both register themselves (`make_settings_type`).
     """
 
     label: Label = Field(
@@ -378,17 +380,17 @@ class StudySettings(Section):
     sequential: SequentialSettings
     figures: FiguresSettings = Field(default_factory=FiguresSettings)
 
-    def bench(self, name: str) -> Section | None:
+    def get_bench_section(self, name: str) -> Section | None:
         """Return the section of a bench test; None if the configuration lacks it."""
         section: Section | None = getattr(self, name)
         return section
 
-    def seeds_of(self, name: str) -> int:
+    def count_seeds(self, name: str) -> int:
         """Return the number of runs of a sample in a bench test."""
-        seeds: int = getattr(self.bench(name), "seeds")  # noqa: B009
+        seeds: int = getattr(self.get_bench_section(name), "seeds")  # noqa: B009
         return seeds
 
-    def design_seeds(self, name: str) -> int:
+    def count_design_seeds(self, name: str) -> int:
         """Return how many runs of a sample the strategy's design has.
 
         Parameters
@@ -401,12 +403,12 @@ class StudySettings(Section):
 
         seeds_key = strategy(self.strategy).seeds_key
         if seeds_key is None:
-            return self.seeds_of(name)
+            return self.count_seeds(name)
         section_name, field_name = seeds_key.split(".")
         seeds: int = getattr(getattr(self, section_name), field_name)
         return seeds
 
-    def of_strategy(self, name: str) -> Section | None:
+    def get_strategy_section(self, name: str) -> Section | None:
         """Return the section with the name of a strategy; None if it has none."""
         from repose.calibrate.strategies import strategy
 
@@ -418,10 +420,10 @@ class StudySettings(Section):
     @property
     def free(self) -> int:
         """Number of free parameters."""
-        return count_free(self.parameters.given)
+        return count_free(self.parameters.entries)
 
 
-def settings_type() -> type[StudySettings]:
+def make_settings_type() -> type[StudySettings]:
     """Make the model of a whole configuration.
 
     It is `StudySettings` with a section for each strategy and bench test that is
@@ -429,11 +431,11 @@ def settings_type() -> type[StudySettings]:
     """
     from repose.calibrate import strategies
 
-    return _make_settings_type(names(), strategies.names())
+    return _make_cached_settings_type(names(), strategies.names())
 
 
 @cache
-def _make_settings_type(
+def _make_cached_settings_type(
     bench_tests: tuple[str, ...], strategies: tuple[str, ...]
 ) -> type[StudySettings]:
     """Make the model of a configuration with these bench tests and strategies.
@@ -467,7 +469,7 @@ def _make_settings_type(
     )
 
 
-def settings_of(
+def make_settings(
     config: Mapping[str, Any], source: str | Origin = "configuration"
 ) -> StudySettings:
     """Make the typed sections of a whole configuration.
@@ -477,7 +479,7 @@ def settings_of(
     InputError
         With all faults; `source` names the file in them.
     """
-    model = settings_type()
+    model = make_settings_type()
     try:
         return model.model_validate(config)
     except ValidationError:
@@ -501,7 +503,7 @@ def select_valid_sections(config: Mapping[str, Any]) -> StudySettings:
     StudySettings
         To read a section that is missing or invalid is an AttributeError.
     """
-    model = settings_type()
+    model = make_settings_type()
     sections: dict[str, Any] = {}
     for name in model.model_fields:
         if name not in config:
@@ -514,13 +516,13 @@ def select_valid_sections(config: Mapping[str, Any]) -> StudySettings:
     return model.model_construct(**sections)
 
 
-def targets_of(
+def make_targets(
     config: Mapping[str, Any],
 ) -> tuple[TargetSettings | ExternalTarget, ...]:
     """Make the typed targets of a configuration that was checked."""
     if is_external(config):
         return tuple(map(ExternalTarget.model_validate, config["targets"]))
-    adapter = _make_validator(settings_type(), "targets")
+    adapter = _make_validator(make_settings_type(), "targets")
     targets: tuple[TargetSettings, ...] = adapter.validate_python(config["targets"])
     return targets
 
@@ -536,13 +538,13 @@ def _make_validator(model: type[StudySettings], name: str) -> TypeAdapter[Any]:
     return TypeAdapter(annotation)
 
 
-def named_files() -> tuple[str, ...]:
+def list_file_keys() -> tuple[str, ...]:
     """Return the dotted keys of the configuration that name a file."""
-    return _list_file_keys(settings_type())
+    return _list_file_keys_of_model(make_settings_type())
 
 
 @cache
-def _list_file_keys(model: type[Section]) -> tuple[str, ...]:
+def _list_file_keys_of_model(model: type[Section]) -> tuple[str, ...]:
     """List the keys that name a file, in a section's model and in its inner sections.
 
     Parameters
@@ -562,5 +564,5 @@ def _list_file_keys(model: type[Section]) -> tuple[str, ...]:
             keys.append(name)
         elif isinstance(value_type, type) and issubclass(value_type, Section):
             # An inner section.
-            keys += [f"{name}.{key}" for key in _list_file_keys(value_type)]
+            keys += [f"{name}.{key}" for key in _list_file_keys_of_model(value_type)]
     return tuple(keys)

@@ -18,11 +18,11 @@ from repose.calibrate.profile_targets import BenchProfile
 from repose.common import faults, places
 from repose.common.reading import read_yaml
 from repose.common.section import ABSENT, Section
-from repose.config.models import TargetSettings, settings_type
+from repose.config.models import TargetSettings, make_settings_type
 from repose.stages.settings import ParticlesSettings, SimulatorSettings
 
-PAGE = Path("config", "README.md")
-TABLE = re.compile(r"<!-- keys: (\w+) -->\n.*?<!-- end -->", re.DOTALL)
+PAGE_PATH = Path("config", "README.md")
+TABLE_PATTERN = re.compile(r"<!-- keys: (\w+) -->\n.*?<!-- end -->", re.DOTALL)
 COLUMNS = ("key", "meaning", "unit", "values", "default", "source")
 # Units by the ends of the keys; a longer end is tried before a shorter one.
 UNITS = {
@@ -83,19 +83,19 @@ def update_tables(text: str) -> str:
         text_of_table = "\n".join(lines)
         return f"<!-- keys: {name} -->\n\n{text_of_table}\n\n<!-- end -->"
 
-    return TABLE.sub(format_table, text)
+    return TABLE_PATTERN.sub(format_table, text)
 
 
-def sections_without_table(text: str) -> list[str]:
+def list_sections_without_table(text: str) -> list[str]:
     """List the sections of the configuration for which the page has no table."""
-    named = TABLE.findall(text)
+    named = TABLE_PATTERN.findall(text)
     return [name for name in make_tables() if name not in named]
 
 
 def make_tables() -> dict[str, Table]:
     """Make all tables, by the names that they have in the page."""
     method = read_yaml(places.find_program_folder() / places.METHOD_CONFIG)
-    whole = settings_type()
+    whole = make_settings_type()
     tables_by_name = {
         "study": Table(whole, method),
         "targets": Table(TargetSettings, {}),
@@ -200,12 +200,12 @@ def _format_yaml_value(value: Any) -> str:
 
 def main() -> None:
     """Write the tables into the page of the checkout."""
-    path = Path(places.find_program_folder()) / PAGE
+    path = Path(places.find_program_folder()) / PAGE_PATH
     text = update_tables(path.read_text(encoding="utf-8"))
     path.write_text(text, encoding="utf-8")
-    for name in sections_without_table(text):
+    for name in list_sections_without_table(text):
         print(
-            f"{PAGE}: no table of the section {name}; expected the lines "
+            f"{PAGE_PATH}: no table of the section {name}; expected the lines "
             f"<!-- keys: {name} --> and <!-- end -->"
         )
 

@@ -83,14 +83,14 @@ class PipelineConfig:
             return cls.of_results(files[0])
 
         # A study with another program has other sections and defaults.
-        given = loader.read_given(files, overrides)
+        given = loader.merge_without_defaults(files, overrides)
         if loader.is_external(given.config):
             from repose.config.external import ExternalConfig
 
-            return ExternalConfig.of_layers(given, inputs=inputs)
+            return ExternalConfig.from_layers(given, inputs=inputs)
 
         # Merge the files over the defaults.
-        content, source = loader.read_layers(files, overrides)
+        content, source = loader.merge_with_defaults(files, overrides)
         config = cls.of(content, source, inputs=inputs)
         provenance.note_config(config.config)
         return config
@@ -136,7 +136,7 @@ class PipelineConfig:
                 "`repose docs own_simulator` and `repose docs simulators`",
             )
         checks = ConfigChecks(dict(config), source)
-        checks.complete(inputs)
+        checks.check_and_compute(inputs)
         study = cls(checks.config, source)
         # Keep the checks, which have made the grain or make it later. The class is
         # frozen, so set the cached property by hand.
@@ -185,9 +185,9 @@ class PipelineConfig:
     @cached_property
     def settings(self) -> "StudySettings":
         """The configuration as typed sections, such as `config.settings.funnel.seeds`."""
-        from repose.config.models import settings_of
+        from repose.config.models import make_settings
 
-        return settings_of(self.config, self.source)
+        return make_settings(self.config, self.source)
 
     @property
     def simulator(self) -> "SimulatorSettings | None":
@@ -205,7 +205,7 @@ class PipelineConfig:
         from repose.bench.space import contact_space
 
         settings = self.settings
-        space = contact_space(settings.parameters.given)
+        space = contact_space(settings.parameters.entries)
         return space.constrained_by(settings.constraints)
 
     @cached_property
@@ -264,7 +264,7 @@ class PipelineConfig:
         settings = self.settings
         other_sections = {}
         for name in strategies.names():
-            section = settings.of_strategy(name)
+            section = settings.get_strategy_section(name)
             if section is not None and name not in CalibrationSettings.model_fields:
                 other_sections[name] = section
 
@@ -274,7 +274,7 @@ class PipelineConfig:
             simulator="repose",
             strategy=settings.strategy,
             surrogate=settings.surrogate,
-            seeds=settings.design_seeds(self.targets.apparatus[0]),
+            seeds=settings.count_design_seeds(self.targets.apparatus[0]),
             design=settings.design,
             network=settings.network,
             miga=settings.miga,

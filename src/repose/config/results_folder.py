@@ -36,16 +36,16 @@ PROJECT_FOLDERS = (
     "results/published",
 )
 # Folders in the folder of results whose files every job writes anew.
-WITHOUT_RESULTS = ("benchmarks", "logs")
+FOLDERS_WITHOUT_RESULTS = ("benchmarks", "logs")
 # Files that a run writes, which are no results.
-WITHOUT_RECORD = ("config.json", "benchmarks/calls.csv")
+FILES_WITHOUT_RECORD = ("config.json", "benchmarks/calls.csv")
 # Wildcards of rules that stand for a number.
-NUMBERS = ("sample", "job", "run", "seed", "batch")
+NUMBER_WILDCARDS = ("sample", "job", "run", "seed", "batch")
 # A wildcard in braces, as {sample} or with its constraint {sample,\d+}.
-WILDCARD = re.compile(r"\{(\w+)(?:,(?:[^{}]|\{[^{}]*\})*)?\}")
+WILDCARD_PATTERN = re.compile(r"\{(\w+)(?:,(?:[^{}]|\{[^{}]*\})*)?\}")
 
 
-def run_folder(test: str) -> str:
+def name_run_folder(test: str) -> str:
     """Return the folder of a bench test's runs in the folder of results."""
     if test == UNNAMED:
         return "heaps"
@@ -54,7 +54,7 @@ def run_folder(test: str) -> str:
     return f"{test}_runs"
 
 
-def records_of_runs(folder: str, counts: Mapping[str, int]) -> list[str]:
+def list_run_records(folder: str, counts: Mapping[str, int]) -> list[str]:
     """List the records of runs in a folder.
 
     Parameters
@@ -70,7 +70,7 @@ def records_of_runs(folder: str, counts: Mapping[str, int]) -> list[str]:
     ]
 
 
-def counted_folders(records: Iterable[str]) -> list[str]:
+def count_records_by_folder(records: Iterable[str]) -> list[str]:
     """Write the folders of records as the stage `measure_simulated` reads them.
 
     A command line has no room for thousands of records.
@@ -79,7 +79,7 @@ def counted_folders(records: Iterable[str]) -> list[str]:
     return [f"{folder}={count}" for folder, count in counts.items()]
 
 
-def check_is_apart(results_dir: str) -> str:
+def require_separate_folder(results_dir: str) -> str:
     """Refuse a folder of results that is one of the project's, or contains the project.
 
     Parameters
@@ -131,7 +131,7 @@ def find_folder_faults(results_dir: str) -> Contradictions:
             return
 
 
-def make_pattern(outputs: Iterable[str]) -> re.Pattern[str]:
+def make_output_pattern(outputs: Iterable[str]) -> re.Pattern[str]:
     """Make the pattern of the paths that rules write.
 
     Parameters
@@ -147,8 +147,8 @@ def make_pattern(outputs: Iterable[str]) -> re.Pattern[str]:
     # Map the wildcards with known values to expressions. The article's method, called
     # published, has no batches.
     names = [name for name in strategies.names() if name != "published"]
-    wildcards = dict.fromkeys(NUMBERS, r"\d+")
-    wildcards["runs"] = "|".join(map(run_folder, (*apparatus.names(), OWN)))
+    wildcards = dict.fromkeys(NUMBER_WILDCARDS, r"\d+")
+    wildcards["runs"] = "|".join(map(name_run_folder, (*apparatus.names(), OWN)))
     wildcards["strategy"] = "|".join(names)
     patterns = [_make_path_pattern(path, wildcards) for path in dict.fromkeys(outputs)]
     return re.compile("|".join(patterns))
@@ -166,7 +166,7 @@ def _make_path_pattern(path: str, wildcards: dict[str, str]) -> str:
         or folder.
     """
     # Texts and names of wildcards alternate, beginning with a text.
-    parts = re.split(WILDCARD, path)
+    parts = re.split(WILDCARD_PATTERN, path)
     expression = ""
     for position, part in enumerate(parts):
         is_text = position % 2 == 0
@@ -279,7 +279,7 @@ def _select_results_in_the_way(
     # The pattern is slow to make, and most folders hold files of the study alone.
     if not paths:
         return []
-    is_output = make_pattern(outputs).fullmatch
+    is_output = make_output_pattern(outputs).fullmatch
     files = [path for path in paths if is_output(path) and os.path.isfile(path)]
     return [path for path in files if os.path.getsize(path) > 0]
 
@@ -292,7 +292,9 @@ def _list_names_of_results(results_dir: str, outputs: Iterable[str]) -> list[str
     top_level = {
         path.removeprefix(f"{results_dir}/").partition("/")[0] for path in outputs
     }
-    is_name_of_study = make_pattern({*WITHOUT_RESULTS, *top_level}).fullmatch
+    is_name_of_study = make_output_pattern(
+        {*FOLDERS_WITHOUT_RESULTS, *top_level}
+    ).fullmatch
     return sorted(name for name in os.listdir(results_dir) if is_name_of_study(name))
 
 
@@ -306,7 +308,7 @@ def _walk_folders_of_results(
     yield results_dir, names
     for name in names:
         path = f"{results_dir}/{name}"
-        if name not in WITHOUT_RESULTS and os.path.isdir(path):
+        if name not in FOLDERS_WITHOUT_RESULTS and os.path.isdir(path):
             yield from _walk_folder(path)
 
 
@@ -348,7 +350,7 @@ def _find_unlisted_results(results_dir: str, names: list[str]) -> Iterator[str]:
                     yield path
 
 
-def take_over(results_dir: str, outputs: Iterable[str]) -> int:
+def relist_results(results_dir: str, outputs: Iterable[str]) -> int:
     """List the results again in folders that have lost their lists of files.
 
     Results are recognised by their records of provenance. The resolved configuration
@@ -373,7 +375,7 @@ def take_over(results_dir: str, outputs: Iterable[str]) -> int:
 
     # List them with their sidecars, and the files without records.
     records = [f"{path}{attached.SIDECAR_SUFFIX}" for path in results]
-    files_of_runs = [f"{results_dir}/{name}" for name in WITHOUT_RECORD]
+    files_of_runs = [f"{results_dir}/{name}" for name in FILES_WITHOUT_RECORD]
     for path in (*results, *records, *files_of_runs):
         if os.path.isfile(path) and not os.path.islink(path):
             ledger.list_file(path)

@@ -2,7 +2,7 @@
 
 Snakemake reads the Snakefile for each of its commands, also for those that run no job.
 Reading it makes the study and looks at the folder of results; it writes nothing. A run
-that has jobs begins with `WorkflowRun.begin`, and prints its times when it ends.
+that has jobs begins with `WorkflowRun.start`, and prints its times when it ends.
 """
 
 import atexit
@@ -24,10 +24,10 @@ from repose.common.lock import lock_folder
 from repose.config import dependencies, earlier_check, loader, results_folder
 from repose.config.pipeline import PipelineConfig
 
-FAULT = "repose: error:"  # begins the line in which a stage refuses its input
+FAULT_PREFIX = "repose: error:"  # begins the line in which a stage refuses its input
 
 
-def run_of_workflow(
+def prepare_run(
     config: Mapping[str, Any],
     configfiles: Sequence[str],
     has_command_line: bool,
@@ -59,27 +59,27 @@ def run_of_workflow(
     InputError
         With all faults of the configuration.
     """
-    files = [_relative_to_here(path) for path in configfiles]
-    source = loader.COMMAND_LINE if has_command_line else loader.WORKFLOW
+    files = [_make_relative_path(path) for path in configfiles]
+    source = loader.COMMAND_LINE if has_command_line else loader.WORKFLOW_SOURCE
     if loader.is_external(config):
         from repose.config.external import ExternalConfig
 
-        given = loader.of_workflow(config, files, source)
-        return WorkflowRun(ExternalConfig.of_layers(given, inputs=inputs))
-    layered = loader.over_defaults(config, files, source)
+        given = loader.locate_workflow_values(config, files, source)
+        return WorkflowRun(ExternalConfig.from_layers(given, inputs=inputs))
+    layered = loader.merge_workflow_values(config, files, source)
 
     # Reuse the result of an earlier check.
-    fingerprint = earlier_check.fingerprint(layered.config)
-    resolved = earlier_check.resolved(layered.config, fingerprint)
+    fingerprint = earlier_check.compute_fingerprint(layered.config)
+    resolved = earlier_check.read_checked_config(layered.config, fingerprint)
     if resolved is not None:
         return WorkflowRun(PipelineConfig(resolved, layered.origin))
 
     # Check now. Only a full check is worth keeping for later runs.
     study = PipelineConfig.of(layered.config, layered.origin, inputs=inputs)
-    return WorkflowRun(study, first_check=fingerprint if inputs else None)
+    return WorkflowRun(study, new_fingerprint=fingerprint if inputs else None)
 
 
-def _relative_to_here(path: str) -> str:
+def _make_relative_path(path: str) -> str:
     """Return a path relative to the working directory if it lies below it."""
     here = os.getcwd()
     absolute = os.path.abspath(path)
@@ -87,12 +87,12 @@ def _relative_to_here(path: str) -> str:
     return os.path.relpath(absolute, here) if is_below else absolute
 
 
-def has_pours(workflow: Any) -> bool:
+def has_pour_jobs(workflow: Any) -> bool:
     """Return whether Snakemake is going to run a job that simulates a pile."""
     return any(job.rule.name.endswith("pour") for job in workflow.dag.needrun_jobs())
 
 
-def check_when_planned(workflow: Any, study: PipelineConfig) -> None:
+def check_kept_results_when_planned(workflow: Any, study: PipelineConfig) -> None:
     """Let Snakemake check the results that it will not make again, once it knows them.
 
     Snakemake compares settings by its own records of them. These may be lost, changed
@@ -112,12 +112,14 @@ def check_when_planned(workflow: Any, study: PipelineConfig) -> None:
     def build_and_check() -> None:
         build()
         with exit_on_fault():
-            _check_results(study, _kept(workflow, study.settings.results_dir))
+            _require_same_settings(
+                study, _find_kept_results(workflow, study.settings.results_dir)
+            )
 
     workflow._build_dag = build_and_check
 
 
-def _kept(workflow: Any, folder: str) -> Iterator[str]:
+def _find_kept_results(workflow: Any, folder: str) -> Iterator[str]:
     """Yield the results in a folder on which a run stands and which it does not make."""
     for job in workflow.dag.jobs:
         if workflow.touch or not workflow.dag.needrun(job):
@@ -126,10 +128,12 @@ def _kept(workflow: Any, folder: str) -> Iterator[str]:
                     yield str(path)
 
 
-def _check_results(study: PipelineConfig, paths: Iterable[str]) -> None:
+def _require_same_settings(study: PipelineConfig, paths: Iterable[str]) -> None:
     """Raise InputError for the first of the results that is of other settings."""
     for path in sorted(paths):
-        mismatch = dependencies.difference(study.config, attached.read_record(path))
+        mismatch = dependencies.find_difference(
+            study.config, attached.read_record(path)
+        )
         if mismatch is not None:
             raise InputError(
                 path,
@@ -172,19 +176,21 @@ class WorkflowRun:
     ----------
     study : PipelineConfig
         The study that it works on.
-    first_check : str, optional
+    new_fingerprint : str, optional
         The fingerprint of a configuration that this run was the first to check, so that
         later commands need not; None where they know it already.
     """
 
-    def __init__(self, study: PipelineConfig, first_check: str | None = None) -> None:
+    def __init__(
+        self, study: PipelineConfig, new_fingerprint: str | None = None
+    ) -> None:
         self.study = study
-        self.first_check = first_check
+        self.new_fingerprint = new_fingerprint
         self.folder = study.settings.results_dir
-        self.began_s = _start_of_process_s()
-        self._held = ExitStack()  # the folder of results
+        self.start_s = _estimate_process_start_s()
+        self._locks = ExitStack()  # the folder of results
 
-    def begin(self, outputs: Iterable[str]) -> None:
+    def start(self, outputs: Iterable[str]) -> None:
         """Lock the folder of results, and write the configuration for the jobs.
 
         The lock lasts until the process ends. The times of the run are printed then,
@@ -200,8 +206,8 @@ class WorkflowRun:
         InputError
             If another run of the workflow uses the folder.
         """
-        self._held.enter_context(lock_folder(self.folder))
-        count = results_folder.take_over(self.folder, outputs)
+        self._locks.enter_context(lock_folder(self.folder))
+        count = results_folder.relist_results(self.folder, outputs)
         if count:
             print(
                 f"repose: note: {self.folder} has lost its lists of written files "
@@ -210,21 +216,23 @@ class WorkflowRun:
                 file=sys.stderr,
             )
         self.write_configuration()
-        if self.first_check is not None:
-            earlier_check.write(self.first_check, self.study.config)
+        if self.new_fingerprint is not None:
+            earlier_check.write_checked_config(self.new_fingerprint, self.study.config)
         atexit.register(self._report_times)
 
     def write_configuration(self) -> None:
         """Write the configuration that the jobs read."""
-        loader.write_resolved(self.study.config, Path(self.folder) / loader.RESOLVED)
+        loader.write_resolved(
+            self.study.config, Path(self.folder) / loader.RESOLVED_FILE
+        )
 
-    def made(self, path: str) -> bool:
+    def has_written(self, path: str) -> bool:
         """Tell whether a job of this run wrote a file, and did not only touch it."""
-        has_run_jobs = bool(usage.list_processes_since(self.folder, self.began_s))
+        has_run_jobs = bool(usage.list_processes_since(self.folder, self.start_s))
         return (
             has_run_jobs
             and os.path.exists(path)
-            and os.stat(path).st_mtime >= self.began_s
+            and os.stat(path).st_mtime >= self.start_s
         )
 
     def has_bad_input(self) -> bool:
@@ -234,10 +242,10 @@ class WorkflowRun:
         """
         last_lines = []
         for path in Path(self.folder, "logs").rglob("*.log"):
-            if path.stat().st_mtime >= self.began_s:
+            if path.stat().st_mtime >= self.start_s:
                 text = path.read_text(encoding="utf-8", errors="replace")
                 last_lines.append(text.rstrip().rpartition("\n")[2])
-        return any(line.startswith(FAULT) for line in last_lines)
+        return any(line.startswith(FAULT_PREFIX) for line in last_lines)
 
     def _report_times(self) -> None:
         """Print the times of this run, and append them to the table of runs.
@@ -249,32 +257,32 @@ class WorkflowRun:
         from repose.common.files import read_table, write_table
         from repose.common.provenance import describe_machine
 
-        processes = usage.list_processes_since(self.folder, self.began_s)
+        processes = usage.list_processes_since(self.folder, self.start_s)
         if not processes:
             return
         usage.correct_benchmarks(self.folder, processes)
 
         path = f"{self.folder}/benchmarks/calls.csv"
-        began = time.gmtime(self.began_s)
+        began = time.gmtime(self.start_s)
         row = {
             "began": time.strftime("%Y-%m-%dT%H:%M:%SZ", began),
-            "wall_s": round(time.time() - self.began_s, 1),
-            "cpu_s": round(_processor_time_s(processes), 1),
+            "wall_s": round(time.time() - self.start_s, 1),
+            "cpu_s": round(_sum_processor_time_s(processes), 1),
             "processor": describe_machine()["processor"],
         }
         runs = pd.DataFrame([row])
         if os.path.exists(path):
             runs = pd.concat([read_table(path, row), runs])
 
-        text = f"time: {_times(runs[-1:])} on {row['processor']}"
+        text = f"time: {_format_total_times(runs[-1:])} on {row['processor']}"
         if len(runs) > 1:
-            text += f"; all {len(runs)} calls: {_times(runs)}"
+            text += f"; all {len(runs)} calls: {_format_total_times(runs)}"
         with suppress(OSError):  # the terminal is closed
             print(f"{text} ({path})", file=sys.stderr)
         write_table(path, runs)
 
 
-def _processor_time_s(processes: Iterable[usage.Process]) -> float:
+def _sum_processor_time_s(processes: Iterable[usage.Process]) -> float:
     """Add up the processor time of this process and of all jobs of its run [s].
 
     Jobs on this machine are children of this process, so its own count includes them.
@@ -289,14 +297,14 @@ def _processor_time_s(processes: Iterable[usage.Process]) -> float:
     return cpu_s
 
 
-def _times(runs: Any) -> str:
+def _format_total_times(runs: Any) -> str:
     """Write the sums of a table of runs as text."""
     wall_min = runs["wall_s"].sum() / 60
     cpu_min = runs["cpu_s"].sum() / 60
     return f"{wall_min:.1f} min by the clock, {cpu_min:.1f} min of processor time"
 
 
-def _start_of_process_s() -> float:
+def _estimate_process_start_s() -> float:
     """Return when this program began, in seconds of the system's clock.
 
     It has computed all the time since then: it imported its libraries and read the

@@ -18,24 +18,24 @@ from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 if TYPE_CHECKING:
     from repose.export.job import Job
 
-__all__ = ["PROGRAMS", "write"]
+__all__ = ["PROGRAMS", "write_deck"]
 
-Deck = Callable[["Job"], dict[str, str]]
+DeckFunction = Callable[["Job"], dict[str, str]]
 """Makes the files of a deck by name, the deck itself first."""
 
 
-def _import_deck_when_called(module: str) -> Deck:
+def _import_deck_when_called(module: str) -> DeckFunction:
     """Make a function that writes a deck by a module of this package.
 
     The module is imported when the function is called, so that a list of the programs
     imports none of them.
     """
 
-    def deck(job: "Job") -> dict[str, str]:
-        files: dict[str, str] = import_module(f".{module}", __name__).deck(job)
+    def make_deck(job: "Job") -> dict[str, str]:
+        files: dict[str, str] = import_module(f".{module}", __name__).make_deck(job)
         return files
 
-    return deck
+    return make_deck
 
 
 PROGRAMS = {
@@ -115,7 +115,7 @@ def _check_law(key: str, law: str, program: str, allowed: Sequence[str]) -> None
     raise InputError("configuration", f"simulation.{key}", law, expected)
 
 
-def write(job: "Job", program: str, folder: str | PathLike) -> list[Path]:
+def write_deck(job: "Job", program: str, folder: str | PathLike) -> list[Path]:
     """Write the input files of another program, its deck, into a folder.
 
     Parameters

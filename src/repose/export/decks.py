@@ -15,14 +15,14 @@ from repose.export.job import Job
 from repose.export.laws import describe_law_constants
 
 
-def digits(number: float, count: int = 9) -> str:
+def format_number(number: float, count: int = 9) -> str:
     """Write a number with at most `count` significant digits."""
     return f"{number:.{count}g}"
 
 
-def _nine_digits(value: object) -> object:
+def _format_float(value: object) -> object:
     """Write a float to nine digits; leave anything else as it is."""
-    return digits(value) if isinstance(value, float) else value
+    return format_number(value) if isinstance(value, float) else value
 
 
 # A deck is no HTML, so nothing in it is escaped.
@@ -31,9 +31,9 @@ _ENVIRONMENT = Environment(  # nosec B701
     trim_blocks=True,
     keep_trailing_newline=True,
     undefined=StrictUndefined,
-    finalize=_nine_digits,
+    finalize=_format_float,
 )
-_ENVIRONMENT.filters["digits"] = digits
+_ENVIRONMENT.filters["digits"] = format_number
 
 
 def fill_template(name: str, job: Job, **values: object) -> str:
@@ -61,7 +61,7 @@ def collect_common_values(job: Job) -> dict[str, Any]:
     # Grains are created in the factory, and fall from there onto the plate.
     factory_height_m = job.factory_height_m
     scene_radius_m = max(job.plate_radius_m, 0.5 * job.surfaces.inlet_diameter_m)
-    n_steps = job.steps(job.funnel.duration_s)
+    n_steps = job.count_steps(job.funnel.duration_s)
     ixx, iyy, izz = particle.inertia_kg_m2.tolist()
     return {
         "job": job,
@@ -87,7 +87,7 @@ def collect_common_values(job: Job) -> dict[str, Any]:
         "factory_low": factory_height_m - 1e-4,
         "factory_high": factory_height_m + 1e-4,
         # The pour.
-        "every": job.steps(1.0 / job.funnel.rate_per_s),
+        "every": job.count_steps(1.0 / job.funnel.rate_per_s),
         "steps": n_steps,
         "thermo": max(1, n_steps // 20),
     }
@@ -95,7 +95,7 @@ def collect_common_values(job: Job) -> dict[str, Any]:
 
 def join_numbers(values: Iterable[float], separator: str = " ") -> str:
     """Write numbers with nine digits, one after the other."""
-    return separator.join(map(digits, values))
+    return separator.join(map(format_number, values))
 
 
 # --- the head of a deck ---------------------------------------------------------------

@@ -11,7 +11,7 @@ from repose.bench.funnel import FunnelSettings
 from repose.bench.parameters import PAIRS
 from repose.bench.settings import SimulationSettings
 from repose.dem.constants import SURFACE_ENERGY
-from repose.export.decks import digits, join_numbers
+from repose.export.decks import format_number, join_numbers
 from repose.export.job import Job
 from repose.export.surface import write_stl
 
@@ -31,7 +31,7 @@ class Row(NamedTuple):
     unit: str = ""
 
 
-def list_values(
+def list_table_rows(
     materials: Mapping[str, dem.Material],
     parameters: Mapping[str, float],
     particle: "Particle",
@@ -71,7 +71,7 @@ def _list_materials(
 ) -> list[Row]:
     """List the density of the grain, and the elastic constants of grain and wall.
 
-    `materials` are those of `list_values`.
+    `materials` are those of `list_table_rows`.
     """
     table = [Row("Solids density, grain", particle.density_kg_m3, "kg/m3")]
     for key, name in (("berry", "grain"), ("wall", "wall")):
@@ -141,10 +141,10 @@ def _list_pour(funnel: FunnelSettings, particle: "Particle") -> list[Row]:
     ]
 
 
-def deck(job: Job) -> dict[str, str]:
+def make_deck(job: Job) -> dict[str, str]:
     """Write the files for EDEM by name: edem.md, spheres.csv, funnel.stl."""
     materials = {"berry": job.grain, "wall": job.wall}
-    table = list_values(
+    table = list_table_rows(
         materials=materials,
         parameters=job.parameters,
         particle=job.particle,
@@ -180,7 +180,10 @@ def _format_page(job: Job, table: list[Row]) -> str:
         "",
         "| name | value | unit |",
         "|---|---|---|",
-        *(f"| {row.name} | {digits(row.value, 6)} | {row.unit} |" for row in table),
+        *(
+            f"| {row.name} | {format_number(row.value, 6)} | {row.unit} |"
+            for row in table
+        ),
         "",
         "Not as in the study:",
         "",

@@ -24,15 +24,15 @@ if TYPE_CHECKING:
 # Share of this engine's time step that is advised. Other programs damp each contact of a
 # clump by itself, and a hit by the velocity of half a step before: with the whole step e
 # is 0.474 for 0.5 in LAMMPS and 0.478 in Yade, with half of it 0.488 and 0.501.
-STEP_SHARE = 0.5
+TIME_STEP_SHARE = 0.5
 # Share of the Rayleigh time that is advised at most.
 RAYLEIGH_SHARE = 0.2
 # Overlap over effective radius at which a contact is as stiff as the spring of constant
 # stiffness that replaces it.
 TYPICAL_OVERLAP = 0.01
 # Relative differences of axes and of moments of inertia that count as none.
-SAME_AXES = 1e-3
-SAME_INERTIA = 0.01
+AXES_TOLERANCE = 1e-3
+INERTIA_TOLERANCE = 0.01
 
 
 @dataclass(frozen=True)
@@ -102,7 +102,7 @@ class Job:
     funnel : FunnelSettings
         The pour.
     time_step_s : float
-        The advised time step, see `_advised_step_s`.
+        The advised time step, see `_advise_time_step_s`.
     rayleigh_s : float
         Rayleigh time of the smallest sphere.
     seed : int
@@ -159,12 +159,12 @@ class Job:
             0.5e-3 * self.funnel.factory_diameter_mm - self.particle.bounding_radius_m
         )
 
-    def steps(self, seconds: float) -> int:
+    def count_steps(self, seconds: float) -> int:
         """Convert a duration to the nearest whole number of time steps."""
         return round(seconds / self.time_step_s)
 
 
-def make(
+def make_job(
     config: Mapping[str, Any],
     parameters: Mapping[str, float],
     particle: "Particle",
@@ -201,7 +201,7 @@ def make(
     # Other programs know only spheres, so the body is a clump of spheres or one sphere.
     body = particle
     if one_sphere or is_sphere(particle):
-        body = sphere_of_volume(particle)
+        body = make_equal_sphere(particle)
         notes += _list_losses_of_sphere(particle, body)
         scene = replace(scene, particle=body)
     if not body.is_clump:
@@ -211,7 +211,7 @@ def make(
     # Rolling resistance acts over the mean distance of the surface from the centre.
     materials = materials_of(scene)
     surface = average_over_surface(body.spheres_m)
-    rayleigh_s = rayleigh_time_s(
+    rayleigh_s = compute_rayleigh_time_s(
         materials["berry"],
         body.density_kg_m3,
         radius_m=float(body.spheres_m[:, 3].min()),
@@ -228,14 +228,14 @@ def make(
         on_wall=_make_pair(scene, "gp", "wall", surface.radius_m),
         simulation=scene.settings.simulation,
         funnel=funnel,
-        time_step_s=_advised_step_s(scene, rayleigh_s),
+        time_step_s=_advise_time_step_s(scene, rayleigh_s),
         rayleigh_s=rayleigh_s,
         seed=seed,
         notes=tuple(notes),
     )
 
 
-def _advised_step_s(scene: Scene, rayleigh_s: float) -> float:
+def _advise_time_step_s(scene: Scene, rayleigh_s: float) -> float:
     """Advise a time step for other programs, to two digits [s].
 
     It is at most half of the longest step that this engine allows the grain, half of the
@@ -243,7 +243,7 @@ def _advised_step_s(scene: Scene, rayleigh_s: float) -> float:
     """
     study_step_s = scene.settings.simulation.time_step_s
     longest_s = min(longest_time_step(scene).time_step_s, study_step_s)
-    advised_s = min(STEP_SHARE * longest_s, RAYLEIGH_SHARE * rayleigh_s)
+    advised_s = min(TIME_STEP_SHARE * longest_s, RAYLEIGH_SHARE * rayleigh_s)
     return float(f"{advised_s:.2g}")
 
 
@@ -294,10 +294,10 @@ def is_sphere(particle: "Particle") -> bool:
     if particle.is_clump:
         return len(particle.spheres_m) == 1
     axes = particle.semi_axes_m
-    return len(axes) == 1 and bool(np.ptp(axes) <= SAME_AXES * axes.mean())
+    return len(axes) == 1 and bool(np.ptp(axes) <= AXES_TOLERANCE * axes.mean())
 
 
-def sphere_of_volume(particle: "Particle") -> "Particle":
+def make_equal_sphere(particle: "Particle") -> "Particle":
     """Replace a particle by a sphere of its volume and mass: a clump of one sphere.
 
     A clump of one sphere keeps its radius. Its volume becomes that of the sphere.
@@ -341,7 +341,7 @@ def _list_losses_of_sphere(particle: "Particle", sphere: "Particle") -> Iterator
         radius_mm = 1e3 * sphere.bounding_radius_m
         yield f"every grain is the sphere of its volume, radius {radius_mm:.4g} mm"
     elif not np.allclose(
-        particle.inertia_kg_m2, sphere.inertia_kg_m2, rtol=SAME_INERTIA
+        particle.inertia_kg_m2, sphere.inertia_kg_m2, rtol=INERTIA_TOLERANCE
     ):
         yield (
             "the moment of inertia is 2/5 m R^2 of a sphere; the study's grain has that "
@@ -349,7 +349,7 @@ def _list_losses_of_sphere(particle: "Particle", sphere: "Particle") -> Iterator
         )
 
 
-def rayleigh_time_s(
+def compute_rayleigh_time_s(
     material: dem.Material, density_kg_m3: float, radius_m: float
 ) -> float:
     """Compute the Rayleigh time of a sphere [s].

@@ -7,25 +7,25 @@ import numpy as np
 from repose.export.decks import fill_template, join_numbers, write_head
 from repose.export.job import Job, Pair
 from repose.export.laws import (
-    equivalent_restitution,
-    rolling_coefficient,
-    rolling_stiffness,
+    compute_equivalent_restitution,
+    compute_rolling_coefficient,
+    compute_rolling_stiffness,
 )
 
 # Damping of the rolling spring over its critical damping, with the mass of a grain.
 ROLLING_DAMPING = 0.5
 # Coefficients of the polynomial in the restitution that gives the damping over sqrt(k m)
 # of `damping tsuji`, the highest power first (Marshall 2009, Eq. 53).
-TSUJI = (4.8218, -18.022, 27.467, -22.348, 11.087, -4.2783, 1.2728)
+TSUJI_COEFFICIENTS = (4.8218, -18.022, 27.467, -22.348, 11.087, -4.2783, 1.2728)
 # Smallest restitution that LAMMPS takes.
 LEAST_RESTITUTION = 1e-6
-SPRINGS = {
+TANGENTIAL_SPRINGS = {
     "hertz_mindlin": "mindlin",
     "hertz_mindlin_rescaled": "mindlin_rescale/force",
 }
 
 
-def deck(job: Job) -> dict[str, str]:
+def make_deck(job: Job) -> dict[str, str]:
     """Write the files of a LAMMPS run by name: in.pour, grain.mol."""
     cone = job.surfaces.cone_line()
     text = fill_template(
@@ -78,12 +78,12 @@ def write_contact_law(job: Job, pair: Pair) -> str:
     # modulus at which two equal surfaces have the E* of the pair.
     poisson = job.grain.poisson_ratio
     young_pa = 2.0 * (1.0 - poisson**2) * pair.effective_young_pa
-    tangential_spring = SPRINGS[job.simulation.contact_law]
+    tangential_spring = TANGENTIAL_SPRINGS[job.simulation.contact_law]
     tangential_factor = 8.0 * pair.effective_shear_pa
 
     # The rolling spring of LAMMPS acts as a force at the contact and not as a torque.
     # Convert its stiffness from N m to N/m.
-    stiffness_n_m = rolling_stiffness(pair) / pair.effective_radius_m**2
+    stiffness_n_m = compute_rolling_stiffness(pair) / pair.effective_radius_m**2
     critical_damping = math.sqrt(stiffness_n_m * job.particle.mass_kg)
     rolling_damping = ROLLING_DAMPING * critical_damping
 
@@ -92,7 +92,7 @@ def write_contact_law(job: Job, pair: Pair) -> str:
         f"tangential {tangential_spring} {tangential_factor:.8g} 0 "
         f"{pair.static_friction:.8g} damping ${{damping}} "
         f"rolling sds {stiffness_n_m:.8g} {rolling_damping:.8g} "
-        f"{rolling_coefficient(job, pair):.8g}"
+        f"{compute_rolling_coefficient(job, pair):.8g}"
     )
     if job.simulation.tension == "release":
         keywords += " limit_damping"
@@ -112,12 +112,14 @@ def compute_restitutions(job: Job) -> dict[str, float]:
     """
     numbers_by_name = {}
     for name, pair in job.pairs.items():
-        numbers_by_name[f"e_{name}"] = equivalent_restitution(pair, LEAST_RESTITUTION)
+        numbers_by_name[f"e_{name}"] = compute_equivalent_restitution(
+            pair, LEAST_RESTITUTION
+        )
 
         # Find the restitution at which the polynomial gives the study's damping: the
         # smallest real root of the polynomial less this damping.
-        constant = TSUJI[-1] - math.sqrt(5.0) * pair.damping_ratio
-        roots = np.roots((*TSUJI[:-1], constant))
+        constant = TSUJI_COEFFICIENTS[-1] - math.sqrt(5.0) * pair.damping_ratio
+        roots = np.roots((*TSUJI_COEFFICIENTS[:-1], constant))
         real_roots = roots[np.abs(roots.imag) < 1e-9].real
         numbers_by_name[f"tsuji_{name}"] = float(real_roots.min())
     return numbers_by_name

@@ -18,7 +18,7 @@ from repose.dem.laws import ROLLING_LAWS
 from repose.export.job import Job, Pair
 
 
-def equivalent_restitution(pair: Pair, least: float = 0.0) -> float:
+def compute_equivalent_restitution(pair: Pair, least: float = 0.0) -> float:
     """Compute the restitution with which Tsuji's formula gives a pair's damping.
 
     It is exp(-pi beta / sqrt(1 - beta^2)) of the damping ratio beta, and 0 for beta from
@@ -30,7 +30,7 @@ def equivalent_restitution(pair: Pair, least: float = 0.0) -> float:
     return max(least, math.exp(-math.pi * beta / math.sqrt(1.0 - beta * beta)))
 
 
-def rolling_coefficient(job: Job, pair: Pair) -> float:
+def compute_rolling_coefficient(job: Job, pair: Pair) -> float:
     """Compute the coefficient of rolling friction of a pair for another program.
 
     The study's torque has the mean distance from the surface to the grain's centre as
@@ -47,7 +47,7 @@ def rolling_coefficient(job: Job, pair: Pair) -> float:
     return pair.rolling_friction * lever / pair.effective_radius_m
 
 
-def rolling_stiffness(pair: Pair) -> float:
+def compute_rolling_stiffness(pair: Pair) -> float:
     """Compute the stiffness of a rolling spring [N m].
 
     It is the tangential stiffness of the contact times the squared effective radius.

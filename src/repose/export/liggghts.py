@@ -6,8 +6,11 @@ from repose.dem.constants import COHESION_ENERGY_DENSITY
 from repose.dem.laws.epsd import ETA
 from repose.export.decks import fill_template, join_numbers, write_head
 from repose.export.job import Job
-from repose.export.laws import equivalent_restitution, rolling_coefficient
-from repose.export.surface import AROUND, write_stl
+from repose.export.laws import (
+    compute_equivalent_restitution,
+    compute_rolling_coefficient,
+)
+from repose.export.surface import N_FACETS, write_stl
 
 # LIGGGHTS refuses a coefficient of restitution of 0.05 and less.
 LEAST_RESTITUTION = 0.0501
@@ -17,7 +20,7 @@ ROLLING_MODELS = {"budget": "epsd2", "constant_torque": "cdt"}
 FOLD_SHARE = 1.1
 
 
-def deck(job: Job) -> dict[str, str]:
+def make_deck(job: Job) -> dict[str, str]:
     """Write the input files of a LIGGGHTS run: in.pour, funnel.stl and clump.txt.
 
     Returns
@@ -37,8 +40,10 @@ def deck(job: Job) -> dict[str, str]:
     # between grain and wall with gp.
     pair_values: dict[str, object] = {}
     for name, pair in job.pairs.items():
-        pair_values[f"e_{name}"] = equivalent_restitution(pair, LEAST_RESTITUTION)
-        pair_values[f"mur_{name}"] = rolling_coefficient(job, pair)
+        pair_values[f"e_{name}"] = compute_equivalent_restitution(
+            pair, LEAST_RESTITUTION
+        )
+        pair_values[f"mur_{name}"] = compute_rolling_coefficient(job, pair)
         if has_cohesion:
             pair_values[f"k_{name}"] = pair.constants[COHESION_ENERGY_DENSITY.name]
 
@@ -52,7 +57,7 @@ def deck(job: Job) -> dict[str, str]:
         epsd=rolling_law == "epsd",
         eta=ETA,
         limit_force="off" if simulation.tension == "keep" else "on",
-        fold=FOLD_SHARE * 360.0 / AROUND,
+        fold=FOLD_SHARE * 360.0 / N_FACETS,
         n_spheres=len(spheres_m),
         **pair_values,
     )
@@ -78,7 +83,7 @@ def _list_differences(job: Job) -> list[str]:
             "limitForce an impact then ends with the restitution calibrated"
         )
     for bodies, pair in (("grains", job.grains), ("grain and wall", job.on_wall)):
-        if equivalent_restitution(pair, LEAST_RESTITUTION) == LEAST_RESTITUTION:
+        if compute_equivalent_restitution(pair, LEAST_RESTITUTION) == LEAST_RESTITUTION:
             differences.append(
                 f"{bodies}: the study's damping is stronger than coefficientRestitution "
                 f"{LEAST_RESTITUTION:g} gives, the least that LIGGGHTS takes"

@@ -9,11 +9,11 @@ from repose.bench.funnel import Funnel
 from repose.export.decks import join_numbers
 
 # Facets around the axis.
-AROUND = 36
+N_FACETS = 36
 # Largest angle of a facet along a rounded edge.
-ARC_DEG = 30.0
+LARGEST_ARC_DEG = 30.0
 # Largest length of a facet along the funnel's line.
-LONGEST_ROW_M = 0.024
+LONGEST_FACET_M = 0.024
 
 
 def compute_profile(funnel: Funnel) -> np.ndarray:
@@ -41,7 +41,7 @@ def compute_profile(funnel: Funnel) -> np.ndarray:
         centre_z: float, start_deg: float, end_deg: float
     ) -> list[list[float]]:
         """List points (r, z) on a rounded edge, from one angle to another."""
-        n_points = 1 + math.ceil((end_deg - start_deg) / ARC_DEG)
+        n_points = 1 + math.ceil((end_deg - start_deg) / LARGEST_ARC_DEG)
         angles = np.radians(np.linspace(start_deg, end_deg, n_points))
         points = []
         for angle in angles:
@@ -62,7 +62,7 @@ def compute_profile(funnel: Funnel) -> np.ndarray:
 
 
 def _divide_line(points: np.ndarray) -> np.ndarray:
-    """Divide the segments of a line into pieces of at most `LONGEST_ROW_M`.
+    """Divide the segments of a line into pieces of at most `LONGEST_FACET_M`.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def _divide_line(points: np.ndarray) -> np.ndarray:
     divided = [points[:1]]
     for start, end in pairwise(points):
         length_m = np.linalg.norm(end - start)
-        n_pieces = max(1, math.ceil(length_m / LONGEST_ROW_M))
+        n_pieces = max(1, math.ceil(length_m / LONGEST_FACET_M))
         piece_numbers = np.arange(1, n_pieces + 1)[:, None]
         divided.append(start + (end - start) * piece_numbers / n_pieces)
     return np.concatenate(divided)
@@ -100,7 +100,7 @@ def divide_surface(funnel: Funnel) -> np.ndarray:
     line = compute_profile(funnel)
     radii = line[:, :1]
     heights = line[:, 1:]
-    angles = 2.0 * math.pi * np.arange(AROUND) / AROUND
+    angles = 2.0 * math.pi * np.arange(N_FACETS) / N_FACETS
     x = radii * np.cos(angles)
     y = radii * np.sin(angles)
     z = np.broadcast_to(heights, x.shape)

@@ -16,17 +16,17 @@ from repose.export.job import Job
 # A number that is no part of a word.
 NUMBER = re.compile(r"((?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.]))")
 # The other value of a parameter, over its own.
-CHANGE = 0.5
+CHANGE_FACTOR = 0.5
 # Relative difference of numbers that are equal: decks have eight digits.
 ROUNDING = 1e-6
-ENDING = ".j2"
+TEMPLATE_SUFFIX = ".j2"
 
-JobOf = Callable[[Mapping[str, float]], Job]
+JobFunction = Callable[[Mapping[str, float]], Job]
 """Makes the job of parameters by name."""
 
 
 def write_template(
-    job_of: JobOf,
+    make_job: JobFunction,
     parameters: Mapping[str, float],
     *,
     names: Sequence[str],
@@ -37,7 +37,7 @@ def write_template(
 
     Parameters
     ----------
-    job_of : callable
+    make_job : callable
         Makes the `Job` of parameters by name. It is called for the given values, and
         once for each of `names` with another value of it.
     parameters : mapping
@@ -63,7 +63,7 @@ def write_template(
         if name not in parameters:
             allowed = f"some of {', '.join(parameters)}"
             raise InputError("command line", "--names", name, allowed)
-    job = job_of(parameters)
+    job = make_job(parameters)
     check_laws(job, program)
     # The first file is the deck itself. Only the deck becomes a template.
     files = PROGRAMS[program](job)
@@ -71,19 +71,21 @@ def write_template(
 
     def write_deck(values: Mapping[str, float]) -> str:
         """Write the text of the deck with other values of the parameters."""
-        return PROGRAMS[program](job_of(values))[deck_name]
+        return PROGRAMS[program](make_job(values))[deck_name]
 
-    files[deck_name] = template_of(write_deck, parameters, names)
+    files[deck_name] = make_template(write_deck, parameters, names)
     paths = []
     for name, text in files.items():
-        path = Path(folder) / (f"{name}{ENDING}" if name == deck_name else name)
+        path = Path(folder) / (
+            f"{name}{TEMPLATE_SUFFIX}" if name == deck_name else name
+        )
         write_text(path, text)
         paths.append(path)
     return paths
 
 
-def template_of(
-    text_of: Callable[[Mapping[str, float]], str],
+def make_template(
+    write_text: Callable[[Mapping[str, float]], str],
     parameters: Mapping[str, float],
     names: Sequence[str],
 ) -> str:
@@ -94,7 +96,7 @@ def template_of(
 
     Parameters
     ----------
-    text_of : callable
+    write_text : callable
         Writes the text with the parameters that it is given, by name.
     parameters : mapping
         Values of the parameters by name.
@@ -112,25 +114,27 @@ def template_of(
         If a parameter changes no number, or one that is not in proportion to it.
     """
     # Words and numbers alternate: even entries are words, odd ones are numbers.
-    parts = NUMBER.split(text_of(parameters))
+    parts = NUMBER.split(write_text(parameters))
     template = list(parts)
     for name in names:
         value = parameters[name]
-        changed_parts = NUMBER.split(text_of({**parameters, name: CHANGE * value}))
+        changed_parts = NUMBER.split(
+            write_text({**parameters, name: CHANGE_FACTOR * value})
+        )
         if len(changed_parts) != len(parts):
-            raise _not_in_proportion(name)
+            raise _make_proportion_error(name)
         changed = [k for k, part in enumerate(parts) if part != changed_parts[k]]
         if not changed:
-            raise _not_in_proportion(name)
+            raise _make_proportion_error(name)
         for k in changed:
             # The part must be a number that no other parameter has replaced.
             is_free_number = k % 2 == 1 and template[k] == parts[k]
             if not is_free_number:
-                raise _not_in_proportion(name)
+                raise _make_proportion_error(name)
             number = float(parts[k])
-            if not _are_equal(float(changed_parts[k]), CHANGE * number):
-                raise _not_in_proportion(name)
-            template[k] = _in_braces(name, number / value)
+            if not _are_equal(float(changed_parts[k]), CHANGE_FACTOR * number):
+                raise _make_proportion_error(name)
+            template[k] = _write_in_braces(name, number / value)
     return "".join(template)
 
 
@@ -139,14 +143,14 @@ def _are_equal(first: float, second: float) -> bool:
     return abs(first - second) <= ROUNDING * abs(second)
 
 
-def _in_braces(name: str, factor: float) -> str:
+def _write_in_braces(name: str, factor: float) -> str:
     """Write a name in double braces, with the factor between number and parameter."""
     if _are_equal(factor, 1.0):
         return f"{{{{ {name} }}}}"
     return f"{{{{ {factor:.7g} * {name} }}}}"
 
 
-def _not_in_proportion(name: str) -> InputError:
+def _make_proportion_error(name: str) -> InputError:
     """Make the error for a parameter to which no number is in proportion."""
     words = (
         "parameters to which numbers of the deck are in proportion, such as coefficients "

@@ -7,11 +7,11 @@ from numpy.typing import ArrayLike
 
 from repose.export.decks import fill_template, join_numbers, write_head
 from repose.export.job import Job, Pair
-from repose.export.laws import rolling_stiffness
-from repose.export.surface import AROUND, compute_profile
+from repose.export.laws import compute_rolling_stiffness
+from repose.export.surface import N_FACETS, compute_profile
 
 
-def deck(job: Job) -> dict[str, str]:
+def make_deck(job: Job) -> dict[str, str]:
     """Write the file of a YADE run by name: pour.py."""
     weights, inertia = distribute_mass(job)
     widest_m = max(job.plate_radius_m, 0.5 * job.surfaces.inlet_diameter_m)
@@ -25,11 +25,11 @@ def deck(job: Job) -> dict[str, str]:
         damping_gg=_compute_damping_share(job.grains),
         damping_gp=_compute_damping_share(job.on_wall),
         eta=job.grains.rolling_friction * job.lever_m / job.mean_radius_m,
-        krot=rolling_stiffness(job.grains),
+        krot=compute_rolling_stiffness(job.grains),
         moment_gp=job.on_wall.rolling_friction * job.lever_m,
-        krot_gp=rolling_stiffness(job.on_wall),
+        krot_gp=compute_rolling_stiffness(job.on_wall),
         profile=_format_list(compute_profile(job.surfaces)),
-        around=AROUND,
+        around=N_FACETS,
         plate_side=4.0 * widest_m,
     )
     return {"pour.py": text}

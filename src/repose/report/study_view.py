@@ -34,9 +34,9 @@ class StudyView:
     @cached_property
     def settings(self) -> "StudySettings":
         """The typed sections; reading a missing one raises an AttributeError."""
-        from repose.config.models import settings_type  # slow to import
+        from repose.config.models import make_settings_type  # slow to import
 
-        model = settings_type()
+        model = make_settings_type()
         sections: dict[str, Any] = {}
         for name, value in self.config.items():
             # the studies in research/ add sections of their own

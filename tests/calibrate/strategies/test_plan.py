@@ -63,7 +63,7 @@ def test_the_noise_of_the_runs_and_errors_of_shares_by_hand():
     )
     # 150 jobs of 6 pours of 500 grains took 27.6 MB
     settings = settings_of({"targets": entries(TARGETS), "funnel": {"berries": 500}})
-    assert cost.disk_mb(settings, 900) == pytest.approx(27.6, rel=0.05)
+    assert cost.estimate_disk_mb(settings, 900) == pytest.approx(27.6, rel=0.05)
     expected = hidden_truths.success(
         pd.read_csv(ROOT / "research/answers/hidden_truths.csv")
     )

@@ -11,7 +11,7 @@ from repose.calibrate.responses import require_same_definitions
 from repose.calibrate.surrogates import base, load, make, names
 from repose.calibrate.surrogates.settings import NetworkSettings
 from repose.common.faults import find_schema
-from repose.config.models import settings_type
+from repose.config.models import make_settings_type
 
 SETTINGS = NetworkSettings.of(
     {"hidden": 6, "epochs": 200, "goal": 0.0, "starts": 3, "seed": 1}
@@ -298,7 +298,7 @@ def test_surrogates_are_registered_once():
         "cubic",
         {},
     )
-    assert find_schema(("surrogate",), settings_type())["enum"] == list(names())
+    assert find_schema(("surrogate",), make_settings_type())["enum"] == list(names())
 
 
 def test_load_names_what_is_wrong(tmp_path, fitted):

@@ -23,7 +23,7 @@ rule pour:
         apparatus=apparatus,
         purpose="design",
         sample=lambda wildcards: wildcards.sample,
-        seeds=lambda wildcards: STUDY.settings.design_seeds(apparatus(wildcards)),
+        seeds=lambda wildcards: STUDY.settings.count_design_seeds(apparatus(wildcards)),
         more=["--keep-runs", "--measure"],
         settings=lambda wildcards: settings_of("pour", apparatus(wildcards)),
         code=engine_hash(),

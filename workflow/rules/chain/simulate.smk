@@ -1,10 +1,10 @@
 # Runs of a program of the user's own: a job for each run of each sample, then one that reads the responses of all samples.
 # A run that fails is a result with a status; only a fault of the set-up, as a missing program, ends with an error.
 PROGRAM = STUDY.simulator
-RUNS_OF_SAMPLE = STUDY.settings.design_seeds(OWN)
+RUNS_OF_SAMPLE = STUDY.settings.count_design_seeds(OWN)
 # The time limit, and the start of the job.
 MINUTES_OF_PROGRAM = 5 + math.ceil(PROGRAM.time_limit_s / 60)
-DESIGN_RUNS = results_folder.records_of_runs(
+DESIGN_RUNS = results_folder.list_run_records(
     f"{RESULTS}/{FOLDERS[0]}", dict.fromkeys(SAMPLES, RUNS_OF_SAMPLE)
 )
 
@@ -59,7 +59,9 @@ rule measure_runs:
         config=CONFIG,
         code=code_hash("stages.simulated"),
         folder=folder,
-        jobs=lambda wildcards, input: results_folder.counted_folders(input.records),
+        jobs=lambda wildcards, input: results_folder.count_records_by_folder(
+            input.records
+        ),
         settings=settings_of("measure_simulated"),
     message:
         "Reading the responses of the runs in {params.folder}"

@@ -2,7 +2,7 @@
 # The representative one gets more runs.
 RUNS_OF_SOLUTION = dict.fromkeys(OWN_SOLUTIONS, config["validation"]["seeds"])
 RUNS_OF_SOLUTION[OWN_SOLUTIONS[0]] = config["validation"]["representative_seeds"]
-SOLUTION_RUNS = results_folder.records_of_runs(
+SOLUTION_RUNS = results_folder.list_run_records(
     f"{RESULTS}/validation/{FOLDERS[0]}", RUNS_OF_SOLUTION
 )
 

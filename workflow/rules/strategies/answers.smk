@@ -33,7 +33,7 @@ for name in BATCHED:
         params:
             config=CONFIG,
             folder=folder,
-            settings=settings_of("conclude", name=name),
+            settings=settings_of("conclude", strategy_name=name),
             code=code_hash("stages.batches"),
             strategy=name,
             batches=lambda wildcards, input: list(

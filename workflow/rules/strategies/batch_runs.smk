@@ -23,7 +23,7 @@ use rule simulate as batch_simulate with:
 
 use rule measure_runs as measure_batch_runs with:
     input:
-        records=lambda wildcards: results_folder.records_of_runs(
+        records=lambda wildcards: results_folder.list_run_records(
             f"{BATCH}/{{runs}}".format(**wildcards),
             {
                 wildcards.job: samples_of_batch(wildcards.strategy, wildcards.batch)[

@@ -29,7 +29,9 @@ checkpoint propose:
         batches=lambda wildcards: folders_of_batches(
             wildcards.strategy, int(wildcards.batch)
         ),
-        settings=lambda wildcards: settings_of("propose", name=wildcards.strategy),
+        settings=lambda wildcards: settings_of(
+            "propose", strategy_name=wildcards.strategy
+        ),
     message:
         "What {wildcards.strategy} simulates after its first batches: batch {wildcards.batch}, or the answer"
     shell:
