@@ -84,7 +84,7 @@ def test_the_values_of_snakemake_give_the_same_study():
     layers = loader.locate_workflow_values(
         loader.read_file("study.yaml"), ["study.yaml"]
     )
-    assert ExternalConfig.from_layers(layers).config == study.config
+    assert ExternalConfig.from_merged(layers).config == study.config
 
 
 def test_a_pile_of_particles_has_a_section_measure():
@@ -219,7 +219,7 @@ ADDED = {
 }
 
 
-def layered(ours, added):
+def merged(ours, added):
     for name, content in {"ours.yaml": ours, "added.yaml": added}.items():
         with open(name, "w") as file:
             yaml.safe_dump(content, file)
@@ -227,7 +227,7 @@ def layered(ours, added):
 
 
 def test_a_program_is_added_to_a_study_with_our_simulator():
-    study = layered(OURS, ADDED)
+    study = merged(OURS, ADDED)
     assert isinstance(study, ExternalConfig)
     assert study.parameters.free == ("mus_gg",)
     assert study.parameters.fixed == {"e_gg": 0.3}
@@ -240,7 +240,7 @@ def test_a_program_is_added_to_a_study_with_our_simulator():
 
 
 def test_seeds_of_the_added_file_count():
-    study = layered(OURS, ADDED | {"seeds": 2, "seed": 9})
+    study = merged(OURS, ADDED | {"seeds": 2, "seed": 9})
     assert study.settings.count_design_seeds(OWN) == 2
     assert study.settings.design.seed == 9
 
@@ -248,14 +248,14 @@ def test_seeds_of_the_added_file_count():
 def test_a_faulty_target_of_such_a_study_is_named_with_its_file():
     targets = [OURS["targets"][0] | {"sd": -1.0}]
     with pytest.raises(InputError, match=r"^ours\.yaml: targets\.aor_deg\.sd is -1"):
-        layered(OURS | {"targets": targets}, ADDED)
+        merged(OURS | {"targets": targets}, ADDED)
 
 
 def test_missing_keys_have_the_defaults_of_a_study_with_our_simulator():
     """So a study stays the same when another program makes its runs."""
     names = ("label", "parameters", "targets", "funnel")
     ours = {name: OURS[name] for name in names} | {"funnel": {"berries": 150}}
-    study = layered(ours, ADDED)
+    study = merged(ours, ADDED)
     defaults = loader.read_file(places.find_file(places.METHOD_CONFIG))
     assert study.settings.strategy == defaults["strategy"] == "published"
     assert study.settings.surrogate == defaults["surrogate"]
@@ -266,13 +266,13 @@ def test_missing_keys_have_the_defaults_of_a_study_with_our_simulator():
 
 def test_a_mistyped_section_of_such_a_study_is_refused():
     with pytest.raises(InputError, match=r"^ours\.yaml: funel is .* a known key"):
-        layered(OURS | {"funel": {"seeds": 9}}, ADDED)
+        merged(OURS | {"funel": {"seeds": 9}}, ADDED)
 
 
 def test_published_sets_are_to_be_deleted_from_the_file_that_names_them():
     ours = OURS | {"validation": {"published": "table4.csv"}}
     with pytest.raises(InputError, match=r"^ours\.yaml: .* delete this key$"):
-        layered(ours, ADDED)
+        merged(ours, ADDED)
 
 
 def test_a_program_without_a_study_says_what_is_missing():
@@ -292,7 +292,7 @@ def test_the_check_names_the_strategy_and_the_keys_that_are_not_read():
         "berry": {"density_kg_m3": 1250},
         "network": {"hidden": 3, "seed": 1},
     }
-    study = layered(ours, ADDED)
+    study = merged(ours, ADDED)
     assert list(describe_strategy(study, ["ours.yaml", "added.yaml"])) == [
         "strategy: published, surrogate gaussian_process",
         "keys: the strategy published does not read network.hidden, network.seed",

@@ -50,7 +50,7 @@ def test_a_checked_workflow_is_read_without_libraries_in_less_than_snakemakes_st
     monkeypatch.chdir(project)
     config = yaml.safe_load((project / QUICK).read_text())
     run = prepare_run(config, [QUICK], has_command_line=False, inputs=True)
-    earlier_check.write_checked_config(run.first_check, run.study.config)
+    earlier_check.write_checked_config(run.new_fingerprint, run.study.config)
 
     lines = run_python("-c", READ, cwd=project).splitlines()
     rules = {line for line in lines if line.isidentifier()}

@@ -1,8 +1,8 @@
-"""Run the command line, whose subcommands are called verbs and stand in other modules.
+"""Run the command line, whose subcommands are called verbs.
 
-A verb is a function with its options beside it. It hands files and settings to the
-modules of `repose`, which are imported inside the function, so that help and parsing
-load none of them.
+A verb is a function that is registered together with its options. The other modules of
+this package define the verbs. A verb passes files and settings to other packages of
+`repose`. It imports them inside the function, so that help and parsing stay fast.
 """
 
 import argparse
@@ -20,7 +20,7 @@ from typing import Any
 
 from repose import __version__
 
-# The lines that register all verbs, in the order in which they are listed.
+# These imports register all verbs, in the order in which they are listed.
 from repose.cli import new, docs, checking, run, exporting, inputs, pouring, measuring  # noqa: F401, isort: skip
 from repose.cli import calibration, cards, strategies, own_simulator, uncertainty  # noqa: F401, isort: skip
 from repose.cli import pictures, services, simulating  # noqa: F401, isort: skip
@@ -28,8 +28,8 @@ from repose.cli.registry import PROGRAM, VERBS, Verb
 from repose.cli.stages import run_as_stage
 from repose.common.errors import BAD_INPUT, InputError, print_fault, require
 
-# The verbs that a person types, in the groups of the help; the first ones are enough for
-# a study. All others are stages, called by the rules of the workflow.
+# The verbs that a person types, in the groups of the help. Those of the first group are
+# enough for a study. All other verbs are stages, which the rules of the workflow call.
 FIRST_GROUP = "a study"
 VERB_GROUPS = {
     FIRST_GROUP: ("new", "check", "measure", "run", "card", "export", "marker"),
@@ -44,7 +44,7 @@ USER_VERBS = tuple(name for names in VERB_GROUPS.values() for name in names)
 STAGES = tuple(name for name in VERBS if name not in USER_VERBS)
 STAGE = "stage"
 HELP = "help"
-# Control characters, but for tab and new line.
+# Control characters except tab and new line.
 CONTROL_CHARACTERS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 # Libraries that only some verbs need.
 OPTIONAL_LIBRARIES = (
@@ -65,13 +65,14 @@ def main(words: Sequence[str] | None = None) -> int:
     Parameters
     ----------
     words : sequence of str, optional
-        The words of the call after the program; by default those of the command line.
+        The words after the name of the program. The default is those of the command
+        line.
 
     Returns
     -------
     int
-        Exit status: 0; 2 for faulty input; 3 where `card check` finds that a target is
-        not met, and 4 where its runs do not decide.
+        Exit status: 0 for success and 2 for faulty input. The verb `card check` returns 3
+        if a target is not met, and 4 if its runs do not decide this.
     """
     _prepare_streams()
     words = list(sys.argv[1:] if words is None else words)
@@ -110,18 +111,22 @@ def main(words: Sequence[str] | None = None) -> int:
         )
         return BAD_INPUT
     except BrokenPipeError:
-        # Python flushes stdout once more when it ends; that cannot fail with the null
-        # device.
+        # Python flushes stdout again when it ends. Write to the null device instead, where
+        # this cannot fail.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except (InputError, OSError) as error:
-        # The message of an OSError names the file and the reason, as no space left.
+        # An OSError, for example of a full disk, names the file and the reason.
         print_fault(error)
         return BAD_INPUT
 
 
 def _prepare_streams() -> None:
-    """Make printing safe where a stream is closed, or cannot write a character."""
+    """Make printing safe if a stream is closed, or cannot write a character.
+
+    The function replaces closed streams in `sys`, and changes the encoding errors of
+    stdout.
+    """
     sys.stdout = sys.stdout or io.StringIO()
     sys.stderr = sys.stderr or io.StringIO()
     if isinstance(sys.stdout, io.TextIOWrapper):
@@ -144,7 +149,7 @@ def _run_verb(verb: Verb, args: argparse.Namespace) -> int:
         The exit status of the program.
     """
     _check_out_path(args)
-    # The jobs of a workflow are recorded one by one, not the verb that starts them.
+    # Do not record the verb that starts a workflow, because each of its jobs is recorded.
     context = nullcontext() if verb.forwards_words else run_as_stage(args, verb.runs)
     with redirect_stdout(EscapingStream(sys.stdout)), context:
         status = verb(args)
@@ -153,17 +158,19 @@ def _run_verb(verb: Verb, args: argparse.Namespace) -> int:
 
 
 def _check_threads() -> None:
-    """Refuse a number of threads at which numba ends with a traceback."""
+    """Refuse a number of threads with which numba would end with a traceback."""
     name = "NUMBA_NUM_THREADS"
     number = os.environ.get(name, "1")
     is_number = number.isdecimal() and int(number) >= 1
-    require(is_number, "environment", name, number, "a whole number from 1, or none")
+    require(
+        is_number, "environment", name, number, allowed="a whole number from 1, or none"
+    )
 
 
 class EscapingStream:
     """A stream that writes control characters as backslash escapes.
 
-    Users' texts may hold some, such as the codes of a terminal.
+    A user's text may contain such characters, which would control the terminal.
     """
 
     def __init__(self, stream: Any) -> None:
@@ -173,7 +180,7 @@ class EscapingStream:
         return getattr(self.stream, name)
 
     def write(self, text: str) -> int:
-        """Write a text."""
+        """Write a text with its control characters escaped."""
         self.stream.write(CONTROL_CHARACTERS.sub(_escape, text))
         return len(text)
 
@@ -189,7 +196,7 @@ def _check_out_path(args: argparse.Namespace) -> None:
     Parameters
     ----------
     args : argparse.Namespace
-        The parsed options. Their `out` is changed, if the verb has this option.
+        The parsed options. The value of `out` is changed if the verb has this option.
 
     Raises
     ------
@@ -206,7 +213,10 @@ def _check_out_path(args: argparse.Namespace) -> None:
     is_root = path == path.parent
     if not args.out or is_root or not args.out.isprintable():
         raise InputError(
-            "command line", "--out", args.out, "the path of a file or folder to write"
+            "command line",
+            "--out",
+            args.out,
+            allowed="the path of a file or folder to write",
         )
 
 
@@ -214,7 +224,7 @@ def _check_out_path(args: argparse.Namespace) -> None:
 def make_parser() -> argparse.ArgumentParser:
     """Make the parser of all verbs, and of the stages below the verb `stage`.
 
-    Its help lists only the verbs that are enough for a study.
+    The help of the program lists only the verbs that are enough for a study.
     """
     main_parser = argparse.ArgumentParser(
         prog=PROGRAM,
@@ -251,7 +261,7 @@ def make_parser() -> argparse.ArgumentParser:
 
 
 class _Version(argparse.Action):
-    """Prints version and commit, for which git may have to be asked."""
+    """An option that prints the version and the commit, and ends the program."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         from repose.common.provenance import describe_machine
@@ -312,11 +322,11 @@ def _describe_unknown_name(
     name = words[0]
     message = f"unknown {kind} {name!r}: expected one of those that `{listing}` lists"
 
-    # A configuration in the place of the verb.
+    # The user gave a configuration in place of the verb.
     if Path(name).suffix in (".yaml", ".yml", ".json"):
         return f"{message}; did you mean {PROGRAM} run --configfile {name}?"
 
-    # A name that is similar to one of a verb, a stage or a study.
+    # Search the names of verbs, stages and studies for a similar one.
     targets = _list_targets()
     candidates = (*known, *targets, *STAGES)
     matches = difflib.get_close_matches(name.lower(), candidates, 1)
@@ -324,7 +334,7 @@ def _describe_unknown_name(
         return message
     (similar,) = matches
 
-    # Targets and stages are called by two words, such as `run TARGET`.
+    # Targets and stages need two words, such as `run TARGET`.
     if similar in known:
         call = similar
     elif similar in targets:
@@ -335,7 +345,7 @@ def _describe_unknown_name(
 
 
 def _match_case(word: str, known: Sequence[str]) -> str:
-    """Return a word in small letters if this is a known name, or else unchanged."""
+    """Return a word in lower case if this is a known name; else return it unchanged."""
     return word.lower() if word.lower() in known else word
 
 
@@ -357,8 +367,8 @@ def _list_verbs(group_titles: Iterable[str]) -> str:
     Returns
     -------
     str
-        Lines of text: each group with its verbs and their summaries, and then how to
-        learn more.
+        Lines of text: each group with its verbs and their summaries, and then the
+        commands that explain more.
     """
     lines: list[str] = []
     for group_title in group_titles:
@@ -376,7 +386,7 @@ def _list_verbs(group_titles: Iterable[str]) -> str:
 def _format_entry(name: str) -> str:
     """Write a verb and the beginning of its summary, in lines of 80 columns."""
     clause = VERBS[name].summary.partition(";")[0].removesuffix(".")
-    # It goes on behind the name, so it begins with a small letter.
+    # The summary follows the name on the same line, so begin it with a small letter.
     summary = clause[:1].lower() + clause[1:]
     return textwrap.fill(
         summary, 80, initial_indent=f"  {name:20} ", subsequent_indent=23 * " "

@@ -28,7 +28,7 @@ def load_grain_and_particle(
     study : PipelineConfig
         The study.
     berry_json, particle_json : path, optional
-        Files given by --berry and --particle. What is not given comes from the study.
+        The files of --berry and --particle. If one is None, the study supplies its content.
 
     Returns
     -------
@@ -52,14 +52,15 @@ def load_grain_and_particle(
         columns = (*berry_files.SIZE_COLUMNS, *berry_files.MODULI)
         grain = berry_files.read_grain(berry_json, columns)
 
-    # Get its particle. That of the study belongs only to the grain of the study.
+    # Get its particle. The particle of the study may be used only for the grain of the
+    # study.
     if particle_json is not None:
         return grain, Particle.load(particle_json)
     if berry_json is None:
         return grain, study.particle
 
-    # Make the particle of the given grain. Imported late because it loads a library of
-    # meshes.
+    # Make a particle for the grain of the file. Import the module only here, because it
+    # loads a library of meshes.
     from repose.grain import build
 
     return grain, build.of_settings(grain, study.settings.berry)

@@ -175,10 +175,11 @@ def published_sets(args: argparse.Namespace, study: PipelineConfig) -> None:
             outdated_files[0],
             "provenance",
             "another engine or scene",
-            f"runs by this engine as {args.config} asks for",
+            allowed=f"runs by this engine as {args.config} asks for",
         )
 
-    # Note in each row what has simulated it, so that the table can be used again.
+    # Write into each row which engine and scene have simulated it. Other studies use the
+    # table only if both are equal to theirs.
     record = provenance.get_current_record() or {}
     simulator = {
         "engine": record.get("engine"),
@@ -208,12 +209,15 @@ def _require_published_table(args: argparse.Namespace, study: PipelineConfig) ->
     Raises
     ------
     InputError
-        If the study names none.
+        If the study names no such table.
     """
     published = study.settings.validation.published
     if published is None:
         raise InputError(
-            args.config, "validation.published", None, "a table of published solutions"
+            args.config,
+            "validation.published",
+            None,
+            allowed="a table of published solutions",
         )
     return published
 
@@ -287,7 +291,7 @@ def _find_support(args: argparse.Namespace, study: PipelineConfig) -> "Support |
     Parameters
     ----------
     args : argparse.Namespace
-        The options: `dataset` is the table of the samples.
+        The options. `dataset` is the path of the table of samples.
     study : PipelineConfig
         The study.
 

@@ -7,10 +7,10 @@ from repose.cli.registry import Option, verb
 from repose.common.errors import InputError
 from repose.config.pipeline import PipelineConfig
 
-# How many cards each action takes.
+# Number of cards that each action needs.
 N_CARDS = {"show": 1, "compare": 2, "check": 1}
-# Exit statuses of `card check` where the targets are not met; where the runs of the
-# check do not decide it, or there are none.
+# Exit statuses of `card check`: some targets are not met, or the check is undecided because
+# it has too few runs or none.
 NOT_MET_STATUS = 3
 UNDECIDED_STATUS = 4
 FILE_OPTIONS = (
@@ -32,7 +32,7 @@ REPRESENTATIVE_PATH = "results/validation/representative.csv"
         choices=tuple(N_CARDS),
         help="show FILE, compare FILE OTHER, or check FILE",
     ),
-    # cards of different engines may be compared
+    # Do not record the cards, because cards of different engines may be compared.
     Option("cards", nargs="*", help="card.json of a finished study", recorded=False),
     config=False,
 )
@@ -46,11 +46,11 @@ def card(args: argparse.Namespace) -> int:
     from repose.stages import card as card_file
     from repose.stages import card_text
 
-    # Read as many cards as the action takes.
+    # Read as many cards as the action needs.
     n_cards = N_CARDS[args.action]
     if len(args.cards) != n_cards:
         key = f"card {args.action}"
-        raise InputError("command line", key, args.cards, f"files: {n_cards}")
+        raise InputError("command line", key, args.cards, allowed=f"files: {n_cards}")
     cards = [card_file.read_card(path) for path in args.cards]
     if args.action == "compare":
         print(card_text.compare_cards(*cards))
@@ -106,7 +106,10 @@ def material_card(args: argparse.Namespace, study: PipelineConfig) -> None:
     # Intervals need both files of the posterior.
     if (args.posterior is None) != (args.draws is None):
         raise InputError(
-            "command line", "--posterior", args.posterior, "together with --draws"
+            "command line",
+            "--posterior",
+            args.posterior,
+            allowed="together with --draws",
         )
     settings = study.settings
     result = answer.read_answer(

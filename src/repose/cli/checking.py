@@ -31,8 +31,8 @@ CONFIG_FILES = CONFIG.with_changes(
 def _load_with_scene_advice(args: argparse.Namespace) -> PipelineConfig:
     """Load the study of --config, and check the files that it names.
 
-    If the study is refused only because it has too many grains, print a smaller scene
-    for the same pile before the error goes on to the user.
+    If the only fault of the study is that it has too many grains, the function prints a
+    smaller scene for the same pile. Then it raises the InputError again.
     """
     try:
         return load_study(args, inputs=True)
@@ -49,7 +49,7 @@ def _find_refused_number_of_grains(error: InputError) -> int | None:
     Parameters
     ----------
     error : InputError
-        What the check of the study has raised.
+        The error of the check of the study.
 
     Returns
     -------
@@ -59,7 +59,7 @@ def _find_refused_number_of_grains(error: InputError) -> int | None:
     has_several_faults = isinstance(error, InputErrors)
     if has_several_faults or error.key != "funnel.berries":
         return None
-    # A text, say, is a mistake of another kind, for which no scene can be proposed.
+    # A value that is no number is another mistake, for which no scene can be proposed.
     return error.value if isinstance(error.value, int) else None
 
 
@@ -86,7 +86,7 @@ def check(args: argparse.Namespace, study: PipelineConfig) -> None:
 
     example: --config config/paper.yaml
     """
-    require_option(args.cores >= 1, "--cores", args.cores, "at least 1")
+    require_option(args.cores >= 1, "--cores", args.cores, allowed="at least 1")
     from repose.config import check as check_lines
     from repose.config import cost
 
@@ -102,7 +102,7 @@ def check(args: argparse.Namespace, study: PipelineConfig) -> None:
         not args.makes_run,
         "--try",
         "given",
-        "a study with a section simulator; without it `check` makes trial runs itself",
+        allowed="a study with a section simulator; without it `check` makes trial runs itself",
     )
     # Describe the study, and make trial runs.
     _print_computed(args.config, study)
@@ -125,12 +125,13 @@ def check(args: argparse.Namespace, study: PipelineConfig) -> None:
 def _describe_external_study(
     args: argparse.Namespace, study: PipelineConfig, simulator: "SimulatorSettings"
 ) -> None:
-    """Print what there is to know of a study whose runs another program makes.
+    """Print the checks of a study whose runs are made by another program.
 
     Parameters
     ----------
     args : argparse.Namespace
-        The options: `cores` of the study; with `makes_run` one run is made.
+        The options. `cores` is the number of cores of the study. If `makes_run` is set,
+        one run is made.
     study : PipelineConfig
         The study.
     simulator : SimulatorSettings
@@ -179,7 +180,7 @@ def _print_computed(files: list[str], study: PipelineConfig) -> None:
 
 
 def _print_lines(lines: Iterable[str]) -> None:
-    """Print each line as soon as it is made, since some take long."""
+    """Print each line as soon as it is made, because some lines take long."""
     for line in lines:
         print(line)
 
@@ -214,7 +215,7 @@ def plan(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.calibrate.strategies import plan as planning
     from repose.config import check, external_check
 
-    # Earlier runs show the noise. Without any it is assumed.
+    # Earlier runs show the noise. If there are none, the noise is assumed.
     runs_csv = args.runs or _find_own_runs(study)
     runs = None
     if runs_csv is not None:
@@ -236,7 +237,7 @@ def plan(args: argparse.Namespace, study: PipelineConfig) -> None:
         print("time: `repose check --try` makes one run, and estimates that of all")
         return
 
-    # Show these lines now: the costs below wait for a timed pour.
+    # Show these lines now, because the costs below need a pour that takes some time.
     sys.stdout.flush()
     _print_lines(
         check.tabulate_costs(study, result.budgets, _measure_grain_step_s(study))
@@ -255,7 +256,7 @@ def _find_own_runs(study: PipelineConfig) -> Path | None:
 def _print_noise(
     study: PipelineConfig, result: "Plan", runs_csv: str | Path | None
 ) -> None:
-    """Print how much single runs scatter, and how many runs average the scatter out.
+    """Print how much single runs scatter, and how many runs give a precise mean.
 
     Parameters
     ----------
@@ -289,8 +290,8 @@ def _print_probabilities(result: "Plan") -> None:
     Parameters
     ----------
     result : Plan
-        Its `success` is a table with a row for each budget. It is None for a study
-        unlike the campaigns in which the successes were counted.
+        The plan. Its `success` is a table with a row for each budget. It is None if the
+        study differs too much from the campaigns in which successes were counted.
     """
     from repose.calibrate.strategies.plan import TOLERANCES
 

@@ -8,7 +8,8 @@ from repose.cli.registry import PROGRAM, Option, verb
 from repose.common import places
 from repose.common.errors import did_you_mean, require
 
-HIDDEN_PAGES = ("docs", "reference")  # the site's first page, and its list of modules
+# Pages that only the site needs: its first page, and its list of modules.
+HIDDEN_PAGES = ("docs", "reference")
 
 
 @verb(
@@ -34,7 +35,7 @@ def docs(args: argparse.Namespace) -> None:
         "command line",
         "docs",
         args.name,
-        f"a page that `{PROGRAM} docs` lists{did_you_mean(args.name, known)}",
+        allowed=f"a page that `{PROGRAM} docs` lists{did_you_mean(args.name, known)}",
     )
     text = known[args.name].read_text(encoding="utf-8")
     if sys.stdout.isatty():

@@ -18,7 +18,7 @@ from repose.export import PROGRAMS, write_deck
 if TYPE_CHECKING:
     from repose.grain.particle import Particle
 
-# Spheres of a clump: the default, and the most that fill a mesh here.
+# Number of spheres of a clump: the default and the largest number.
 DEFAULT_SPHERES = 14
 MOST_SPHERES = 64
 
@@ -68,7 +68,7 @@ def export(args: argparse.Namespace) -> None:
     from repose.export.template import write_template
     from repose.stages.card_study import read_repose_card
 
-    # Read what is to be exported: the study, the card, or both.
+    # Read the study, the card, or both.
     study = None if args.config is None else load_study(args)
     _require_one_parameter_option(args)
     card = None if args.card is None else read_repose_card(args.card)
@@ -80,7 +80,7 @@ def export(args: argparse.Namespace) -> None:
     values = _choose_parameter_values(args, study, card)
 
     def make_job_with(parameters: Mapping[str, float]) -> Job:
-        """Make the simulation that is written, for any values of the parameters."""
+        """Make the simulation to export, for any values of the parameters."""
         return make_job(
             config=source.config,
             parameters=parameters,
@@ -102,10 +102,10 @@ def export(args: argparse.Namespace) -> None:
 
 
 def _require_one_parameter_option(args: argparse.Namespace) -> None:
-    """Refuse an export without, or with several, options that give the parameters.
+    """Refuse an export unless exactly one option gives the parameters.
 
-    A template may do without: its parameters are names, and the others take the centre
-    of their range.
+    A template needs no such option. Its parameters appear as names, and all others have
+    the centre of their range.
     """
     has_card = args.card is not None
     has_values = bool(args.set) or args.samples is not None
@@ -113,24 +113,24 @@ def _require_one_parameter_option(args: argparse.Namespace) -> None:
         not (has_card and has_values),
         "--card",
         args.card,
-        "no --set and no --samples beside it, which give the parameters too",
+        allowed="no --set and no --samples beside it, which give the parameters too",
     )
     require_option(
         has_card or has_values or args.names,
         "--card",
         args.card,
-        "the card of a finished study, or parameters by --set or --samples",
+        allowed="the card of a finished study, or parameters by --set or --samples",
     )
 
 
 def _check_numbers(args: argparse.Namespace) -> None:
     """Refuse a seed or a number of spheres that is out of range."""
-    require_option(args.seed >= 0, "--seed", args.seed, "a whole number from 0")
+    require_option(args.seed >= 0, "--seed", args.seed, allowed="a whole number from 0")
     require_option(
         args.spheres is None or 1 <= args.spheres <= MOST_SPHERES,
         "--spheres",
         args.spheres,
-        f"from 1 to {MOST_SPHERES}",
+        allowed=f"from 1 to {MOST_SPHERES}",
     )
 
 
@@ -143,22 +143,22 @@ def _find_study(args: argparse.Namespace, card: Card | None) -> PipelineConfig |
     Parameters
     ----------
     args : argparse.Namespace
-        The options. Their `config` is set to the path of the study.
+        The options. This function sets their `config` to the path of the study.
     card : mapping or None
         The card of --card, if there is one.
 
     Returns
     -------
     PipelineConfig or None
-        None if the folder of the card has no study, or its files cannot be read. The
-        card alone then makes the deck.
+        The study. None if the folder of the card has no study, or if its files cannot be
+        read. The deck is then made from the card alone.
     """
     from repose.stages.card_study import find_configuration
 
     if card is None:
         args.config = str(CONFIG.keywords["default"])
         study = load_study(args)
-        # Reading the grain here reports faults of its files early.
+        # Make the grain now, so that faults in its files are reported early.
         _ = study.grain
         return study
 
@@ -170,7 +170,7 @@ def _find_study(args: argparse.Namespace, card: Card | None) -> PipelineConfig |
         study = load_study(args)
         _ = study.grain
     except InputError as error:
-        # The card may have been moved away from the files of its study.
+        # The card may have been moved to a place where the files of its study are missing.
         args.config = None
         first_line = error.args[0].splitlines()[0]
         print(
@@ -245,8 +245,9 @@ def _choose_number_of_spheres(
     Returns
     -------
     int or None
-        1: the sphere of the grain's volume. More: a clump of so many spheres. None: the
-        particle is a clump or a sphere already and stays as it is.
+        If it is 1, the grain becomes a sphere of its volume. If it is more, the grain
+        becomes a clump of this number of spheres. If it is None, the particle is a clump
+        or a sphere already and is not changed.
     """
     from repose.export.job import is_sphere
 
@@ -292,7 +293,7 @@ def _choose_export_source(
 def _make_source_of_study(
     args: argparse.Namespace, study: PipelineConfig
 ) -> _ExportSource:
-    """Make the grain of a study ready for programs that know only spheres.
+    """Convert the grain of a study for programs that know only spheres.
 
     Parameters
     ----------
@@ -317,7 +318,7 @@ def _make_source_of_study(
 
 
 def _make_source_of_card(args: argparse.Namespace, card: Card) -> _ExportSource:
-    """Make the grain of a card ready for programs that know only spheres."""
+    """Convert the grain of a card for programs that know only spheres."""
     from repose.stages import card_study
 
     card_particle = card_study.rebuild_particle(card, None, args.card)
@@ -335,8 +336,9 @@ def _replace_particle_by_clump(
 ) -> PipelineConfig:
     """Make a copy of a study, with a clump of spheres as its particle.
 
-    Spheres that overlap add up in stiffness. A clump may therefore need a shorter time
-    step than a smooth body.
+    A clump may need a shorter time step than a smooth body, because the stiffnesses of
+    its overlapping spheres add up. The changed configuration is also stored in the record
+    of the current stage.
 
     Parameters
     ----------

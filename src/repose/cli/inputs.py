@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def _load_study_of_grain(args: argparse.Namespace) -> PipelineConfig | None:
-    """Load the study, or return None for a mesh that is built from axes."""
+    """Load the study; return None if the verb builds a mesh, which needs no study."""
     return None if args.axes or args.stl else load_study(args)
 
 
@@ -81,8 +81,13 @@ def _build_mesh(args: argparse.Namespace) -> None:
     Parameters
     ----------
     args : argparse.Namespace
-        The options of the verb `berry`. The default of the density is that of the
-        configuration.
+        The options of the verb `berry`. Without --density the density of the
+        configuration is used.
+
+    Raises
+    ------
+    InputError
+        If --axes, --mass-g or --stl is missing.
     """
     from repose.grain import mesh_from_axes
 
@@ -91,7 +96,7 @@ def _build_mesh(args: argparse.Namespace) -> None:
             "command line",
             "berry --axes",
             args.axes,
-            "together with --mass-g and --stl",
+            allowed="together with --mass-g and --stl",
         )
     density = args.density
     if density is None:
@@ -109,7 +114,7 @@ def _build_mesh(args: argparse.Namespace) -> None:
     assert isinstance(stl, bytes)
     write_bytes(args.stl, stl)
 
-    # Say how full the shape is: by its volume in the box around it, and by its profile.
+    # Print how full the shape is, by its share of the box around it and by its profile.
     box_mm3 = args.axes[0] * args.axes[1] * args.axes[2]
     inner_exponent, outer_exponent = mesh_from_axes.profile_exponents(shape_number)
     print(
@@ -162,9 +167,9 @@ def design(args: argparse.Namespace, study: "PipelineConfig | Study") -> None:
 
 
 def _print_allowed_share(space: "ParameterSpace") -> None:
-    """Print which part of the ranges a design fills, if there are constraints."""
+    """Print which share of the ranges the constraints allow; nothing without any."""
     if space.constraints:
-        rules = ", ".join(one.text for one in space.constraints)
+        rules = ", ".join(constraint.text for constraint in space.constraints)
         print(
             f"{rules}: {100 * space.allowed_share:.0f} % of the ranges are allowed; the "
             "samples are spread evenly over them and are no Latin hypercube"

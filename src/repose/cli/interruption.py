@@ -1,7 +1,7 @@
-"""End `repose run` in order at a signal: Ctrl-C, a cluster's limit, a closed terminal.
+"""End `repose run` in order after a signal: Ctrl-C, a cluster's limit, a closed terminal.
 
-Snakemake lets its jobs go on at SIGTERM, and knows nothing of SIGHUP. Here both end the
-run as Ctrl-C does: what is finished stays, and the jobs that run are ended.
+After SIGTERM Snakemake waits for its jobs, and it does not handle SIGHUP. With this module
+both signals act like Ctrl-C: finished results are kept, and running jobs are ended.
 """
 
 import contextlib
@@ -15,52 +15,53 @@ from typing import TYPE_CHECKING, Self
 if TYPE_CHECKING:
     import psutil
 
-END_BYTE = b"\0"  # no signal has the number 0: it ends the thread that reads signals
-# Interval at which jobs are looked for that started after the signal.
+# Ends the thread that reads the numbers of signals. No signal has the number 0.
+END_BYTE = b"\0"
+# Interval at which this module searches for jobs that started after the signal.
 SEARCH_INTERVAL_S = 0.5
-# Time after which a job that still runs gets the signal again. A process that is about
-# to become another program loses the signals that it has.
+# A job that still runs after this time gets the signal again. A process loses its signals
+# while it becomes another program.
 REPEAT_AFTER_S = 3.0
-# Time in which a thread begins that was about to start at the signal.
+# A thread that was about to start when the signal came begins within this time.
 THREAD_START_LIMIT_S = 5.0
 
 
 class Interruption:
-    """Turns the first signal within its context into a `KeyboardInterrupt`.
+    """A context in which the first signal raises `KeyboardInterrupt` and ends all jobs.
 
     Attributes
     ----------
     signal_number : int or None
-        The signal that ended the run; None if none did.
+        The signal that ended the run; None if there was no signal.
     """
 
     def __init__(self) -> None:
         self.signal_number: int | None = None
-        # When each job got its last signal [s].
+        # The time when each job got its last signal [s].
         self._interrupted_at: dict[psutil.Process, float] = {}
         self._has_ended = threading.Event()
 
     def __enter__(self) -> Self:
         self._earlier_threads = set(threading.enumerate())
-        # A process under nohup ignores SIGHUP, and must continue to ignore it.
+        # A process under nohup ignores SIGHUP, and must go on ignoring it.
         self._forwarded_signals = [
             number
             for number in (signal.SIGTERM, signal.SIGHUP)
             if signal.getsignal(number) is not signal.SIG_IGN
         ]
-        earlier_handler = signal.signal(signal.SIGINT, self._interrupt)
+        earlier_handler = signal.signal(signal.SIGINT, self._handle_interrupt)
         self._earlier_handlers = {signal.SIGINT: earlier_handler}
         for number in self._forwarded_signals:
             self._earlier_handlers[number] = signal.signal(number, lambda *_: None)
 
-        # Snakemake replaces the handler of SIGTERM. Python still writes the number of
-        # every signal into this pipe, and a thread reads it there.
+        # Snakemake replaces the handler of SIGTERM. But Python also writes the number of
+        # every signal into this pipe, from which a thread reads it.
         self._reading_end, self._writing_end = os.pipe()
         os.set_blocking(self._writing_end, False)
         self._earlier_wakeup_fd = signal.set_wakeup_fd(
             self._writing_end, warn_on_full_buffer=False
         )
-        self._thread = threading.Thread(target=self._forward, daemon=True)
+        self._thread = threading.Thread(target=self._forward_signals, daemon=True)
         self._thread.start()
         return self
 
@@ -82,8 +83,12 @@ class Interruption:
         os.close(self._reading_end)
         os.close(self._writing_end)
 
-    def _forward(self) -> None:
-        """Send SIGINT to this process at a signal that would not end Snakemake."""
+    def _forward_signals(self) -> None:
+        """Wait for signals, and send SIGINT to this process after SIGTERM or SIGHUP.
+
+        Snakemake ends at SIGINT but not at the other two. The loop runs in a thread until
+        it reads `END_BYTE`.
+        """
         while True:
             # Each signal is one byte. `os.read` blocks until the next one.
             number = os.read(self._reading_end, 1)[0]
@@ -93,33 +98,33 @@ class Interruption:
                 self.signal_number = number
                 os.kill(os.getpid(), signal.SIGINT)
 
-    def _interrupt(self, number: int, _frame: FrameType | None) -> None:
+    def _handle_interrupt(self, number: int, _frame: FrameType | None) -> None:
         """Handle SIGINT: end the jobs, and raise KeyboardInterrupt."""
-        # only once: a second Ctrl-C ends this program at once
+        # Restore the default, so that a second Ctrl-C ends this program immediately.
         signal.signal(number, signal.SIG_DFL)
         if self.signal_number is None:
             self.signal_number = number
-        self._interrupt_jobs()
-        # The exception may be lost where a library catches it, and Snakemake may just
-        # have been about to start a job.
-        threading.Thread(target=self._interrupt_new_jobs, daemon=True).start()
+        self._end_jobs()
+        # Go on searching for jobs. A library may catch the exception, and Snakemake may be
+        # about to start another job.
+        threading.Thread(target=self._end_new_jobs, daemon=True).start()
         raise KeyboardInterrupt
 
-    def _interrupt_new_jobs(self) -> None:
+    def _end_new_jobs(self) -> None:
         """Interrupt jobs that start after the signal, until the run has ended."""
         while not self._has_ended.wait(SEARCH_INTERVAL_S):
-            self._interrupt_jobs()
+            self._end_jobs()
 
     def _wait_for_threads(self) -> None:
-        """Wait for the threads of the run, while the jobs that they start are ended.
+        """Wait for the threads of the run, while another thread ends the jobs they start.
 
         Snakemake runs each job in a thread and waits for these threads. If the exception
-        comes while it starts one, it does not know the thread, and ends before the job
-        begins. Python waits for such a thread at its own end, when nobody would interrupt
-        the job.
+        comes while Snakemake starts a thread, it does not know this thread and ends
+        without it. Python itself would wait for the thread at the end of the program, when
+        nothing interrupts its job any more.
         """
-        # A thread that is still to begin at the limit never will: the exception came
-        # before the system had made it.
+        # A thread that has not begun at the limit will never begin, because the exception
+        # came before the system had made it.
         limit = time.monotonic() + THREAD_START_LIMIT_S
         while any(
             thread.is_alive() or time.monotonic() < limit
@@ -128,12 +133,13 @@ class Interruption:
         ):
             time.sleep(0.05)
 
-    def _interrupt_jobs(self) -> None:
-        """Send SIGINT to each job, for which Snakemake waits, and again to a slow one.
+    def _end_jobs(self) -> None:
+        """Send SIGINT to each running job, and again to one that does not end soon.
 
-        Ctrl-C on a terminal has reached them; a signal to this program alone has not.
+        Ctrl-C on a terminal reaches the jobs directly. A signal to this program does not.
         """
-        import psutil  # of the extra `workflow`
+        # This library belongs to the optional dependencies `workflow`.
+        import psutil
 
         now = time.monotonic()
         for job in psutil.Process().children(recursive=True):

@@ -23,16 +23,19 @@ if TYPE_CHECKING:
     from repose.measure.photographs.photograph import Photograph, Scale
     from repose.measure.settings import MeasureSettings
 
-# Pixel sizes from a microscope to a heap in a hall [mm].
+# Smallest and largest size of a pixel [mm], from a microscope to a heap in a hall.
 PIXEL_SIZE_LIMITS_MM = (1e-3, 100.0)
 ANGLE_LINE_HELP = "its line of the angle (default: over the whole side)"
 BENCH_HELP = "funnel or lifted_cylinder, which leave a pile, turning or drawdown"
 POINTS_HELP = (
     "three points of the drum's inner rim, or of the box's two lower inner corners"
 )
-SIZES_FILE = "sizes.csv"  # in the folder of a crop
-PARTICLE_TABLE_FILE = "piles.csv"  # of files of particles
-RESULTS_TABLE_FILE = "results.csv"  # of runs with the responses of their piles
+# Table of measured sizes in the folder of a crop.
+SIZES_FILE = "sizes.csv"
+# Table of the piles that were measured in files of particles.
+PARTICLE_TABLE_FILE = "piles.csv"
+# Table of runs with the responses of their piles.
+RESULTS_TABLE_FILE = "results.csv"
 EXPECTED_PILE = "a pile with two flanks, seen from the side"
 
 
@@ -147,13 +150,13 @@ def measure(args: argparse.Namespace) -> None:
         _measure_beds(args, pictures, overlays=overlays, settings=settings)
 
 
-def _are_particle_files(names: Sequence[str]) -> bool:
-    """Tell whether files hold particles instead of pictures.
+def _are_particle_files(paths: Sequence[str]) -> bool:
+    """Tell whether files contain particles instead of pictures.
 
     Parameters
     ----------
-    names : sequence of str
-        Paths of the files. Those that do not exist are ignored.
+    paths : sequence of str
+        Paths of the files. Files that do not exist are ignored.
 
     Returns
     -------
@@ -162,31 +165,31 @@ def _are_particle_files(names: Sequence[str]) -> bool:
     Raises
     ------
     InputError
-        If the files are a mixture of both.
+        If some files contain particles and others are pictures.
     """
     from repose.measure.particle_files import is_particle_file
 
-    existing = [name for name in names if Path(name).is_file()]
-    particle_files = [name for name in existing if is_particle_file(name)]
+    existing_paths = [path for path in paths if Path(path).is_file()]
+    particle_files = [path for path in existing_paths if is_particle_file(path)]
     if not particle_files:
         return False
-    pictures = [name for name in existing if name not in particle_files]
+    pictures = [path for path in existing_paths if path not in particle_files]
     require_option(
         not pictures,
         "pictures",
         ", ".join(pictures),
-        f"files of particles alone, as {particle_files[0]}",
+        allowed=f"files of particles alone, as {particle_files[0]}",
     )
     return True
 
 
 def _measure_particle_files(args: argparse.Namespace) -> None:
-    """Measure piles stored as files of particles; write a table and print it.
+    """Measure piles in files of particles; write a table and print it.
 
     Parameters
     ----------
     args : argparse.Namespace
-        The options of the verb `measure`; `pictures` names the files.
+        The options of the verb `measure`. `pictures` has the paths of the files.
 
     Raises
     ------
@@ -204,16 +207,19 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
     from repose.measure.settings import line_of
 
     require_option(
-        args.unit in UNITS, "--unit", args.unit, f"one of {', '.join(UNITS)}"
+        args.unit in UNITS, "--unit", args.unit, allowed=f"one of {', '.join(UNITS)}"
     )
     require_option(
         args.up is None or args.up in DIRECTIONS,
         "--up",
         args.up,
-        f"one of {', '.join(DIRECTIONS)}",
+        allowed=f"one of {', '.join(DIRECTIONS)}",
     )
     require_option(
-        args.radius is None or args.radius > 0, "--radius", args.radius, "above 0"
+        args.radius is None or args.radius > 0,
+        "--radius",
+        args.radius,
+        allowed="above 0",
     )
     benches = _find_photographed_piles()
     require_option(
@@ -225,7 +231,7 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
     runs = None if args.runs is None else _read_runs(args.runs, args.pictures)
     settings = _make_measure_settings(args)
     if args.config is None:
-        # Without a study the grains of each file decide the scale of its views.
+        # Without a study, the scale of the views depends on the size of the grains.
         settings = settings.model_copy(update={"mm_per_pixel": AUTO})
 
     # Measure each file as a row of the table.
@@ -279,7 +285,7 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
 
 
 def _find_run_name(path: str) -> str:
-    """Return the name of a file without its ending, which names sample and run."""
+    """Return the name of a run, such as ``3_1``, from the name of its file."""
     return Path(path).stem
 
 
@@ -313,10 +319,10 @@ def _read_runs(path: str, files: Sequence[str]) -> "pd.DataFrame":
             name in runs.index,
             "--runs",
             path,
-            f"a row of the sample and run that the name of {file} gives, as 3_1.csv",
+            allowed=f"a row of the sample and run that the name of {file} gives, as 3_1.csv",
         )
         require_option(
-            names.count(name) == 1, "pictures", file, "one file for each run"
+            names.count(name) == 1, "pictures", file, allowed="one file for each run"
         )
     return runs
 
@@ -327,8 +333,8 @@ def _find_photographed_piles() -> dict[str, Mapping[str, str]]:
     Returns
     -------
     dict of str to mapping
-        By the name of the bench test: which of its responses each measured number of a
-        photograph is, such as ``aor_deg``.
+        For each bench test by name, a mapping from the numbers that are measured in a
+        photograph to the responses of the bench test, such as ``aor_deg``.
     """
     from repose.bench import bench_tests
 
@@ -343,8 +349,8 @@ def _check_bench_options(args: argparse.Namespace, pile_tests: Iterable[str]) ->
     args : argparse.Namespace
         The options of the verb `measure`.
     pile_tests : iterable of str
-        Names of the bench tests that leave a pile. Photographs of other bench tests show
-        a drum or a box.
+        Names of the bench tests that leave a pile. The photographs of other bench tests
+        show a drum or a box.
     """
     from repose.bench.photographs import RESPONSES
 
@@ -365,7 +371,7 @@ def _check_bench_options(args: argparse.Namespace, pile_tests: Iterable[str]) ->
 
 
 def _select_readable_pictures(names: Iterable[str]) -> list[Path]:
-    """Select the pictures that can be read, and print why the others are left out.
+    """Select the pictures that can be read, and print why others are left out.
 
     Parameters
     ----------
@@ -418,13 +424,13 @@ def _choose_overlay_paths(pictures: list[Path], out: str) -> list[Path]:
             overlays.count(overlay) == 1,
             "pictures",
             path.name,
-            "photographs whose names differ",
+            allowed="photographs whose names differ",
         )
         require_option(
             hashes.count(content_hash) == 1,
             "pictures",
             path.name,
-            "each picture once: this is a copy",
+            allowed="each picture once: this is a copy",
         )
 
         # An overlay must replace neither its picture nor a file of somebody else.
@@ -433,7 +439,7 @@ def _choose_overlay_paths(pictures: list[Path], out: str) -> list[Path]:
             overlay.resolve() != path.resolve(),
             "--out",
             out,
-            "another folder than that of the photographs",
+            allowed="another folder than that of the photographs",
         )
     return overlays
 
@@ -456,7 +462,7 @@ def _measure_piles(
     overlays : list of Path
         Where to write the overlay of each photograph.
     scale : Scale
-        Where the scale comes from.
+        The scale of the photographs, or how to find it.
     settings : MeasureSettings
         How a pile is measured.
 
@@ -496,8 +502,8 @@ def _write_overlays(
 ) -> None:
     """Draw what was measured into each photograph, and write the pictures.
 
-    A photograph without a measurable pile gets an overlay, too, which shows what was
-    taken for the pile.
+    For a photograph without a measurable pile, the overlay shows the area that was taken
+    for the pile.
 
     Parameters
     ----------
@@ -520,7 +526,10 @@ def _write_overlays(
 def _require_measured_pile(
     photographs: Sequence["Photograph"], overlays: Sequence[Path]
 ) -> None:
-    """Raise an InputError with the reason for each photograph if all were refused."""
+    """Raise an InputError unless some photograph has a pile that was measured.
+
+    The message has the reason for each photograph.
+    """
     if any(photograph.measurement is not None for photograph in photographs):
         return
     raise_together(
@@ -528,7 +537,7 @@ def _require_measured_pile(
             photograph.path,
             "pile",
             photograph.refusal_reason,
-            f"{EXPECTED_PILE}; {overlay} shows the part taken for the pile",
+            allowed=f"{EXPECTED_PILE}; {overlay} shows the part taken for the pile",
         )
         for photograph, overlay in zip(photographs, overlays, strict=True)
     )
@@ -545,14 +554,14 @@ def _measure_beds(
     Parameters
     ----------
     args : argparse.Namespace
-        The options of the verb `measure`. The study of --config has the measures of the
-        drum or the box.
+        The options of the verb `measure`. The study of --config has the sizes of the drum
+        or the box.
     pictures : list of Path
         The photographs.
     overlays : list of Path
         Where to write the overlay of each photograph.
     settings : MeasureSettings
-        How an angle is measured, as for piles.
+        How an angle is measured.
 
     Raises
     ------
@@ -570,10 +579,10 @@ def _measure_beds(
             "command line",
             "--config",
             None,
-            f"a study, whose section {args.bench} has the measures",
+            allowed=f"a study, whose section {args.bench} has the measures",
         )
     scene = SceneSettings(load_study(args).config)
-    # Refuse a study without the section of this bench test.
+    # Refuse a study without a section of this bench test.
     require_section(scene.config, args.bench)
 
     # Measure the photographs, and show in an overlay what was measured.
@@ -600,7 +609,10 @@ def _measure_beds(
 
 
 def _require_measured_bed(results: Sequence["PhotographResult"], bench: str) -> None:
-    """Raise an InputError with the reason for each photograph if all were refused."""
+    """Raise an InputError unless some photograph has a bed that was measured.
+
+    The message has the reason for each photograph.
+    """
     if not all(result.refused for result in results):
         return
     raise_together(
@@ -608,7 +620,7 @@ def _require_measured_bed(results: Sequence["PhotographResult"], bench: str) -> 
             result.path,
             bench,
             result.refused,
-            "a bed with a surface that differs from its background",
+            allowed="a bed with a surface that differs from its background",
         )
         for result in results
     )
@@ -617,8 +629,8 @@ def _require_measured_bed(results: Sequence["PhotographResult"], bench: str) -> 
 def _read_scale(args: argparse.Namespace) -> "Scale":
     """Read the scale of the photographs from the options.
 
-    --mm-per-pixel and --length give it directly. Without either, the sheet of squares
-    in each photograph gives it.
+    The options --mm-per-pixel and --length give the scale directly. Without them the
+    scale comes from the sheet of squares in each photograph.
 
     Raises
     ------
@@ -631,7 +643,7 @@ def _read_scale(args: argparse.Namespace) -> "Scale":
         args.mm_per_pixel is None or not args.length,
         "--length",
         args.length,
-        "without --mm-per-pixel",
+        allowed="without --mm-per-pixel",
     )
     _require_between("--square-mm", args.square_mm, 1, 1000)
     if args.length:
@@ -649,7 +661,7 @@ def _compute_scale_of_length(args: argparse.Namespace) -> "Scale":
     Parameters
     ----------
     args : argparse.Namespace
-        The options. `length` has the length in mm, and column and row of both ends in
+        The options. `length` has the length in mm, then column and row of each end in
         pixels.
 
     Raises
@@ -671,7 +683,7 @@ def _compute_scale_of_length(args: argparse.Namespace) -> "Scale":
             "command line",
             "--length",
             args.length,
-            f"ends at least {SHORTEST_LENGTH_PX} pixels apart, left first, level to "
+            allowed=f"ends at least {SHORTEST_LENGTH_PX} pixels apart, left first, level to "
             f"{LARGEST_LEVEL_DEG:g} degrees",
         )
     mm_per_pixel, level_deg = result
@@ -687,24 +699,30 @@ def _compute_scale_of_length(args: argparse.Namespace) -> "Scale":
 
 
 def _refuse_lens(args: argparse.Namespace) -> None:
-    """Refuse photographs of the sheet where the scale is given without it."""
+    """Refuse --lens, which needs the sheet, if the scale does not come from the sheet."""
     require_option(
-        not args.lens, "--lens", args.lens, "with the printed sheet as the scale"
+        not args.lens,
+        "--lens",
+        args.lens,
+        allowed="with the printed sheet as the scale",
     )
 
 
 def _require_between(option: str, value: float, low: float, high: float) -> None:
-    """Refuse a number outside a range."""
+    """Raise an InputError if the number of an option is outside a range."""
     require_option(
-        low <= value <= high, option, value, f"a number from {low:g} to {high:g}"
+        low <= value <= high,
+        option,
+        value,
+        allowed=f"a number from {low:g} to {high:g}",
     )
 
 
 def _make_measure_settings(args: argparse.Namespace) -> "MeasureSettings":
     """Make the settings of the measurement from the study of --config and the options.
 
-    Without a study they are the defaults, with the grain of sizes.csv in the working
-    folder if there is such a file.
+    Without a study these are the default settings. The height of a grain then comes from
+    the file sizes.csv in the working folder, if there is one.
     """
     from repose.grain.berry import mean_axes
     from repose.grain.berry_files import read_sizes
@@ -724,14 +742,15 @@ def _make_measure_settings(args: argparse.Namespace) -> "MeasureSettings":
         sizes_csv = study.berry.sizes
         keeps_volume = study.berry.keeps_volume
 
-    # Take the height of a grain from the option, else from the study, else from the
-    # sizes.
+    # The height of a grain comes from the option. Without the option it comes from the
+    # study, or from the measured sizes.
     if args.grain_mm is not None:
         return settings.model_copy(update={"berry_height_mm": args.grain_mm})
     if settings.berry_height_mm is None and sizes_csv is not None:
         try:
             sizes = read_sizes(sizes_csv)
         except InputError as error:
+            # Mention the option that makes the faulty table unnecessary.
             allowed = f"{error.allowed}; or give the size of a grain by --grain-mm"
             raise InputError(error.source, error.key, error.value, allowed) from None
         return settings.for_grain(mean_axes(sizes, keeps_volume))
@@ -761,7 +780,7 @@ def marker(args: argparse.Namespace) -> None:
         Path(args.out).suffix.lower() == ".pdf",
         "--out",
         args.out,
-        "a file that ends with .pdf",
+        allowed="a file that ends with .pdf",
     )
     write_bytes(args.out, sheet.make_pdf(args.square_mm))
     print(
@@ -792,7 +811,7 @@ def silhouette(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.measure.saved_pours import read_first_pour
 
     require_option(
-        math.isfinite(args.azimuth), "--azimuth", args.azimuth, "a finite angle"
+        math.isfinite(args.azimuth), "--azimuth", args.azimuth, allowed="a finite angle"
     )
     settings = study.settings.measure
     pile = read_first_pour(args.heap)

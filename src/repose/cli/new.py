@@ -7,7 +7,7 @@ from pathlib import Path
 from repose.cli.options import require_option
 from repose.cli.registry import Option, verb
 
-# Written into every file of the template in place of the crop's name.
+# This text in the files of the template is replaced by the name of the crop.
 NAME_PLACEHOLDER = "NAME"
 
 
@@ -30,16 +30,16 @@ def new(args: argparse.Namespace) -> None:
         faults.is_valid_value("label", args.name, model),
         "new",
         args.name,
-        faults.describe_allowed_values("label", model),
+        allowed=faults.describe_allowed_values("label", model),
     )
 
-    # Refuse a folder that is there already, or a link.
+    # Refuse a path that exists already, also if it is a broken link.
     folder = Path(args.name)
     require_option(
         not folder.exists() and not folder.is_symlink(),
         "new",
         args.name,
-        "a folder that is not there yet",
+        allowed="a folder that is not there yet",
     )
 
     # Copy the template, and put the name of the crop into each file.

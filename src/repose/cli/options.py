@@ -33,21 +33,26 @@ OPTIMISM = Option(
 JSON = Option("--json", action="store_true", help="print as JSON")
 
 
-def require_option(holds: object, option: str, value: object, allowed: str) -> None:
-    """Raise an InputError about an option of the command line unless `holds` is true.
+def require_option(condition: object, option: str, value: object, allowed: str) -> None:
+    """Raise an InputError about an option of the command line unless a condition is true.
 
     Parameters
     ----------
-    holds : object
+    condition : object
         The condition.
     option : str
         Name of the option.
     value : object
-        Its value.
+        The value that the user gave.
     allowed : str
-        The allowed values.
+        The allowed values, which the message writes after "expected".
+
+    Raises
+    ------
+    InputError
+        If the condition is false.
     """
-    require(holds, "command line", option, value, allowed)
+    require(condition, "command line", option, value, allowed)
 
 
 def split_pairs(entries: Iterable[str], option: str) -> dict[str, str]:
@@ -74,6 +79,6 @@ def split_pairs(entries: Iterable[str], option: str) -> dict[str, str]:
     for entry in entries:
         name, _, value = entry.partition("=")
         is_new_pair = name != "" and value != "" and name not in values
-        require_option(is_new_pair, option, entry, "NAME=VALUE, each name once")
+        require_option(is_new_pair, option, entry, allowed="NAME=VALUE, each name once")
         values[name] = value
     return values

@@ -22,8 +22,8 @@ def _load_own_study(args: argparse.Namespace) -> "Study":
     Parameters
     ----------
     args : argparse.Namespace
-        The options: `config` is the file of the study. For the verb `ask` the study also
-        gets the runs so far, of the file `runs`.
+        The options. `config` is the file of the study. For the verb `ask`, `runs` is the
+        file of the runs so far, which the study also reads.
 
     Raises
     ------
@@ -35,7 +35,7 @@ def _load_own_study(args: argparse.Namespace) -> "Study":
     from repose.calibrate.study_file import is_own, unread_keys
     from repose.common.reading import read_yaml
 
-    # An error names the user's file, or the option if no file was given.
+    # The message names the file of the user, or the option if the user gave no file.
     names_simulator = is_own(places.find_file(args.config))
     is_given = "config" in vars(args).get("given", ())
     source = args.config if is_given else "command line"
@@ -124,7 +124,7 @@ def ask(args: argparse.Namespace, study: "Study") -> None:
     )
     from repose.common.files import write_table
 
-    # A record that the user names may be missing at the start, or its name misspelt.
+    # If the record does not exist, this is the first call, or the name is misspelt.
     is_given = "runs" in vars(args).get("given", ())
     if is_given and not Path(args.runs).exists():
         print(
@@ -174,7 +174,7 @@ def calibrate(args: argparse.Namespace, study: "Study") -> None:
     from repose.common.ledger import check_replaceable
     from repose.common.tables import print_columns
 
-    # Check before minutes of work that no file of somebody else would be replaced.
+    # Before minutes of work, check that no file of somebody else would be replaced.
     report_html = Path(args.out) / "report.html"
     written = (*calibration.TABLES, *calibration.RECORDS, report_html.name)
     for name in (*written, *strategy(study.settings.strategy).files):
@@ -198,7 +198,7 @@ def calibrate(args: argparse.Namespace, study: "Study") -> None:
         _warn(result.summary["warning"])
     print(f"Tables and material card: {args.out}", flush=True)
 
-    # The report comes last, since an installation without graphics lacks only this.
+    # Write the report last. An installation without graphics then has all other files.
     from repose.report.page import own
 
     own.write(result, report_html)

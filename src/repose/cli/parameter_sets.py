@@ -11,7 +11,7 @@ from repose.common.errors import InputError, require
 from repose.config.pipeline import PipelineConfig
 from repose.stages.parameter_sets import read_sample
 
-# Runs of a parameter set by these verbs; a study has at most 1000.
+# Largest number of runs of a parameter set in one call. A study has at most 1000.
 MOST_SEEDS = 10_000
 PARAMETER_SET = (
     Option(
@@ -23,7 +23,7 @@ PARAMETER_SET = (
         f"{', '.join(LAW_PARAMETERS)}; "
         "a parameter without --set takes the centre of its range",
     ),
-    # Not recorded, as the parameter set itself is written into the results.
+    # Do not record this file, because the results contain the parameters themselves.
     Option(
         "--samples",
         help="CSV with a column sample and a column per parameter, instead of --set",
@@ -40,7 +40,7 @@ PARAMETER_SET = (
 def _read_purpose(text: str) -> str | int:
     """Read the purpose of a stream of random numbers: its name, or its number.
 
-    Other programs use streams by their numbers.
+    Other programs refer to streams by their numbers.
     """
     if text in streams.PURPOSES:
         return text
@@ -104,14 +104,16 @@ def read_parameters(
     InputError
         If options contradict each other, or a name or value is not allowed.
     """
-    # A sample of a table stands in place of --set.
+    # With --samples, read the parameters of one sample from the table.
     texts = split_pairs(entries, "--set")
     if samples:
         if texts or sample is None:
             allowed = "together with --sample, without --set"
             raise InputError("command line", "--samples", samples, allowed)
         return _read_parameters_of_sample(samples, sample, study)
-    require_option(sample is None, "--sample", sample, "together with --samples")
+    require_option(
+        sample is None, "--sample", sample, allowed="together with --samples"
+    )
 
     # Check all names before reading the first value.
     names = study.parameters.names
@@ -153,7 +155,7 @@ def _read_parameters_of_sample(
             f"{samples}, sample {sample}",
             name,
             value,
-            "no such column: the study has no parameter of this name, or its laws lack "
+            allowed="no such column: the study has no parameter of this name, or its laws lack "
             "it",
         )
     return values
@@ -182,7 +184,7 @@ def read_seeds(seeds: list[int] | None) -> list[int]:
         min(seeds) >= 0 and are_distinct,
         "--seed",
         seeds,
-        "distinct whole numbers from 0",
+        allowed="distinct whole numbers from 0",
     )
     return seeds
 
@@ -195,8 +197,8 @@ def choose_seeds(
     Parameters
     ----------
     args : argparse.Namespace
-        Options: --seed names the seeds; --seeds takes as many of the study's own, for
-        the --purpose and the --sample.
+        The options. --seed lists the seeds. --seeds is a number of seeds that are drawn
+        as in a study, from the stream of --purpose and for the sample of --sample.
     study_seed : int
         The seed of the study.
     apparatus : str, optional
@@ -218,7 +220,7 @@ def choose_seeds(
             "command line",
             "--seeds",
             args.seeds,
-            f"from 1 to {MOST_SEEDS}, without --seed",
+            allowed=f"from 1 to {MOST_SEEDS}, without --seed",
         )
     sample = args.sample or 0
     return streams.pour_seeds(

@@ -87,9 +87,9 @@ def pour(args: argparse.Namespace, study: PipelineConfig) -> None:
 def _keep_measurement(
     args: argparse.Namespace, study: PipelineConfig, scene: "Scene", pours: Path
 ) -> None:
-    """Measure saved runs and keep the result, unless this was done before.
+    """Measure saved runs and store the result, unless it is stored already.
 
-    The result is recorded as one of the stage measure_runs, which can then reuse it.
+    The record of the result names the stage measure_runs, which can then use the result.
 
     Parameters
     ----------
@@ -105,7 +105,7 @@ def _keep_measurement(
     from repose.stages import kept_runs
     from repose.stages.job import measure_runs
 
-    # Act as the verb measure_runs with this file.
+    # Record the result as if the verb measure_runs had been called with this file.
     options = vars(args) | {"verb": "measure_runs", "pours": [str(pours)]}
     with record_verb(argparse.Namespace(**options), "measured"):
         provenance.note_config(study.config)
@@ -149,7 +149,7 @@ def _print_runs(runs: Iterable[Mapping[str, Any]], template: str) -> None:
     runs : iterable of mapping
         The runs.
     template : str
-        The summary of their bench test, in which the numbers are filled in.
+        The summary of the bench test, a text with places for the numbers of a run.
     """
     for run in runs:
         print(describe(run, template))
@@ -163,12 +163,12 @@ def _make_scene(
     Parameters
     ----------
     args : argparse.Namespace
-        The options: `berry` and `particle` may name files, which replace the grain of the
+        The options. `berry` and `particle` may be files that replace the grain of the
         study.
     study : PipelineConfig
         The study.
     values : mapping of str to float
-        The contact parameters. A scene that is only measured needs none.
+        The contact parameters. They may be empty if the scene is only measured.
     """
     from repose.bench import Scene
 
@@ -218,7 +218,7 @@ def _make_job_arguments(
         raise InputError("command line", "--trajectory", interval_s, allowed)
 
     def make_display(seed: int) -> Any:
-        """Make the display that shows how far the run of a seed has come."""
+        """Make the display of the progress of the run with a seed."""
         return display(0.0, duration_s, step_s, label=f"seed {seed}")
 
     return {
@@ -238,8 +238,8 @@ def _choose_file_name(sample: int | None, apparatus: str) -> str:
     Parameters
     ----------
     sample : int or None
-        The number of the sample, which becomes the name. None for parameters that come
-        from no table: then the bench test does.
+        The number of the sample, which becomes the name. None if the parameters come from
+        no table. The bench test then gives the name.
     apparatus : str
         Name of the bench test.
     """

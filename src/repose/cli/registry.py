@@ -14,7 +14,8 @@ if TYPE_CHECKING:
     from repose.calibrate.study import Study
 
 PROGRAM = "repose"
-# Makes the study of a verb from its options; None for a verb without a study.
+# The type of a function that makes the study of a verb from its options. It is None for a
+# verb without a study.
 Loader: TypeAlias = (
     "Callable[[argparse.Namespace], PipelineConfig | Study | None] | None"
 )
@@ -29,7 +30,7 @@ class Option:
     Parameters
     ----------
     *names : str
-        Its names, such as ``--out``; a positional argument has one, without dashes.
+        Its names, such as ``--out``. A positional argument has one name without dashes.
     recorded : bool, optional
         Whether the record of a result lists the files that the option names.
     **keywords
@@ -69,7 +70,11 @@ CONFIG = Option(
 
 
 class NoteGivenOption(argparse.Action):
-    """An option whose name is noted in ``namespace.given``; the last value counts."""
+    """An option that adds its name to the set ``namespace.given``.
+
+    A verb can then tell an option that the user gave from a default. If an option is
+    repeated, the last value is used.
+    """
 
     def __call__(
         self,
@@ -78,7 +83,7 @@ class NoteGivenOption(argparse.Action):
         values: Any,
         option_string: str | None = None,
     ) -> None:
-        """Store the value; called by argparse."""
+        """Store the value and the name of the option; called by argparse."""
         vars(namespace).setdefault("given", set()).add(self.dest)
         setattr(namespace, self.dest, values)
 
@@ -89,14 +94,14 @@ class Verb(NamedTuple):
     Attributes
     ----------
     run : callable
-        Takes the parsed options, and the study if there is one. It may return an exit
-        status.
+        Function of the parsed options, and of the study if there is one. It may return
+        an exit status.
     options : tuple of Option
         The options.
     study : callable or None
         Makes the study from the parsed options.
     forwards_words : bool
-        Whether unknown words are no error and go into the list ``args.rest``.
+        Whether words that are no options are accepted. They are put into ``args.rest``.
     runs : str
         Whether the results are runs, as in `repose.common.provenance.record_stage`.
     """
@@ -125,7 +130,7 @@ class Verb(NamedTuple):
         return example
 
     def __call__(self, args: argparse.Namespace) -> int | None:
-        """Run the verb; return its exit status, None for 0."""
+        """Run the verb and return its exit status, where None means success."""
         status: int | None
         if self.study is None:
             status = self.run(args)
@@ -134,26 +139,26 @@ class Verb(NamedTuple):
         return status
 
     def add_to(self, subparsers: Any, group: str = "") -> None:
-        """Add the parser of this verb to its group.
+        """Add the parser of this verb to a group of parsers.
 
         Parameters
         ----------
         subparsers
-            Result of `argparse.ArgumentParser.add_subparsers`.
+            Result of `argparse.ArgumentParser.add_subparsers`. It is changed.
         group : str, optional
-            The word before the verb in a call.
+            The word before the verb in a call, such as ``stage``.
         """
-        # Without a group, the second of two blanks is removed below.
+        # Without a group there are two blanks, of which one is removed below.
         call = f"example: {PROGRAM} {group} {self.name} {self.example}"
         parser = subparsers.add_parser(
             self.name,
             description=textwrap.fill(self.summary, HELP_COLUMNS),
             epilog=" ".join(call.split()),
-            # The default formatter would wrap the example, and so break the command.
+            # The default formatter would wrap the example, which breaks the command.
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         parser.set_defaults(verb=self.name)
-        # Note which options the user gives, unless an option has an action of its own.
+        # Record which options the user gives, unless the option has another action.
         for option in self.options:
             keywords = option.keywords
             if not option.is_positional:
@@ -194,15 +199,15 @@ def verb(
 ) -> Callable[[Callable], Callable]:
     """Register a function as the verb of the same name (a decorator).
 
-    The docstring of the function becomes the help. It has a summary and, after
-    ``example:``, the words that follow the verb in a call.
+    The docstring of the function becomes the help. It has a summary and an example. After
+    ``example:`` it gives the words that follow the verb in a call.
 
     Parameters
     ----------
     *options : Option
         Options besides --config and --out.
     out : str, optional
-        Default of --out. Without a default the verb has no such option.
+        Default of --out. If it is None, the verb has no such option.
     config : bool or Option, optional
         An option that replaces `CONFIG`, or False for a verb without a study.
     study : callable or None, optional

@@ -1,4 +1,4 @@
-"""The subcommand that runs a whole study: it calls snakemake with our own workflow."""
+"""The subcommand that runs a whole study by calling snakemake with our own workflow."""
 
 import argparse
 import contextlib
@@ -25,7 +25,8 @@ LIST_KEYWORDS: dict[str, Any] = {
     "recorded": False,
 }
 FILES_HELP = "each over the one before it; one of the program's own needs no copy"
-SIGNAL_STATUS = 128  # exit status of a program that a signal ended, less its number
+# A program that a signal ended has this exit status plus the number of the signal.
+SIGNAL_STATUS = 128
 DRY_RUN_WORDS = {"-n", "--dry-run", "--dryrun"}
 FORWARDED_OPTIONS = (
     "configfile",
@@ -100,9 +101,18 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check_number(option: str, text: str | None, word: str) -> None:
-    """Refuse a number of cores or jobs other than a word of snakemake's or from 1.
+    """Refuse a number of cores or jobs that is neither 1 or more nor a word.
 
-    With 0 snakemake would wait without end.
+    With 0 snakemake would wait for ever.
+
+    Parameters
+    ----------
+    option : str
+        Name of the option.
+    text : str or None
+        Its value; None if the user does not give the option.
+    word : str
+        The word that snakemake accepts in place of a number.
     """
     if text is None:
         return
@@ -112,11 +122,11 @@ def _check_number(option: str, text: str | None, word: str) -> None:
 
 
 def _check_folder(args: argparse.Namespace) -> None:
-    """Refuse a working folder that is missing or that the run may not write to."""
+    """Refuse a working folder that does not exist or cannot be written."""
     if args.directory is not None:
-        is_there = os.path.isdir(args.directory)
+        is_folder = os.path.isdir(args.directory)
         allowed = "a folder that is there"
-        require_option(is_there, "--directory", args.directory, allowed)
+        require_option(is_folder, "--directory", args.directory, allowed)
         return
     is_dry = not DRY_RUN_WORDS.isdisjoint(args.rest)
     if not is_dry and not os.access(".", os.W_OK):
@@ -125,9 +135,10 @@ def _check_folder(args: argparse.Namespace) -> None:
 
 
 def _print_how_to_continue(words: list[str]) -> None:
-    """Print the command that goes on with a run that a signal ended."""
+    """Print the command that continues a run that a signal ended."""
     command = shlex.join(["repose", *words])
-    with contextlib.suppress(OSError):  # the terminal is closed
+    # Ignore the error if the terminal is closed.
+    with contextlib.suppress(OSError):
         print(
             f"\nStopped. What is finished stays; the same command goes on: {command}",
             file=sys.stderr,
@@ -135,7 +146,7 @@ def _print_how_to_continue(words: list[str]) -> None:
 
 
 def _check_configuration_options(args: argparse.Namespace) -> None:
-    """Check --configfile and --config, whose faults snakemake answers with a traceback."""
+    """Check --configfile and --config, because snakemake would end with a traceback."""
     from repose.common.reading import read_yaml
 
     for path in args.configfile:
@@ -153,7 +164,10 @@ def _check_configuration_options(args: argparse.Namespace) -> None:
 
 
 def _nest_in_section(key: str, value: str) -> str:
-    """Write a dotted key as snakemake takes it: the section with its keys in braces."""
+    """Write a value of a dotted key in the form that snakemake accepts.
+
+    This is the section with nested braces, such as ``miga={stop: {rounds: 5}}``.
+    """
     section, *inner = key.split(".")
     for name in reversed(inner):
         value = f"{{{name}: {value}}}"
@@ -161,19 +175,24 @@ def _nest_in_section(key: str, value: str) -> str:
 
 
 def _choose_cache_folder(folder: str) -> None:
-    """Let snakemake and numba keep their caches in a folder if HOME cannot be written."""
-    place = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
-    while not place.exists() and place != place.parent:
-        place = place.parent
-    if not os.access(place, os.W_OK):
+    """Make snakemake and numba use another cache folder if the usual one is read-only.
+
+    In this case the function sets the environment variable XDG_CACHE_HOME to a folder
+    below `folder`.
+    """
+    cache_folder = Path(os.environ.get("XDG_CACHE_HOME") or "~/.cache").expanduser()
+    # If the folder does not exist yet, check the folder in which it would be made.
+    while not cache_folder.exists() and cache_folder != cache_folder.parent:
+        cache_folder = cache_folder.parent
+    if not os.access(cache_folder, os.W_OK):
         os.environ["XDG_CACHE_HOME"] = os.path.abspath(f"{folder}/.snakemake/cache")
 
 
 def _check_targets(words: list[str], arguments: list[str]) -> None:
-    """Explain a target that snakemake did not find, if it looks like a mistyped one.
+    """Refuse a target that snakemake did not find and that is probably mistyped.
 
-    A name must be a rule of the workflow. A path is refused if it resembles a result of
-    the study. All other faults snakemake has already reported.
+    A name must be that of a rule of the workflow. A path is refused if it is similar to
+    the path of a result. Snakemake has already reported all other faults.
 
     Parameters
     ----------
@@ -181,8 +200,13 @@ def _check_targets(words: list[str], arguments: list[str]) -> None:
         The words after `repose run`, without the options of `run` itself.
     arguments : list of str
         Snakemake's command line.
+
+    Raises
+    ------
+    InputError
+        For the first such target.
     """
-    # Targets precede the options. A word after an option may be its value.
+    # Targets come before the options. A word after an option may be its value.
     targets = list(itertools.takewhile(lambda word: not word.startswith("-"), words))
     options = [argument for argument in arguments if argument not in words]
     rule_names = [target for target in targets if target.isidentifier()]
@@ -217,7 +241,7 @@ def _check_rule_names(names: list[str], options: list[str]) -> None:
 
 
 def _check_paths(paths: list[str], options: list[str]) -> None:
-    """Raise InputError for the first path that is nearly the path of a result.
+    """Raise InputError for the first path that is similar to the path of a result.
 
     Parameters
     ----------
@@ -237,7 +261,7 @@ def _check_paths(paths: list[str], options: list[str]) -> None:
 
 
 def _list_with_snakemake(option: str, options: list[str]) -> list[str]:
-    """Return the lines that snakemake prints for an option that runs no job."""
+    """Call snakemake with an option that runs no job, and return the lines it prints."""
     listing = subprocess.run(
         [sys.executable, "-m", "snakemake", *options, option],
         capture_output=True,
@@ -250,7 +274,7 @@ def _list_with_snakemake(option: str, options: list[str]) -> list[str]:
 def build_snakemake_arguments(args: argparse.Namespace) -> list[str]:
     """Build snakemake's command line from the options of `run`.
 
-    By default it runs the workflow and profile of this program on all cores.
+    By default snakemake runs the workflow and the profile of this program on all cores.
     """
     values = dict(vars(args))
     values["snakefile"] = args.snakefile or str(
@@ -264,8 +288,8 @@ def build_snakemake_arguments(args: argparse.Namespace) -> list[str]:
     if not (args.cores or args.jobs or has_profile):
         values["cores"] = "all"
 
-    # The last option in `FORWARDED_OPTIONS` takes exactly one value. It thus cannot swallow the
-    # target that follows.
+    # The last option in `FORWARDED_OPTIONS` takes exactly one value. An option with several
+    # values would read the target that follows as a value.
     words = []
     for name in FORWARDED_OPTIONS:
         value = values[name]
@@ -292,8 +316,8 @@ def call_snakemake(main: Callable[[list[str]], object], arguments: list[str]) ->
     Returns
     -------
     int
-        Snakemake's exit status. If a signal ended the run, the status that a shell
-        gives for this signal.
+        Snakemake's exit status. If a signal ended the run, it is the exit status that a
+        shell uses for this signal.
     """
     status = 0
     with Interruption() as interruption:

@@ -1,4 +1,4 @@
-"""Subcommands beside a study: the simulator's speed, the provenance of a result."""
+"""Subcommands for the speed of the simulator and the provenance of a result."""
 
 import argparse
 import json
@@ -50,7 +50,10 @@ def provenance(args: argparse.Namespace) -> None:
     record = attached.read_record(args.result)
     if record is None:
         raise InputError(
-            args.result, "provenance", None, "a result that a verb of repose wrote"
+            args.result,
+            "provenance",
+            None,
+            allowed="a result that a verb of repose wrote",
         )
 
     # Print the record as it is, or its values in a column.
@@ -64,12 +67,12 @@ def provenance(args: argparse.Namespace) -> None:
 
 
 def _flatten(section: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Put the values of nested mappings into one, by dotted keys.
+    """Convert nested mappings to one mapping with dotted keys.
 
     Parameters
     ----------
     section : mapping
-        Values by key. Mappings may be among them.
+        Values by key, which may be mappings.
     prefix : str, optional
         Dotted key of the section, with a trailing dot; empty for the outermost one.
     """

@@ -1,4 +1,4 @@
-"""Stages of a study with a program of the user's own: its runs, and their responses."""
+"""Stages of a study with the user's own program: its runs, and their responses."""
 
 import argparse
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ PURPOSE = STUDY_SEEDS[1]
 
 
 def _load_external_study(args: argparse.Namespace) -> PipelineConfig:
-    """Load a study with a program of the user's own."""
+    """Load a study with the user's own program; raise InputError for any other study."""
     study = load_study(args)
     _require_program(args, study)
     return study
@@ -34,7 +34,7 @@ def _require_program(
     Raises
     ------
     InputError
-        If the study has none.
+        If the study has no such section.
     """
     if study.simulator is None:
         words = "a section with the command of a program (`repose docs simulators`)"
@@ -103,7 +103,7 @@ def measure_simulated(args: argparse.Namespace, study: PipelineConfig) -> None:
 
 
 def _describe_ending(run: Mapping[str, Any]) -> str:
-    """Describe how a run ended."""
+    """Describe how a run ended: ``ok``, or why it failed."""
     from repose.stages.simulate import OK
 
     if run["status"] == OK:

@@ -12,8 +12,8 @@ from repose.common import places, provenance
 from repose.common.lock import lock_folder_for_job
 from repose.stages.parameter_sets import list_job_files
 
-# Options whose values may be folders: such a folder stands for the files with this ending
-# of all samples. The keys are verb and option.
+# Options that accept a folder in place of files. The folder stands for the files of all
+# samples with this ending. The keys are verb and option.
 FOLDER_OPTIONS = {
     ("dataset", "jobs"): ".json",
     ("measure_runs", "pours"): ".pours.json",
@@ -24,10 +24,11 @@ FOLDER_OPTIONS = {
 def run_as_stage(
     args: argparse.Namespace, runs: Literal["", "made", "measured"] = ""
 ) -> Iterator[None]:
-    """Run a verb as a stage, as a context.
+    """Make a context in which a verb runs as a stage.
 
-    Meanwhile each written file is recorded. If the configuration lies in a folder of
-    results, the folder is held for this job.
+    Each file that is written in the context gets a record of provenance. If the
+    configuration is in a folder of results, the folder is locked for this job. At the end
+    a note is printed if the built-in crop was used.
 
     Parameters
     ----------
@@ -86,7 +87,7 @@ def record_verb(
 
 
 def note_built_in_crop(*files: str) -> None:
-    """Tell the user if the built-in crop stands in for a missing configuration.
+    """Print a note if the built-in crop replaces a missing configuration.
 
     Parameters
     ----------
@@ -112,7 +113,7 @@ def note_built_in_crop(*files: str) -> None:
 def find_input_files(args: argparse.Namespace) -> Iterator[Path]:
     """Yield the existing input files that the recorded options of a verb name.
 
-    If an option names a folder, its dataset.csv is meant.
+    If an option names a folder, the input file is dataset.csv in this folder.
     """
     for option in VERBS[args.verb].options:
         if not option.recorded:
@@ -138,8 +139,8 @@ def _list_paths(args: argparse.Namespace, option: str) -> list[str]:
     Returns
     -------
     list of str
-        Paths, and perhaps other texts. Empty for an option that is not given, or is no
-        text.
+        Paths, and perhaps other texts. Empty if the user does not give the option, or if
+        its value is no text.
     """
     value = getattr(args, option)
 

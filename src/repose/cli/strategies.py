@@ -1,4 +1,4 @@
-"""Subcommands of every strategy with several batches: what is simulated next, the answer."""
+"""Subcommands of strategies with several batches: the next batch, and the answer."""
 
 import argparse
 

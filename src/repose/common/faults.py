@@ -474,7 +474,9 @@ def _describe_unknown_key(
     section = follow_path(config, error.path)
     values = {str(name): value for name, value in section.items()}
     value = values[unknown_name]
-    return YamlError(find_source_file(source, key), key, value, f"a known key; {hint}")
+    return YamlError(
+        find_source_file(source, key), key, value, allowed=f"a known key; {hint}"
+    )
 
 
 def _make_contradiction_faults(

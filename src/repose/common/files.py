@@ -51,7 +51,7 @@ def convert_to_path(name: str, path: Any) -> Path:
         If the value is neither a text nor a path, or the system refuses such a path.
     """
     is_path = isinstance(path, Path_) and bool(str(path))
-    require(is_path, "study", name, path, "the path of a file")
+    require(is_path, "study", name, path, allowed="the path of a file")
     # Ask the system whether it allows such a path. A missing file is no fault here: it is
     # reported when the file is read or written.
     try:
@@ -281,7 +281,7 @@ def read_json(
         kind = keys[key] if isinstance(keys, Mapping) else object
         if key not in content or not isinstance(content[key], kind):
             raise InputError(
-                path, key, content.get(key), f"{_describe_kind(kind)} {what}"
+                path, key, content.get(key), allowed=f"{_describe_kind(kind)} {what}"
             )
     return content
 
@@ -336,7 +336,9 @@ def read_npz(
         with np.load(attached.require_plain_file(path), allow_pickle=False) as store:
             # Check the names before unpacking: a small file may hold gigabytes of zeros.
             for key in keys:
-                require(key in store.files, path, key, None, f"an array in {what}")
+                require(
+                    key in store.files, path, key, None, allowed=f"an array in {what}"
+                )
             arrays = {
                 name: store[name] for name in store.files if name != attached.RECORD_KEY
             }

@@ -74,7 +74,9 @@ def check_replaceable(path: str | os.PathLike) -> None:
     """
     path = Path(path)
     if path.name in ("", "..", LEDGER) or not path.name.isprintable():
-        raise InputError(path, "name", path.name, "a file name of printable characters")
+        raise InputError(
+            path, "name", path.name, allowed="a file name of printable characters"
+        )
     is_free = not os.path.lexists(path) or is_own_file(path)
     require(is_free, path, "file", "there already", REPLACEABLE_FILES)
 

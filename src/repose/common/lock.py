@@ -168,7 +168,7 @@ def _acquire_lock(path: Path, wait: bool = True) -> HeldLock:
             blocked,
             "access",
             "for others",
-            "write access for you; where a group works in one folder, each of its users "
+            allowed="write access for you; where a group works in one folder, each of its users "
             f"sets `umask 002`, and its owner calls `chmod -R g+rwX {path.parent}` once",
         ) from error
     except OSError as error:

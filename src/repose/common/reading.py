@@ -70,7 +70,7 @@ class StrictLoader(yaml.SafeLoader):
             key = self._construct_key(key_node, deep)
             line = self.describe_line(key_node)
             is_new = key not in earlier_keys
-            require(is_new, line, str(key), "given again", "each key once")
+            require(is_new, line, str(key), "given again", allowed="each key once")
             earlier_keys.add(key)
         return super().construct_mapping(node, deep)
 
@@ -192,9 +192,9 @@ def _parse_cached(text: str, name: str) -> Any:
     except yaml.YAMLError as error:
         # Errors without a line, such as an invalid byte.
         one_line = " ".join(str(error).split())
-        raise InputError(name, "content", one_line, "valid YAML") from None
+        raise InputError(name, "content", one_line, allowed="valid YAML") from None
     except OTHER_YAML_ERRORS as error:
-        raise InputError(name, "content", str(error), "valid YAML") from None
+        raise InputError(name, "content", str(error), allowed="valid YAML") from None
 
 
 def _construct(text: str, name: str) -> Any:
@@ -230,7 +230,7 @@ def _construct(text: str, name: str) -> Any:
             name,
             "characters once every alias is replaced",
             n_characters,
-            f"at most {MOST_CHARACTERS}",
+            allowed=f"at most {MOST_CHARACTERS}",
         )
         return loader.construct_document(node)
     finally:

@@ -616,7 +616,7 @@ def read_sheet(path: Path_, what: str = TABLE) -> Table:
     positions = [k for k, name in enumerate(names) if name or (cells[k] != "").any()]
     names = [names[k] for k in positions]
     for name, count in Counter(names).items():
-        require(count == 1, path, "header", name, "each column once")
+        require(count == 1, path, "header", name, allowed="each column once")
     cells = cells[positions].set_axis(names, axis=1)
     if separator in (";", "\t"):
         cells = _replace_decimal_commas(path, cells)

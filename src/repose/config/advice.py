@@ -1,6 +1,6 @@
 """Give hints on the funnel of a study before any grains are poured.
 
-They are about the stiffness, the volume and the number of its grains.
+The hints are about the stiffness, the volume and the number of the grains.
 """
 
 import math
@@ -17,18 +17,19 @@ from repose.config.computed import Grain, compute_diameter_mm
 from repose.dem.laws import ROLLING_LAWS
 from repose.grain.particle import Particle
 
-# Share of its Height by which a pile of soft grains may sink: far below the scatter of
-# piles.
+# Share of its Height by which a pile of soft grains may sink. This is far less than the
+# scatter of piles.
 LARGEST_SINKING = 0.005
-# Slopes of poured grains. A cone with another slope has too few grains, or too many.
+# Smallest and largest slope of poured grains. If a cone of all grains with the height of
+# the target has another slope, the number of grains is wrong.
 SLOPES_DEG = (15.0, 45.0)
-# The volume of a pile may differ from its cone's by this factor: real piles have a
-# rounded top and a tail at the foot.
+# Largest ratio of the volumes of a pile and of its cone, either way. A real pile differs
+# from a cone because it has a rounded top and a tail at the foot.
 VOLUME_FACTOR = 1.5
 
 
 class PileTargets(NamedTuple):
-    """The targets that describe the shape of a pile; each is None if it is no target."""
+    """The targets for the shape of a pile; each is None if the study lacks the target."""
 
     height_mm: float | None
     angle_deg: float | None
@@ -42,7 +43,7 @@ class Softening(NamedTuple):
     sinking : float
         Share of its Height by which the pile sinks under its own weight.
     softest_pa : float
-        Shear modulus with which it sinks by `LARGEST_SINKING`.
+        Shear modulus with which the pile sinks by `LARGEST_SINKING`.
     """
 
     sinking: float
@@ -73,7 +74,8 @@ def give_funnel_hints(
 ) -> Iterator[str]:
     """Yield hints on how the funnel's scene could be improved, each as one line.
 
-    They are about the rolling law, stiffness, volume, funnel and number of grains.
+    The hints are about the rolling law, the stiffness and volume of the grains, the
+    funnel, and the number of grains.
 
     Parameters
     ----------
@@ -128,7 +130,7 @@ def give_funnel_hints(
         definition=definition,
         beginning=beginning,
     )
-    # Leave out the first line of this advice, since the last hint says the same.
+    # Leave out the first line of this advice, because the last hint says the same.
     _, *smaller_scene = scene_size.advice(
         config, grain_mm, height_mm=height_mm, poured=n_grains
     )
@@ -149,15 +151,15 @@ def _describe_number_of_grains(
     definition : str
         Definition of the angle.
     beginning : str
-        Whether the number suits the target pile; the height follows.
+        The first words of the line, which say whether the number suits the target pile.
 
     Returns
     -------
     str
         A line of text.
     """
-    # Use the table of measured piles. It has no pile of more grains, and only some
-    # definitions of the angle: others take the nearest one.
+    # The table of simulated piles has a largest number of grains, and only some
+    # definitions of the angle. Other definitions use the most similar one.
     n_tabulated = min(n_grains, max(scene_size.numbers()))
     tabulated_angle = scene_size.TABULATED.get(definition, definition)
 
@@ -261,9 +263,9 @@ def compute_softening(config: Config, grain: Grain) -> Softening:
 def estimate_pile_height_m(config: Config, grain: Grain) -> float:
     """Estimate the height of the pile from the targets [m].
 
-    If the height is a target, it is this target. If only the angle is, it is the height
-    of a cone of all grains with this angle. Without either target, it is half the height
-    of the outlet.
+    If the study has a target for the height, the result is this target. If it has only
+    a target for the angle, the result is the height of a cone of all grains with this
+    angle. Without either target, the result is half the height of the outlet.
 
     Parameters
     ----------
@@ -342,10 +344,11 @@ def compare_volumes(config: Config, grain_m3: float) -> Filling:
 
 
 def count_needed_grains(config: Config, grain_m3: float) -> int:
-    """Count the grains that fill the target pile, as near to the setting as possible.
+    """Count the grains that fill the target pile.
 
-    Without a target for the height this is the configured number. Without a target for
-    the angle, any slope that poured grains can have is allowed.
+    Without a target for the height, the result is the configured number. Without a target
+    for the angle, the pile may have any slope that poured grains can have, and the result
+    is the possible number that is nearest to the configured one.
 
     Parameters
     ----------

@@ -26,26 +26,32 @@ if TYPE_CHECKING:
     from repose.grain.settings import GrainSettings
     from repose.grain.size_checks import SizeGroups
 
-# A smaller difference between the volumes of particle and mesh does not matter to a pile.
+# A smaller relative difference between the volumes of particle and mesh hardly changes a
+# pile.
 LARGEST_VOLUME_CHANGE = 0.05
-# A smaller spread of the sizes hardly changes a pile, and so does a smaller distance of
-# two groups.
+# A smaller relative spread of the sizes, or a smaller distance between two groups of
+# sizes, hardly changes a pile.
 LARGEST_SPREAD = 0.1
-# Mass and density are measured to about one percent each.
+# Largest share by which the volume from mass and density may exceed the largest possible
+# volume. Mass and density are each measured to about one percent.
 LARGEST_EXCESS = 0.02
-FEWEST_PILES = 3  # a standard deviation of fewer is a guess
-LONGEST_TRIAL_S = 60.0  # of a trial run, as estimated
-# Restitution and friction of the trial runs, as shares of their ranges.
+# A standard deviation of fewer piles is very uncertain.
+FEWEST_PILES = 3
+# Trial runs are skipped if one would take longer than this.
+LONGEST_TRIAL_S = 60.0
+# Shares of their ranges at which the trial runs have the restitutions, and all other
+# parameters.
 TRIAL_SHARES = {
     "most bounce, least friction": (1.0, 0.0),
     "centre of the ranges": (0.5, 0.5),
     "least bounce, most friction": (0.0, 1.0),
 }
-# A target this far beyond the trial runs, as a share of their spread, is worth a warning.
-# Three single runs seldom hold the extremes: of the runs of config/paper.yaml, whose trials
-# end at 30.5 degrees and spread over 11.8, 2.5 % are 0.4 spreads steeper or more.
+# A target that lies further outside the trial runs than this share of their span gets a
+# warning. Three single runs seldom include the extremes. In config/paper.yaml the trial
+# runs span 11.8 degrees and end at 30.5 degrees. There 2.5 % of all runs are steeper by
+# 0.4 spans or more.
 LARGEST_DISTANCE_FROM_TRIALS = 0.5
-# A time step that could be longer by this factor is worth a hint.
+# A hint is given if the advised time step is longer than the study's by this factor.
 WORTHWHILE_RATIO = 1.5
 # Widths of the columns in the table of costs.
 COST_COLUMNS = {
@@ -62,7 +68,7 @@ ShowMessage = Callable[[str], AbstractContextManager[None]]
 def propose_smaller_scene(files: Iterable[str], grains: int) -> Iterator[str]:
     """Describe how to scale down a scene with too many grains.
 
-    Yield nothing if the configuration has other faults, too.
+    The function yields nothing if the configuration has other faults, too.
 
     Parameters
     ----------
@@ -79,8 +85,8 @@ def propose_smaller_scene(files: Iterable[str], grains: int) -> Iterator[str]:
     if grains <= MOST_BERRIES:
         return
 
-    # The advice needs a valid study. Take the largest allowed number of grains, and let
-    # the program compute what depends on it.
+    # The advice needs a valid study. Use the largest allowed number of grains, and let the
+    # program compute the keys that depend on it.
     largest_funnel: dict[str, Any] = {"berries": MOST_BERRIES}
     for name in scene_size.COMPUTED_KEYS:
         largest_funnel[name] = "auto"
@@ -99,8 +105,8 @@ def propose_smaller_scene(files: Iterable[str], grains: int) -> Iterator[str]:
 def describe_study(study: PipelineConfig) -> Iterator[str]:
     """Describe the targets, time step, scene and grain of a study line by line.
 
-    The first lines say whether a pile can reach the targets at all. Where a line begins
-    with ok, there is nothing to do; a WARNING says what may help.
+    The first lines say whether a pile can meet the targets at all. A line that begins
+    with ok needs no action. A line with WARNING says what may help.
 
     Parameters
     ----------
@@ -116,15 +122,15 @@ def describe_study(study: PipelineConfig) -> Iterator[str]:
     grain = study.grain
     particle = study.particle
 
-    # Targets and ranges. The study's own runs, if there are any, show what angles its
-    # piles have.
+    # Targets and ranges. If the study has runs already, they show which angles its piles
+    # can have.
     dataset_csv = dependencies.find_own_dataset(config)
     for assessment in reach.assess_targets(config, particle, dataset_csv).values():
         yield describe_reach(assessment)
     for sentence in wide_ranges(study.settings.parameters.entries):
         yield f"ranges: WARNING: {sentence}"
 
-    # The time step, and what it does to a hit.
+    # The time step, and the restitution that a hit has with it.
     limit = computed.find_longest_step(config, particle, grain)
     yield describe_time_step(study.settings.simulation.time_step_s, limit)
     lowest_values = {}
@@ -159,12 +165,15 @@ def describe_reach(assessment: reach.Reach) -> str:
 
 
 def is_coarse(particle: "Particle") -> bool:
-    """Tell whether the volume of a particle is far from that of its mesh."""
+    """Tell whether the volume of a particle differs much from that of its mesh."""
     return abs(_compute_volume_change(particle)) > LARGEST_VOLUME_CHANGE
 
 
 def _compute_volume_change(particle: "Particle") -> float:
-    """Return by what share a particle is larger than its mesh; 0 without a mesh."""
+    """Compute the relative difference of the volumes of a particle and its mesh.
+
+    It is 0 for a particle without a mesh.
+    """
     if not particle.mesh_volume_m3:
         return 0.0
     return float(particle.volume_m3 / particle.mesh_volume_m3 - 1)
@@ -177,7 +186,7 @@ def _describe_grain(study: PipelineConfig) -> Iterator[str]:
     if is_coarse(particle):
         yield _describe_volume(section, 100 * _compute_volume_change(particle))
 
-    # A scan has a volume, and so with the density a mass.
+    # The volume of a scan and the density already give the mass.
     if section.stl is not None and section.mass_g is not None:
         mass_g = 1e3 * particle.mass_kg
         yield (
@@ -185,7 +194,7 @@ def _describe_grain(study: PipelineConfig) -> Iterator[str]:
             "berry.mass_g is not used"
         )
 
-    # Measured forces give the moduli only where the configuration gives none.
+    # Measured forces are used only if the configuration gives no moduli.
     has_moduli = (
         section.shear_modulus_pa is not None and section.poisson_ratio is not None
     )
@@ -199,7 +208,7 @@ def _describe_grain(study: PipelineConfig) -> Iterator[str]:
 def _describe_volume(section: "GrainSettings", percent: float) -> str:
     """Describe a particle whose volume differs by some percent from that of its mesh.
 
-    A number of spheres in the configuration is a choice, which needs no warning.
+    If the user has chosen the number of spheres, the line is no warning.
     """
     differs = f"its volume differs by {percent:+.0f} % from that of the mesh"
     if section.particle == "multisphere" and isinstance(section.spheres, int):
@@ -251,14 +260,14 @@ def _describe_sizes(study: PipelineConfig) -> Iterator[str]:
 
 
 def _describe_groups(groups: "SizeGroups", distribution: str) -> str:
-    """Describe two groups of sizes, and what is poured in their place.
+    """Describe two groups of sizes, and the grains that are poured instead.
 
     Parameters
     ----------
     groups : SizeGroups
         The number of grains and the mean diameter of each group.
     distribution : str
-        `berry.size_distribution`: whether all grains are poured alike.
+        The key `berry.size_distribution`, which says whether all grains are equal.
     """
     n_grains = sum(groups.counts)
     parts = [
@@ -287,7 +296,7 @@ def _describe_spread(
     spread : float
         Standard deviation of the equivalent diameter over its mean.
     lost_share : float
-        Share of the mean volume that a grain with the mean axes falls short of.
+        Share of the mean volume that a grain with the mean axes lacks.
     """
     percent = rounded(100 * spread, 2)
     text = f"sizes: WARNING: the equivalent diameter scatters by {percent} %"
@@ -315,7 +324,7 @@ def _describe_spread(
 
 
 def describe_time_step(step_s: float, limit: "Limit") -> str:
-    """Compare the time step with its maximum, and say what a longer one would save.
+    """Compare the time step with its maximum, and describe the gain of a longer one.
 
     Parameters
     ----------
@@ -357,14 +366,15 @@ def run_trials(
 ) -> Iterator[str]:
     """Run each bench test of the targets at three points of the parameter ranges.
 
-    Describe each run in a line, and warn of each target far outside the results.
+    The lines describe each run, and warn of each target far outside the results.
 
     Parameters
     ----------
     study : PipelineConfig
         The study.
     grain_step_s : float
-        Time for one step of one grain [s]. Bench tests that would run long are skipped.
+        Time for one step of one grain [s]. It serves to skip bench tests that would take
+        longer than `LONGEST_TRIAL_S`.
     show_message : callable
         Returns a context manager that shows a sentence during the runs.
 
@@ -398,8 +408,8 @@ def run_trials(
 def _choose_trial_sets(study: PipelineConfig) -> list[dict[str, float]]:
     """Return the parameters of the trial runs, in the order of `TRIAL_SHARES`.
 
-    Each free parameter lies at a share of its range, which `TRIAL_SHARES` gives for the
-    restitutions and for all other parameters, such as friction.
+    `TRIAL_SHARES` gives the share of its range at which each free parameter lies. It has
+    one share for the restitutions and one for all other parameters, such as friction.
     """
     space = study.parameters
     is_restitution = np.array([name.startswith("e_") for name in space.free])
@@ -439,7 +449,7 @@ def _warn_of_trials(
         )
         return
 
-    # Compare each target of this bench test with the span of the runs.
+    # Compare each target of this bench test with the range of the runs.
     responses = test.target_responses(study.config)
     for target in study.targets:
         if target.response not in responses:
@@ -473,7 +483,7 @@ def tabulate_costs(
     Yields
     ------
     str
-        A line of the table; below it, why a strategy is missing from the table.
+        A line of the table. The lines after the table say why a strategy is not in it.
     """
     # Find the strategies that cannot run with this configuration.
     settings = study.settings
@@ -567,8 +577,8 @@ def list_studies(files: list[str]) -> str:
     Returns
     -------
     str
-        A text of several lines. If the configuration is incomplete or faulty, it has no
-        costs.
+        A text of several lines. It has no costs if the configuration is incomplete or
+        faulty.
 
     Raises
     ------
@@ -601,7 +611,7 @@ def list_studies(files: list[str]) -> str:
 
 
 def _list_studies_of_program(study: PipelineConfig) -> str:
-    """List what a study can run whose runs another program makes."""
+    """List the targets of a study whose runs are made by another program."""
     lines = [f"repose run TARGET; without one, all of calibration. Studies of {study}:"]
     for target in ("calibration", "uncertainty", *strategies.others()):
         sentence = cost.STUDY_SUMMARIES.get(target, "Another way to calibrate.")

@@ -1,6 +1,6 @@
-"""Compute the settings that the configuration leaves to the program as `auto`.
+"""Compute the settings for which the configuration has `auto` in place of a number.
 
-Only files that a user writes hold `auto`; files that a study writes hold the number.
+Only files of a user have `auto`. Files that a study writes have the number.
 """
 
 import math
@@ -24,23 +24,23 @@ if TYPE_CHECKING:
 
 # Pixels of a simulated pile's picture over the grain's equivalent diameter.
 PIXELS_A_GRAIN = 32
-# The longest time step is an estimate: the computed one keeps a margin.
+# Share of the longest time step that is used. The longest one is only an estimate.
 STEP_SHARE = 0.8
 
-# Limits of rest and times, in the units of a grain (`repose.bench.grain_scale`). To two
-# digits they are those of the goji berry's study.
+# Limits at which a pile is at rest, and times, in the units of a grain
+# (`repose.bench.grain_scale`). The values are chosen so that, to two digits, they give
+# the numbers of the goji berry's study.
 REST_ENERGY = 5.8e-6  # mean kinetic energy of a grain
-REST_MOTION = 1 / 14  # way of a grain in a rest window
-REST_WINDOW = 5.3
-# From the arrival of the last grain until the pile rests: with the lowest friction of
-# the crops it took 13 to 27, for grains of 2 to 75 mm.
+REST_MOTION = 1 / 14  # distance that a grain moves in a rest window
+REST_WINDOW = 5.3  # duration of this window
+# Time from the arrival of the last grain until the pile is at rest. With the lowest
+# friction of the crops it took 13 to 27 units, for grains of 2 to 75 mm.
 REST_TIME = 40
 
 # Beverloo's law for the discharge of grains from an opening.
 BEVERLOO_FACTOR = 0.58
-BEVERLOO_EDGE_DIAMETERS = (
-    1.4  # diameters of a grain by which the opening seems narrower
-)
+# No grains flow at the edge of the opening. This is its width in diameters of a grain.
+BEVERLOO_EDGE_DIAMETERS = 1.4
 
 Grain = Mapping[str, Any]  # the mean grain, as in berry.json
 
@@ -53,10 +53,10 @@ class ComputedSetting(NamedTuple):
     section, name : str
         The key.
     reads : tuple of str
-        The sections, and keys outside sections, that the number follows from.
+        The sections, and keys outside sections, on which the number depends.
     compute : callable
         Computes the number from the configuration, the mean grain and its particle. The
-        last two are None unless `needs_grain`.
+        last two may be None if `needs_grain` is false.
     """
 
     section: str
@@ -71,7 +71,7 @@ class ComputedSetting(NamedTuple):
 
     @property
     def needs_grain(self) -> bool:
-        """Whether the number follows from the grain."""
+        """Whether the number depends on the grain."""
         return "berry" in self.reads
 
 
@@ -81,12 +81,13 @@ def find_settings_to_compute(config: Config) -> list[ComputedSetting]:
     Parameters
     ----------
     config : mapping
-        The configuration, which need not be valid. Sections that it lacks are left out.
+        The configuration, which need not be valid. Settings of missing sections are
+        left out.
 
     Returns
     -------
     list of ComputedSetting
-        In the order in which they are computed.
+        The settings, in the order in which they are computed.
     """
     settings = []
     for setting in COMPUTED_SETTINGS:
@@ -101,7 +102,7 @@ def find_settings_to_compute(config: Config) -> list[ComputedSetting]:
 def replace_setting(
     config: Config, setting: ComputedSetting, value: Any
 ) -> dict[str, Any]:
-    """Copy a configuration, and replace the value of one of its settings."""
+    """Return a copy of a configuration in which one setting has another value."""
     section = {**config[setting.section], setting.name: value}
     return {**config, setting.section: section}
 
@@ -132,7 +133,7 @@ def find_longest_step(
     ranges = find_ranges(config)
 
     # Make the parameter set that needs the shortest step. A low restitution means strong
-    # damping, which requires a short step. Take the lowest value of each parameter among
+    # damping, which requires a short step. So use the lowest value of each parameter in
     # all sets that are simulated.
     simulated_sets = [{name: ranges[name][0] for name in PARAMETERS}]
     simulated_sets += read_parameter_sets(settings.validation.published)
@@ -140,8 +141,8 @@ def find_longest_step(
     for name in PARAMETERS:
         critical_set[name] = min(values[name] for values in simulated_sets)
 
-    # Additional parameters of contact laws, such as cohesion, make contacts stiffer. Take
-    # their highest value.
+    # Additional parameters of contact laws, such as cohesion, make contacts stiffer, which
+    # also requires a short step. So use their highest value.
     for name in LAW_PARAMETERS:
         if name in ranges:
             critical_set[name] = ranges[name][1]
@@ -152,7 +153,7 @@ def find_longest_step(
 def find_ranges(config: Config) -> dict[str, tuple[float, float]]:
     """Return the lowest and the highest value of each parameter of a study.
 
-    For a fixed parameter both are its value.
+    For a fixed parameter both are equal to its value.
     """
     entries = select_valid_sections(config).parameters.entries
     return {name: range_of(name, entry, ALLOWED) for name, entry in entries.items()}
@@ -165,7 +166,7 @@ def round_down(value: float, digits: int) -> float:
 
 
 def advise_time_step_s(longest_s: float) -> float:
-    """Recommend a time step: `STEP_SHARE` of the longest, rounded down to two digits."""
+    """Advise a time step [s]: `STEP_SHARE` of the longest, rounded down to two digits."""
     return round_down(STEP_SHARE * longest_s, digits=2)
 
 
@@ -188,7 +189,7 @@ def _choose_split(config: Config, _grain: Grain, _particle: "Particle") -> Any:
 
 
 def _choose_mm_per_pixel(_config: Config, grain: Grain, _particle: "Particle") -> float:
-    """Choose the size of a pixel, so small that a grain is round in the picture [mm]."""
+    """Choose a size of the pixels that is small compared with a grain [mm]."""
     size = float(f"{compute_diameter_mm(grain) / PIXELS_A_GRAIN:.2g}")
     return min(max(size, FINEST_MM_PER_PIXEL), COARSEST_MM_PER_PIXEL)
 
@@ -205,7 +206,8 @@ def _choose_factory_diameter_mm(
 ) -> float:
     """Choose the diameter of the disc in which grains appear [mm].
 
-    It is the inlet without a margin of half a grain, and at least half of the inlet.
+    The disc leaves a margin of half a grain inside the inlet, but has at least half the
+    diameter of the inlet.
     """
     inlet_mm = select_valid_sections(config).funnel.inlet_diameter_mm
     longest_axis_mm = max(list_axes_mm(grain))
@@ -239,7 +241,7 @@ def _estimate_duration_s(config: Config, grain: Grain, particle: "Particle") -> 
         flow_per_s = min(flow_per_s, discharge_per_s)
     pour_s = funnel.berries / flow_per_s
 
-    # Time of its fall. A negative height is refused by another rule.
+    # Time of its fall. Another rule refuses a negative height, so ignore it here.
     fall_m = max(funnel.funnel.inlet_height_m, 0.0)
     fall_s = math.sqrt(2 * fall_m / gravity_m_s2)
 

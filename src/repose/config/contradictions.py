@@ -21,7 +21,7 @@ from repose.calibrate.parameter_types import constraint_faults
 from repose.calibrate.strategies import obeying_strategies, strategy
 from repose.config.models import StudySettings, select_valid_sections
 
-# Dotted keys, each with its allowed values.
+# Pairs of a dotted key and its allowed values.
 KeyFaults = Iterator[tuple[str, str]]
 
 
@@ -31,7 +31,8 @@ class Rule(NamedTuple):
     Attributes
     ----------
     reads : tuple of str
-        Sections, and keys outside sections; the rule is applied if none has a fault.
+        Sections, and keys outside sections, on which the rule depends. The rule is
+        applied only if none of them has a fault.
     find_faults : callable
         Yields the dotted key and the allowed values of each fault.
     """
@@ -43,7 +44,8 @@ class Rule(NamedTuple):
 def list_rules_before_numbers(config: Mapping[str, Any]) -> list[Rule]:
     """List the rules that are applied before any `auto` is computed.
 
-    They protect the computation: a time step needs the constants of the contact law.
+    The computation of `auto` relies on these rules. For example, a time step needs the
+    constants of the contact law.
 
     Parameters
     ----------
@@ -103,12 +105,12 @@ def list_rules_after_numbers(config: Mapping[str, Any]) -> list[Rule]:
 
 
 def find_tests_in_use(config: Mapping[str, Any]) -> list[BenchTest[Any]]:
-    """Return the bench tests whose section is in the configuration."""
+    """Find the bench tests that have a section in the configuration."""
     return [test for test in bench_tests() if test.name in config]
 
 
 def _find_strategy_faults(settings: StudySettings) -> KeyFaults:
-    """Yield faults of values with which the strategy cannot run."""
+    """Yield the faults of values with which the strategy cannot run."""
     from repose.calibrate.strategies import cost
 
     name = settings.strategy
@@ -121,9 +123,10 @@ def _find_strategy_faults(settings: StudySettings) -> KeyFaults:
 
 
 def _find_constraint_faults(settings: StudySettings) -> KeyFaults:
-    """Yield a fault for constraints that the study cannot meet.
+    """Yield the faults of constraints that the study cannot obey.
 
-    They may allow too little of the ranges, or the strategy does not obey them.
+    The constraints may allow too small a part of the ranges, or the strategy may not
+    support constraints.
     """
     if settings.constraints is None:
         return
@@ -144,7 +147,7 @@ def _find_surrogate_faults(settings: StudySettings) -> KeyFaults:
     if n_training >= n_needed:
         return
 
-    # Name the surrogates that can do with so few samples.
+    # Name the surrogates that need no more samples than there are.
     suitable = [
         name
         for name in names()
@@ -158,7 +161,7 @@ def _find_surrogate_faults(settings: StudySettings) -> KeyFaults:
 
 
 def _find_validation_faults(settings: StudySettings) -> KeyFaults:
-    """Yield a fault if too few validation samples show the noise of all targets."""
+    """Yield a fault if there are too few validation samples to estimate the noise."""
     n_targets = len(settings.targets)
     if (
         settings.network.validation_noise
@@ -181,12 +184,13 @@ def _count_design_samples(settings: StudySettings, part: int) -> int:
     part : int
         0 for the training samples, 1 for those of the validation.
     """
-    # The floating-point product may lie just below an integer: 0.7 * 90 is 62.99999.
+    # Rounding may put the product just below an integer, as 0.7 * 90 is 62.99999. Add a
+    # small number before cutting off the decimals.
     return int(settings.network.split[part] * settings.design.samples + 1e-9)
 
 
 def _find_contact_law_faults(settings: StudySettings) -> KeyFaults:
-    """Yield faults of laws that lack parameters, and of parameters that lack their law."""
+    """Yield faults of laws without their parameters, and of parameters without a law."""
     contact_law = settings.simulation.contact_law
     rolling_law = settings.simulation.rolling_law
     entries = settings.parameters.entries
@@ -220,10 +224,9 @@ def _find_contact_law_faults(settings: StudySettings) -> KeyFaults:
 
 
 def _find_seed_faults(settings: StudySettings) -> KeyFaults:
-    """Yield a fault for each bench test with too few runs of a sample to compare them.
+    """Yield a fault for each bench test with fewer than two runs of a sample.
 
-    With `network.replicates` the noise comes from the runs of one sample, so a single
-    run shows none.
+    With `network.replicates` the noise is estimated from several runs of one sample.
     """
     if not settings.network.replicates:
         return

@@ -18,26 +18,30 @@ from repose.config.models import StudySettings, select_valid_sections
 from repose.grain.particle import Particle
 from repose.stages.published import list_sets_to_simulate
 
-# Measured on one core of a common server.
+# Times that were measured on one core of a common server: of one step of one grain, and
+# of the measurement of one view of a pile.
 SECONDS_PER_GRAIN_STEP = 8e-8
 SECONDS_PER_VIEW = 0.01
-# Start of the two processes of a job: its simulation and its measurement.
+# Time to start the two processes of a job, which simulate and measure.
 JOB_START_S = 2.5
-# All of a study but its runs: posterior, figures, film, report, and snakemake itself.
+# Time of a study without its runs: posterior, figures, film, report, and snakemake.
 OTHER_WORK_S = 120.0
 
-# The simulation that is timed takes about half a second on one core.
-TIMED_POUR_S = 1.5  # simulated time
-TIMED_GRAIN_STEPS = 1.0e7  # time steps times grains
-FEWEST_TIMED_GRAINS = 20  # grains
-# It is repeated, and the shortest time counts: other programs only slow it down.
+# Simulated time of the pour that is timed. The number of its grains is chosen so that
+# grains times steps give this product, which takes about half a second on one core.
+TIMED_POUR_S = 1.5
+TIMED_GRAIN_STEPS = 1.0e7
+FEWEST_TIMED_GRAINS = 20
+# The pour is repeated and the shortest time is used, because other programs only make a
+# pour slower.
 N_TIMED_POURS = 3
 
-BYTES_PER_GRAIN = 62  # of a saved run, measured
-# Keys with the number of runs of a parameter set end with one of these.
+# Disk space of a saved run for each grain, as measured.
+BYTES_PER_GRAIN = 62
+# Keys with the number of runs of a parameter set end with one of these texts.
 SEED_KEY_ENDINGS = ("seeds", "checks")
-# The runs of a study: purpose, number of parameter sets, seeds of each parameter set.
-# Those that check an answer are `CheckRuns`.
+# The runs of a study. Each entry has a purpose, the number of parameter sets and the
+# number of seeds of each set. Entries for the check of an answer are `CheckRuns`.
 Pours = Sequence[tuple[str, int, int]]
 
 
@@ -66,7 +70,8 @@ def estimate_run_s(
     duration_s = bench(name).duration_s(SceneSettings(config))
     n_grains = count_grains(settings, name)
 
-    # While grains are poured, half of them are there on average. Count this time half.
+    # While grains are poured, only half of them are present on average. So count half of
+    # this time.
     pouring_s = min(duration_s, n_grains / _find_pouring_rate_per_s(settings, name))
     filled_s = duration_s - 0.5 * pouring_s
     return grain_step_s * n_grains * filled_s / settings.simulation.time_step_s
@@ -75,8 +80,9 @@ def estimate_run_s(
 def count_grains(settings: StudySettings, name: str) -> int:
     """Return the number of grains in a bench test.
 
-    It is 1 for a bench test of a single grain. A bench test that is filled to a height
-    counts as many grains as the funnel, since the size of a grain is not known here.
+    It is 1 for a bench test of a single grain. For a bench test that is filled to a
+    height it is the number of grains in the funnel, because the size of a grain is not
+    known here.
     """
     grains: int | None = getattr(settings.get_bench_section(name), "berries", 1)
     if grains is None:
@@ -85,7 +91,7 @@ def count_grains(settings: StudySettings, name: str) -> int:
 
 
 def _find_pouring_rate_per_s(settings: StudySettings, name: str) -> float:
-    """Find how many grains are poured per second; infinite if all start at once."""
+    """Find the number of grains poured per second; infinite if all start together."""
     rate: float = getattr(settings.get_bench_section(name), "rate_per_s", math.inf)
     return rate
 
@@ -104,7 +110,7 @@ def _list_tests_of_targets(settings: StudySettings) -> list[str]:
 
 
 def list_strategy_pours(settings: StudySettings, name: str) -> Pours | None:
-    """Count the most runs of a strategy; None for the article's method."""
+    """List the largest numbers of runs of a strategy; None for the article's method."""
     return strategies.pours(name, settings.get_strategy_section(name), settings.free)
 
 
@@ -195,7 +201,7 @@ def measure_grain_step_s(
         )
         start_s = time.perf_counter()
         cpu_start_s = time.process_time()
-        # Do not stop at rest: a pile that rests early leaves too few steps to time.
+        # Do not stop at rest, because an early stop would leave too few steps.
         run = FunnelTest().pour(scene, until_rest=False)
         cpu_s = time.process_time() - cpu_start_s
 
@@ -233,8 +239,8 @@ def estimate_work(
     settings = select_valid_sections(config)
     target_tests = _list_tests_of_targets(settings)
 
-    # Compute the time of one run in each bench test. The drum is among them because it
-    # checks the answer of every study.
+    # Compute the time of one run in each bench test. Include the drum, because it checks
+    # the answer of every study.
     views_s = SECONDS_PER_VIEW * settings.measure.views
     times_s = {"funnel": estimate_run_s(config, "funnel", grain_step_s) + views_s}
     for test in (*target_tests, "drum"):

@@ -1,8 +1,9 @@
 """Select the settings on which each stage of the workflow depends.
 
-They are those that the stage itself reads, and those of the results that it reads. A
-rule hands them to Snakemake as a parameter, so that their change runs the stage again.
-The record of a result has them, so that a result of other settings is found.
+A stage depends on the settings that it reads itself, and on the settings of the results
+that it reads. A rule gives them to Snakemake as a parameter, so that the stage runs again
+when they change. They are also written into the record of each result, so that a result
+of other settings can be recognised.
 """
 
 from collections.abc import Iterable, Mapping
@@ -29,16 +30,19 @@ from repose.config.loader import is_external
 from repose.config.models import list_file_keys, make_targets
 from repose.config.results_folder import name_run_folder
 
-# Entries that are no keys of a configuration:
-RESPONSES = "responses"  # names and definitions of the targets, without their values
-SCENE = "scene"  # hash of what a measured run depends on
-MEASURED_BY = "measured_by"  # keys by which any bench test is measured
-SIMULATOR = (
-    "simulator"  # the program of the user's own, as far as its runs depend on it
-)
+# These entries are no keys of a configuration. They are computed from it.
+# Names and definitions of the targets, without their values.
+RESPONSES = "responses"
+# A hash of everything on which a measured run depends.
+SCENE = "scene"
+# The keys that say how the runs of bench tests are measured.
+MEASURED_BY = "measured_by"
+# The part of the section of a user's own program on which its runs depend.
+SIMULATOR = "simulator"
 
-# Sections and dotted keys that each stage reads. A stage that is not here reads the
-# settings of a bench test, or all settings. A test compares them with the code.
+# Sections and dotted keys that each stage reads. A stage that is missing here reads the
+# settings of a bench test, or may read any setting. A test compares this table with the
+# keys that the code of the stages really reads.
 STAGE_KEYS: dict[str, tuple[str, ...]] = {
     "berry": ("berry",),
     "shape": ("berry",),
@@ -73,8 +77,9 @@ STAGE_KEYS: dict[str, tuple[str, ...]] = {
     "conclude": ("parameters", "targets", "measure"),
     "simulate": (SIMULATOR, "design.seed"),
 }
-# Stages whose results a stage reads, directly. `RUNS_OF_TARGETS` are the runs of the targets.
+# Stands for the runs of all bench tests of the targets.
 RUNS_OF_TARGETS = "runs"
+# For each stage, the stages whose results it reads directly.
 STAGE_SOURCES: dict[str, tuple[str, ...]] = {
     "dataset": (RUNS_OF_TARGETS,),
     "network": ("dataset",),
@@ -89,8 +94,8 @@ STAGE_SOURCES: dict[str, tuple[str, ...]] = {
     "next": ("plausible",),
     "conclude": (RUNS_OF_TARGETS,),
 }
-# Stages whose results are compared with a study. Rules choose the keys of pictures, and
-# of the studies in `research`.
+# Stages whose results are compared with the settings of a study. Other results, such as
+# pictures, are left out, because their rules choose the settings themselves.
 COMPARED_STAGES = {
     *STAGE_KEYS,
     "pour",
@@ -101,7 +106,8 @@ COMPARED_STAGES = {
     "propose",
     "material_card",
 }
-# No result depends on the name of the study, its folder, or the format of its figures.
+# Keys on which no result depends: the name of the study, its folder, and the format of
+# its figures.
 KEYS_WITHOUT_EFFECT = ("label", "results_dir", "figures")
 
 
@@ -120,16 +126,16 @@ def select_stage_settings(
     stage : str
         Name of the stage.
     apparatus : str, optional
-        Bench test of a stage that simulates or measures; by default the funnel. Other
-        stages ignore it.
+        Bench test of a stage that simulates or measures. The default is the funnel.
+        Other stages ignore it.
     strategy_name : str, optional
-        Strategy of the stages `propose` and `conclude`. Other stages have none.
+        Strategy of the stages `propose` and `conclude`; None for any other stage.
 
     Returns
     -------
     dict
-        Values by section or dotted key. A hash of its content stands in place of the
-        path of a file.
+        Values by section or dotted key. The path of a file is replaced by a hash of its
+        content.
     """
     selected = _select_settings_with_paths(
         config, stage, apparatus or UNNAMED, strategy_name
@@ -156,7 +162,7 @@ def _select_settings_with_paths(
     Returns
     -------
     dict
-        Values by section or dotted key. Named files appear as paths.
+        Values by section or dotted key. Files appear as paths.
     """
     # The runs of another program depend on its own section.
     if is_external(config) and stage in (RUNS_OF_TARGETS, "measure_simulated"):
@@ -178,7 +184,7 @@ def _select_settings_with_paths(
     if keys is None:
         return _select_all_settings(config)
 
-    # It also depends on the settings behind the results that it reads.
+    # The stage also depends on the settings of the stages whose results it reads.
     selected: dict[str, Any] = {}
     for source_stage in STAGE_SOURCES.get(stage, ()):
         selected |= _select_settings_with_paths(config, source_stage, test, None)
@@ -206,7 +212,7 @@ def _find_keys_of_stage(
     stage_keys = STAGE_KEYS.get(stage)
     if strategy_name is None:
         return stage_keys
-    # A strategy may leave open what it reads.
+    # A strategy need not declare which keys it reads.
     strategy_keys = strategy(strategy_name).reads
     if strategy_keys is None:
         return None
@@ -221,7 +227,7 @@ def _select_all_settings(config: Config) -> dict[str, Any]:
 
 
 def _select_external_run_settings(config: Config) -> dict[str, Any]:
-    """Select the settings of the measured runs of a program of the user's own."""
+    """Select the settings of the measured runs of the user's own program."""
     return select_sections(
         config, *STAGE_KEYS["simulate"], "measure"
     ) | select_responses(config)
@@ -237,7 +243,7 @@ def _select_target_run_settings(config: Config) -> dict[str, Any]:
 
 
 def _select_run_settings(config: Config, test: str) -> dict[str, Any]:
-    """Select the settings of a run of a bench test, and of its measurement."""
+    """Select the settings for a run of a bench test and for its measurement."""
     return select_simulation_settings(config, test) | select_measurement_settings(
         config, test
     )
@@ -256,7 +262,7 @@ def select_sections(config: Config, *keys: str) -> dict[str, Any]:
     Returns
     -------
     dict
-        Values by key; all mappings are sorted, since Snakemake compares texts.
+        Values by key. All mappings are sorted, because Snakemake compares their texts.
     """
     selected: dict[str, Any] = {}
     for key in keys:
@@ -279,10 +285,11 @@ def select_sections(config: Config, *keys: str) -> dict[str, Any]:
 
 
 def _select_simulator_settings(config: Config) -> dict[str, Any]:
-    """Select what the runs of a program depend on, with the content of its files.
+    """Select the settings on which the runs of a program depend.
 
-    Neither its name nor its memory changes a result. A kept run stays as it is where the
-    time limit changes, and one that it ended is made again.
+    Hashes replace the files that the program reads. The name and the memory of the
+    program are left out, because they change no result. If the time limit changes, runs
+    that have ended by themselves are kept, and runs that it has stopped are repeated.
     """
     section = {
         key: value
@@ -298,7 +305,7 @@ def _select_simulator_settings(config: Config) -> dict[str, Any]:
 
 
 def _select_measurement_keys(config: Config) -> dict[str, Any]:
-    """Select the keys by which the runs of any configured bench test are measured."""
+    """Select the keys that say how runs are measured, for all configured bench tests."""
     selected: dict[str, Any] = {}
     for test in bench_tests():
         if config.get(test.name):
@@ -314,7 +321,7 @@ def _sort_mappings(value: Any) -> Any:
 
 
 def _select_test_keys(config: Config, test: str, keys: Iterable[str]) -> dict[str, Any]:
-    """Select keys of the section of a bench test, as dotted keys."""
+    """Select the values of a bench test's own keys, as a mapping from dotted keys."""
     return select_sections(config, *(f"{test}.{key}" for key in keys))
 
 
@@ -323,7 +330,7 @@ def select_simulation_settings(
 ) -> dict[str, Any]:
     """Select the settings that one run of a bench test reads.
 
-    Neither its measurement nor the number of its seeds is among them.
+    The number of seeds and the keys of the measurement are left out.
     """
     without_effect = ("seeds", *bench(apparatus).measured_by)
     section = select_sections(config, apparatus)[apparatus]
@@ -347,9 +354,9 @@ def select_measurement_settings(
 def hash_scene(config: Config) -> str:
     """Hash everything besides the engine that a measured run depends on.
 
-    This is the grain, the bench tests of the targets, and the section `measure` without
-    `measure.response`. Each run is measured by every definition of the angle, so the
-    choice of the calibrated one does not matter.
+    The hash covers the grain, the bench tests of the targets, and the section `measure`
+    without `measure.response`. This key only chooses the angle that is calibrated, and
+    each run is measured by every definition of the angle.
 
     Parameters
     ----------
@@ -364,7 +371,7 @@ def hash_scene(config: Config) -> str:
     if is_external(config):
         return hash_content(_select_external_run_settings(config))
 
-    # Leave out which of the angles is calibrated.
+    # Leave out the choice of the calibrated angle.
     selected = select_sections(config, "berry", "measure")
     measure = dict(selected["measure"])
     measure.pop("response", None)
@@ -379,7 +386,7 @@ def hash_scene(config: Config) -> str:
 
 
 def select_responses(config: Config, apparatus: str | None = None) -> dict[str, Any]:
-    """Select what defines the responses of the targets, but not the values to meet.
+    """Select the definitions of the responses of the targets, without their values.
 
     Parameters
     ----------
@@ -392,7 +399,8 @@ def select_responses(config: Config, apparatus: str | None = None) -> dict[str, 
     -------
     dict
         ``responses``: the names, in the order of the targets. ``profiles``: abscissae and
-        functions of each profile by its name; this key is absent without profiles.
+        functions of each profile by its name. The key ``profiles`` is absent if no target
+        has a profile.
     """
     # A profile is defined by the points at which it is compared.
     response_names = []
@@ -432,7 +440,7 @@ def _hash_named_files(selected: dict[str, Any]) -> dict[str, Any]:
 
 
 def _hash_content(path: str | PathLike) -> str | None:
-    """Hash a file; None if it is missing, which its reader reports."""
+    """Hash the content of a file; None for a missing file, which its reader reports."""
     return hash_file(path) if Path(path).is_file() else None
 
 
@@ -467,14 +475,15 @@ def find_difference(
     config : mapping
         The resolved configuration of the study.
     record : mapping or None
-        The record of the result. Without a record there is nothing to compare.
+        The record of the result; None if the result has no record.
     compares_engine : bool
         Whether to compare the engine, too.
 
     Returns
     -------
     Difference or None
-        The first difference, in the order of the keys; None if there is none.
+        The first difference, in the order of the keys. None if there is none, or if the
+        settings cannot be compared.
     """
     if record is None or record["verb"] not in COMPARED_STAGES:
         return None
@@ -504,12 +513,12 @@ def find_difference(
 
 
 def _find_first_difference(recorded: Any, current: Any, prefix: str = "") -> Difference:
-    """Find the first, innermost key in which two values that differ do so.
+    """Find the first innermost key whose values differ.
 
     Parameters
     ----------
     recorded, current : object
-        Settings of a result and of the study, or parts of them. They are not equal.
+        Settings of a result and of the study, or parts of them. They must differ.
     prefix : str, optional
         Dotted key of these parts, with a leading dot; empty for the whole settings.
 
@@ -517,7 +526,7 @@ def _find_first_difference(recorded: Any, current: Any, prefix: str = "") -> Dif
     -------
     Difference
     """
-    # Go on with the first key, or entry of a list, in which they differ.
+    # Search the first key, or the first entry of a list, in which they differ.
     if isinstance(recorded, Mapping) and isinstance(current, Mapping):
         for key in _sort_keys_with_scene_last({*recorded, *current}):
             recorded_part = recorded.get(key)
@@ -539,9 +548,9 @@ def _find_first_difference(recorded: Any, current: Any, prefix: str = "") -> Dif
 
 
 def _sort_keys_with_scene_last(keys: Iterable[str]) -> list[str]:
-    """Sort keys, with that of the scene last.
+    """Sort keys in alphabetical order, with the key of the scene last.
 
-    The scene is a hash, which tells a user less than the keys that it is made of.
+    The scene is a hash. A user learns more from the keys that it is made of.
     """
     return sorted(keys, key=lambda key: (key == SCENE, key))
 
@@ -567,21 +576,21 @@ def require_same_study(config: Config, inputs: Inputs, source: str) -> None:
         mismatch = find_difference(config, record, compares_engine=False)
         if mismatch is None:
             continue
-        # A difference may only mean that a file of the study is not found from here: a
-        # missing file has no content to compare.
+        # A missing file has no hash. If the study names such a file, the user has probably
+        # called the subcommand in another folder.
         named_file = get_value(config, mismatch.key)
         if mismatch.current is None and isinstance(named_file, str):
             raise InputError(
                 source,
                 mismatch.key,
                 named_file,
-                f"a file of the study of {path}; it is not found from this folder",
+                allowed=f"a file of the study of {path}; it is not found from this folder",
             )
         raise InputError(
             path,
             mismatch.key,
             mismatch.recorded,
-            f"{mismatch.current}, as in {source}: results of one study; give the "
+            allowed=f"{mismatch.current}, as in {source}: results of one study; give the "
             "configuration of this file, or make the file again with this one",
         )
 
@@ -594,7 +603,7 @@ def find_outdated_files(config: Config, paths: Iterable[str | PathLike]) -> list
     config : mapping
         A resolved configuration.
     paths : iterable of path
-        Files that exist. One without a record is left out.
+        Files that exist. Files without a record are ignored.
 
     Returns
     -------
@@ -619,8 +628,8 @@ def find_own_dataset(config: Config) -> Path | None:
     Returns
     -------
     Path or None
-        The path of dataset.csv, if table, piles and grain come from these settings and
-        the table is the newest of them. Otherwise None.
+        The path of dataset.csv. None if the table, the piles or the grain come from other
+        settings, or if a pile is newer than the table.
     """
     folder = Path(config["results_dir"])
     table = folder / "dataset.csv"

@@ -1,9 +1,9 @@
 """Store the result of a configuration's check, so that later runs need not repeat it.
 
 Snakemake reads the Snakefile for each of its commands. The first command checks the
-configuration with its grain and the files that it names, and computes each `auto`. A run
-keeps the result in RESULTS/checked.json, with a hash of all that it follows from, so that
-the next command need not check it again.
+configuration, its grain and the files that it names, and computes each `auto`. A run
+stores the result in RESULTS/checked.json with a hash of everything that it depends on. If
+the hash is the same, the next command uses the stored result.
 """
 
 from collections.abc import Mapping
@@ -20,7 +20,7 @@ from repose.config.models import list_file_keys
 from repose.stages.published import find_sibling_table, list_tables
 
 FILE_NAME = "checked.json"
-# Rooms whose code checks a configuration or computes a number of it.
+# Packages whose code checks a configuration or computes one of its numbers.
 CHECKING_PACKAGES = (
     "common",
     "config",
@@ -34,7 +34,13 @@ CHECKING_PACKAGES = (
 
 
 def compute_fingerprint(config: Config) -> str:
-    """Hash a configuration as its files have it, the files that it names, and the code."""
+    """Hash a configuration, the files that it names, and the code that checks it.
+
+    Parameters
+    ----------
+    config : mapping
+        The merged values of the files, before the check. Each `auto` is still a text.
+    """
     contents = {}
     for path in _list_named_paths(config):
         if path is not None and Path(path).is_file():
@@ -49,13 +55,13 @@ def _list_named_paths(config: Config) -> list[Any]:
     Parameters
     ----------
     config : mapping
-        The configuration, which was not checked. It may have no value, or a value of any
-        type, where a path belongs.
+        The configuration, which was not checked. Where a path belongs, it may have no
+        value or a value of any type.
 
     Returns
     -------
     list
-        Texts and paths, and whatever else stands in place of a path.
+        The values of the keys that should be paths.
     """
     # Keys that name a file, and the tables in the folder of published results.
     paths = [get_value(config, key) for key in list_file_keys()]
@@ -73,20 +79,20 @@ def _list_named_paths(config: Config) -> list[Any]:
 
 
 def read_checked_config(config: Config, fingerprint: str) -> dict[str, Any] | None:
-    """Read what an earlier run made of the same configuration.
+    """Read the complete configuration that an earlier run made of the same files.
 
     Parameters
     ----------
     config : mapping
-        The configuration as its files have it.
+        The merged values of the files, before the check.
     fingerprint : str
-        Its `compute_fingerprint`.
+        The result of `compute_fingerprint` for these values.
 
     Returns
     -------
     dict or None
-        The complete configuration, with a number in place of each `auto`, or None if
-        this configuration was not yet checked.
+        The complete configuration, with a number in place of each `auto`. None if these
+        files were not checked before.
     """
     folder = config.get("results_dir")
     if not isinstance(folder, str):
@@ -104,14 +110,14 @@ def read_checked_config(config: Config, fingerprint: str) -> dict[str, Any] | No
 
 
 def write_checked_config(fingerprint: str, config: Config) -> None:
-    """Keep a checked configuration for later commands.
+    """Store a checked configuration for later commands.
 
     Parameters
     ----------
     fingerprint : str
-        The `compute_fingerprint` of the configuration as its files have it.
+        The result of `compute_fingerprint` for the values of the files.
     config : mapping
-        The same, complete, with a number in place of each `auto`.
+        The complete configuration, with a number in place of each `auto`.
     """
     path = Path(config["results_dir"]) / FILE_NAME
     write_json(path, {"fingerprint": fingerprint, "config": config})

@@ -1,7 +1,8 @@
-"""Configure a study whose runs another program makes, which the workflow calls.
+"""Configure a study in which the workflow calls another program for its runs.
 
-Its file has the short form of docs/own_simulator.md, with a section `simulator`. It is
-resolved to the form that the stages read, which RESULTS/config.json holds.
+The file of the study has the short form of docs/own_simulator.md, with a section
+`simulator`. This module converts it to the resolved form, which is written to
+RESULTS/config.json and read by the stages.
 """
 
 from collections.abc import Iterable, Mapping
@@ -46,11 +47,12 @@ from repose.stages.settings import SimulatorSettings, ValidationSettings
 if TYPE_CHECKING:
     from repose.config.making import ConfigChecks
 
-# Sections that were checked with bounds of their own.
+# Sections for which the short form has other bounds than the models of `StudySettings`.
 SECTIONS_WITH_OTHER_BOUNDS = ("sequential", "posterior")
-# Keys at the top of the short form, and where a study with our simulator has them.
+# Keys at the top of the short form, and the keys of the same meaning in a study with our
+# simulator.
 MOVED_KEYS = {"seeds": "funnel.seeds", "seed": "design.seed"}
-# Keys of the file that are read as they are.
+# Keys that have the same form in the file and in the resolved configuration.
 COPIED_KEYS = (
     "label",
     "small_run",
@@ -72,7 +74,7 @@ COPIED_KEYS = (
 
 
 class ExternalFile(StudyFile):
-    """The keys of such a study, without the sections of further strategies."""
+    """The keys of the file of such a study, without those of further strategies."""
 
     simulator: SimulatorSettings  # type: ignore[assignment]
     label: Label
@@ -93,7 +95,7 @@ class ExternalFile(StudyFile):
     @field_validator("validation")
     @classmethod
     def _check_published(cls, section: ValidationSettings) -> ValidationSettings:
-        """Refuse published sets: they are of the parameters of our simulator."""
+        """Refuse published sets, which belong to the parameters of our simulator."""
         for key in ("published", "published_simulated"):
             if getattr(section, key) is not None:
                 words = (
@@ -106,7 +108,8 @@ class ExternalFile(StudyFile):
 class ExternalSettings(StudySettings):
     """The typed sections of such a study.
 
-    It lacks the sections of our simulator: to read one is an AttributeError.
+    The sections of our simulator are missing. An access to one of them raises an
+    AttributeError.
     """
 
     simulator: SimulatorSettings
@@ -121,34 +124,34 @@ class ExternalSettings(StudySettings):
 
 
 class ExternalConfig(PipelineConfig):
-    """The configuration of a study whose runs another program makes."""
+    """The configuration of a study whose runs are made by another program."""
 
     @classmethod
-    def from_layers(cls, layered: loader.MergedConfig, inputs: bool = False) -> Self:
+    def from_merged(cls, merged: loader.MergedConfig, inputs: bool = False) -> Self:
         """Check the values of files, and make the resolved configuration.
 
         Parameters
         ----------
-        layered : Layered
-            The values, in the short form or in that of a study with our simulator, and
-            the file of each.
+        merged : MergedConfig
+            The merged values of the files. They have the short form, or the form of a
+            study with our simulator.
         inputs : bool, optional
-            Check also the program, its template and its files.
+            Whether to check also the program, its template and its files.
 
         Raises
         ------
         InputError
             With all faults.
         """
-        _require_whole_study(layered)
+        _require_whole_study(merged)
 
         # Check the short form, and complete it by defaults.
-        short_form = convert_to_short_form(layered)
+        short_form = convert_to_short_form(merged)
         complete = complete_configuration(
             short_form.config, short_form.origin, make_file_model()
         )
 
-        study = cls(_convert_to_resolved_form(complete), layered.origin)
+        study = cls(_convert_to_resolved_form(complete), merged.origin)
         if inputs:
             study.check_inputs()
         provenance.note_config(study.config)
@@ -156,12 +159,13 @@ class ExternalConfig(PipelineConfig):
 
     @cached_property
     def settings(self) -> StudySettings:
-        """The configuration as typed sections; without those of our simulator."""
+        """The configuration as typed sections, without those of our simulator."""
         models = _map_sections_to_models()
         sections: dict[str, Any] = {}
         for name, value in self.config.items():
             if name in SECTIONS_WITH_OTHER_BOUNDS:
-                # The values were checked with the bounds of the short form.
+                # The values were checked with the bounds of the short form, and may lie
+                # outside the bounds of this model.
                 sections[name] = models[name].model_construct(**value)
             elif name in models and value is not None:
                 sections[name] = models[name].model_validate(value)
@@ -192,9 +196,9 @@ class ExternalConfig(PipelineConfig):
     def definitions(self) -> Definitions:
         """The keys that define each response, with their values.
 
-        A response that the program prints is defined by its profile alone, if it has
-        one. Where the program leaves particles, the responses of piles are defined by
-        the section `measure`, too.
+        The only key of a response that the program prints is its profile, if it has one.
+        If the program writes its particles, the responses of piles also depend on the
+        section `measure`.
         """
         definitions: dict[str, dict[str, Any]] = {}
         for target in make_targets(self.config):
@@ -223,7 +227,7 @@ class ExternalConfig(PipelineConfig):
         Returns
         -------
         Study
-            It knows also what the targets say of their noise and their definition.
+            The study, with the noise and the definitions that the targets give.
         """
         study = super().study(file)
         noise_sd = {}
@@ -243,7 +247,7 @@ class ExternalConfig(PipelineConfig):
 
     @property
     def _file(self) -> str:
-        """The file that a fault names."""
+        """The file that the message of a fault names."""
         return (
             self.source.default_file if isinstance(self.source, Origin) else self.source
         )
@@ -271,7 +275,7 @@ class ExternalConfig(PipelineConfig):
 
 @cache
 def make_file_model() -> type[StudyFile]:
-    """Make the model of a file, with a section for each further strategy."""
+    """Make the model of the file, with a section for each further strategy."""
     sections: dict[str, Any] = {}
     for name, field in file_model().model_fields.items():
         if name not in ExternalFile.model_fields:
@@ -279,15 +283,15 @@ def make_file_model() -> type[StudyFile]:
     return create_model("ExternalConfiguration", __base__=ExternalFile, **sections)
 
 
-def _require_whole_study(layered: loader.MergedConfig) -> None:
-    """Refuse a section `simulator` that stands alone, without the study around it.
+def _require_whole_study(merged: loader.MergedConfig) -> None:
+    """Refuse files that have a section `simulator` but no parameters.
 
-    Other files are read over the configuration of the working folder. A file with this
-    section is not, as a study of another program needs none of our grain.
+    Other files are merged over the configuration of the working folder. A file with this
+    section is not, because a study of another program does not use our grain.
     """
-    if "parameters" in layered.config:
+    if "parameters" in merged.config:
         return
-    file = layered.origin.find_file_to_edit("simulator")
+    file = merged.origin.find_file_to_edit("simulator")
     words = (
         "a section with a range for each parameter; a file with a section simulator is "
         "a whole study by itself, or stands after the file of one, as in "
@@ -296,41 +300,42 @@ def _require_whole_study(layered: loader.MergedConfig) -> None:
     raise YamlError(file, "parameters", None, words)
 
 
-def convert_to_short_form(layered: loader.MergedConfig) -> loader.MergedConfig:
-    """Turn a study with our simulator, to which a program was added, into the short form.
+def convert_to_short_form(merged: loader.MergedConfig) -> loader.MergedConfig:
+    """Convert a study with our simulator, to which a program was added, to the short form.
 
-    Its targets are a list. The short form has them by name, and the number of runs and
-    the seed of the study at its top. Sections that only our simulator reads are left
-    out. Keys that the files lack have the defaults of a study with our simulator.
+    A study with our simulator has a list of targets. The short form has a mapping of
+    targets by name. It also has the number of runs and the seed at its top. Sections that
+    only our simulator reads are left out. Missing keys get the defaults of a study with
+    our simulator.
 
     Parameters
     ----------
-    layered : Layered
+    merged : MergedConfig
         The values of the files, which were not checked. They are not changed.
 
     Returns
     -------
-    Layered
-        The short form, or `layered` itself if it has this form already.
+    MergedConfig
+        The short form, or `merged` itself if it has this form already.
     """
-    # Only a study with our simulator has a list.
-    content = layered.config
+    # Only a study with our simulator has a list of targets.
+    content = merged.config
     targets = content.get("targets")
     if not isinstance(targets, list):
-        return layered
+        return merged
 
-    # Leave out the sections of our simulator. A mistyped key stays, and is refused later.
+    # Leave out the sections of our simulator. Keep a mistyped key, which is refused later.
     dropped = set(make_settings_type().model_fields) - set(
         make_file_model().model_fields
     )
     short = {name: value for name, value in content.items() if name not in dropped}
-    origin = dict(layered.origin.files_by_key)
+    files_by_key = dict(merged.origin.files_by_key)
 
-    # Put the targets by name. All of them are from the file that has the list.
+    # Map the targets by name. All of them belong to the file that has the list.
     short["targets"] = _map_targets_by_name(targets)
     for name, keys in short["targets"].items():
         for key in keys:
-            origin[f"targets.{name}.{key}"] = layered.origin.find_file("targets")
+            files_by_key[f"targets.{name}.{key}"] = merged.origin.find_file("targets")
 
     # Both forms have these keys, and different defaults.
     defaults = loader.read_file(places.find_file(places.METHOD_CONFIG))
@@ -342,7 +347,7 @@ def convert_to_short_form(layered: loader.MergedConfig) -> loader.MergedConfig:
         value = get_value(content, old_key)
         if key not in content and value is not None:
             short[key] = value
-            origin[key] = layered.origin.find_file(old_key)
+            files_by_key[key] = merged.origin.find_file(old_key)
     short.setdefault("seed", defaults["design"]["seed"])
     if _has_bench_test_seeds(short["strategy"]):
         short.setdefault("seeds", defaults["funnel"]["seeds"])
@@ -350,14 +355,14 @@ def convert_to_short_form(layered: loader.MergedConfig) -> loader.MergedConfig:
         design = dict(content["design"])
         design.pop("seed", None)
         short["design"] = design
-    return loader.MergedConfig(short, Origin(origin, layered.origin.default_file))
+    return loader.MergedConfig(short, Origin(files_by_key, merged.origin.default_file))
 
 
 def _map_targets_by_name(entries: Iterable[Any]) -> dict[Any, dict[str, Any]]:
-    """Turn a list of targets into a mapping by the names of their responses.
+    """Convert a list of targets to a mapping by the names of their responses.
 
-    A response of our bench tests has a unit, which the user need not give. A faulty entry
-    is refused later.
+    The unit of a response of our bench tests is added if the user does not give it. An
+    entry that is no mapping is left out, because a later check refuses it.
     """
     import repose.bench  # noqa: F401  registers the responses of piles
 
@@ -375,12 +380,12 @@ def _map_targets_by_name(entries: Iterable[Any]) -> dict[Any, dict[str, Any]]:
 
 
 def _has_bench_test_seeds(name: object) -> bool:
-    """Tell whether a strategy makes as many runs of a sample as the bench test says."""
+    """Tell whether a bench test sets the number of runs of a sample for a strategy."""
     return name in names() and strategy(str(name)).seeds_key is None
 
 
 def list_unread_sections(content: Mapping[str, Any]) -> list[str]:
-    """List the sections of a study with our simulator that another program cannot read.
+    """List the sections of a study with our simulator that another program does not use.
 
     Parameters
     ----------
@@ -390,8 +395,8 @@ def list_unread_sections(content: Mapping[str, Any]) -> list[str]:
     Returns
     -------
     list of str
-        Names of sections and keys, in the order of the files; a section of which one key
-        is read has a note.
+        Names of sections and keys, in the order of the files. If one key of a section is
+        used, a note in parentheses names this key.
     """
     known_names = make_file_model().model_fields
     unread = []
@@ -419,7 +424,8 @@ def _map_sections_to_models() -> dict[str, type[Section]]:
         if isinstance(kind, type) and issubclass(kind, Section):
             models[name] = kind
 
-    # That model is of contact parameters. Parameters of a program have any names.
+    # The model of this section knows only contact parameters. The parameters of another
+    # program may have any names.
     del models["parameters"]
 
     # Strategies may have sections, too.
@@ -431,7 +437,7 @@ def _map_sections_to_models() -> dict[str, type[Section]]:
 
 
 def _convert_to_resolved_form(complete: Mapping[str, Any]) -> dict[str, Any]:
-    """Turn a complete configuration of the short form into that of the stages.
+    """Convert a complete configuration of the short form to the resolved form.
 
     Parameters
     ----------
@@ -454,7 +460,7 @@ def _convert_to_resolved_form(complete: Mapping[str, Any]) -> dict[str, Any]:
     if "constraints" in complete:
         config["constraints"] = complete["constraints"]
 
-    # Make a list of the targets. A range that is not given follows from the scatter.
+    # Make a list of the targets. If a target has no range, compute it from the scatter.
     targets = []
     for name, entry in complete["targets"].items():
         numbers = (entry["value"], entry["sd"], entry["repetitions"])
@@ -468,8 +474,8 @@ def _convert_to_resolved_form(complete: Mapping[str, Any]) -> dict[str, Any]:
     config["simulator"] = simulator.model_dump(mode="json", exclude_none=True)
     figures = FiguresSettings.model_validate(complete.get("figures", {}))
     config["figures"] = figures.model_dump(mode="json")
-    # Piles are measured here only if the program leaves particles. A program that prints
-    # an angle may define it in any way.
+    # We measure piles only if the program writes its particles. A program that prints an
+    # angle may define it in any way.
     config["measure"] = None
     if simulator.particles is not None:
         config["measure"] = dict(complete["measure"])

@@ -1,4 +1,4 @@
-"""Write what `repose check` prints about a study whose runs another program makes."""
+"""Write the lines of `repose check` for a study whose runs are made by another program."""
 
 import shlex
 import tempfile
@@ -31,14 +31,14 @@ from repose.stages.settings import SimulatorSettings
 def describe_program(
     study: PipelineConfig, simulator: SimulatorSettings
 ) -> Iterator[str]:
-    """Describe the program of a study, its deck, and what its runs leave.
+    """Describe the program of a study, its deck, and the files with its responses.
 
     Parameters
     ----------
     study : PipelineConfig
         The study.
     simulator : SimulatorSettings
-        Its section `simulator`, which names the program and its files.
+        The section `simulator` of the study.
 
     Yields
     ------
@@ -48,7 +48,7 @@ def describe_program(
     program = simulate.find_program(simulator.command)
     yield f"{simulator.name}: {shlex.join(simulator.command)}; the program is {program}"
 
-    # The deck is the input file, in which the parameters are filled in.
+    # The deck is the input file of the program, with the values of the parameters.
     deck = f"no deck; the program reads {simulate.PARAMETERS_FILE}"
     if simulator.template is not None:
         deck = f"{simulate.deck_name(simulator.template)}, from {simulator.template}"
@@ -74,7 +74,7 @@ def describe_program(
 
 
 def describe_strategy(study: PipelineConfig, files: Sequence[Path_]) -> Iterator[str]:
-    """Describe the strategy of a study, and the keys of its files that are not read.
+    """Describe the strategy of a study, and list keys in its files that have no effect.
 
     Parameters
     ----------
@@ -95,12 +95,12 @@ def describe_strategy(study: PipelineConfig, files: Sequence[Path_]) -> Iterator
         surrogate = f", surrogate {study.settings.surrogate}"
     yield f"strategy: {name}{surrogate}"
 
-    layered = loader.merge_without_defaults(files)
-    short_form = convert_to_short_form(layered).config
+    merged = loader.merge_without_defaults(files)
+    short_form = convert_to_short_form(merged).config
     keys = unread_keys({**short_form, "simulator": study.simulator.name})
     if keys:
         yield f"keys: the strategy {name} does not read {', '.join(keys)}"
-    sections = list_unread_sections(layered.config)
+    sections = list_unread_sections(merged.config)
     if sections:
         yield (
             f"keys: {study.simulator.name} makes the runs, so these are not read: "
@@ -137,7 +137,7 @@ def make_trial_run(
     simulator : SimulatorSettings
         Its section `simulator`.
     cores : int
-        Cores of the study, for its time.
+        Number of cores of the study, for the estimate of its time.
 
     Yields
     ------
@@ -147,7 +147,7 @@ def make_trial_run(
     Raises
     ------
     InputError
-        If the run failed. Its folder is kept in any case.
+        If the run failed. The folder of the run is not removed.
     """
     # Run the program in a folder of its own.
     parameters = study.parameters.centre
@@ -177,7 +177,7 @@ def make_trial_run(
             folder / "1",
             "trial run",
             describe_failure(run["status"], run["reason"]),
-            f"a run that ends well; {simulate.PRINTED_FILE} there has what the program "
+            allowed=f"a run that ends well; {simulate.PRINTED_FILE} there has what the program "
             "printed",
         )
 

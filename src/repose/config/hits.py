@@ -1,7 +1,8 @@
 """Compute the restitution that a simulated hit really has at the time step of a study.
 
-The damping of a contact is made for a hit that is followed exactly. With a few time steps
-for each contact a hit returns less, and the more so the lower the restitution.
+The damping of a contact gives the configured restitution for an infinitely small time
+step. With a few time steps for each contact the real restitution is smaller. The
+difference grows as the restitution becomes lower.
 """
 
 import math
@@ -14,17 +15,19 @@ from repose.bench.scene import Scene, contacts_of, materials_of
 
 # Contact laws whose hit `compute_returned_restitution` follows.
 HERTZ_LAWS = ("hertz_mindlin", "hertz_mindlin_rescaled")
-# A restitution above this returns nearly what it says.
+# From this restitution on, the real restitution is nearly equal to the configured one.
 LOW_RESTITUTION = 0.3
-# Gaps before the first overlap, as shares of the way of the bodies in a time step.
+# The gap between the bodies at the start, as a share of the distance that they approach
+# in a time step. The result is averaged over these values.
 PHASES = (0.1, 0.3, 0.5, 0.7, 0.9)
+# Limit of time steps for a hit, so that the loop always ends.
 MOST_STEPS = 100_000
 
 
 def compute_returned_restitution(
     restitution: float, tension: str, steps_per_contact: float
 ) -> float:
-    """Compute the restitution that a hit of two spheres returns.
+    """Compute the real restitution of a simulated hit of two spheres.
 
     Parameters
     ----------
@@ -107,7 +110,7 @@ def _simulate_rebound_speed(
 def describe_low_restitutions(
     scene: Scene, lowest_values: Mapping[str, float]
 ) -> Iterator[str]:
-    """Describe which restitution a hit returns at this time step, if it is a low one.
+    """Describe the real restitution of a hit at this time step, for low restitutions.
 
     Parameters
     ----------
@@ -120,8 +123,8 @@ def describe_low_restitutions(
     Yields
     ------
     str
-        One sentence about the restitutions below `LOW_RESTITUTION`. Nothing if there is
-        none, or if the contact law is none of `HERTZ_LAWS`.
+        One sentence about the restitutions below `LOW_RESTITUTION`. Nothing if all are
+        higher, or if the contact law is none of `HERTZ_LAWS`.
     """
     from repose.dem.time_steps import FASTEST_IMPACT_M_S
 
@@ -133,7 +136,7 @@ def describe_low_restitutions(
         if restitution >= LOW_RESTITUTION:
             continue
 
-        # Follow a hit with as many steps for each contact as in the study.
+        # Simulate a hit with as many time steps as a contact of the study has.
         contact_s = _compute_contact_time_s(scene, pair, restitution)
         if contact_s is None:
             return
@@ -177,8 +180,8 @@ def _compute_contact_time_s(
     if law not in HERTZ_LAWS or contact_time is None:
         return None
 
-    # A hit of two equal grains is like that of one grain with half the mass and half the
-    # radius on a wall.
+    # A hit of two equal grains is equivalent to a hit of one grain with half the mass and
+    # half the radius on a wall.
     if pair == "gg":
         partner = "berry"
         share = 0.5

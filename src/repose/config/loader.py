@@ -1,6 +1,7 @@
-"""Read configuration files, which override one another, and write the merged result.
+"""Read configuration files, merge them, and write the resolved configuration.
 
-A study writes the resolved configuration into its folder of results.
+Each file overrides the files before it. A study writes the resolved configuration into
+its folder of results.
 """
 
 import copy
@@ -19,15 +20,15 @@ from repose.common.keys import Config, Origin, get_value
 # Keys of `berry` that define a crop.
 CROP_KEYS = ("sizes", "density_kg_m3", "stl")
 COMMAND_LINE = "command line (--config)"
-# Source of the values that another workflow gives to this one.
+# Name for the source of values that another workflow passes to this one.
 WORKFLOW_SOURCE = "configuration"
 RESOLVED_FILE = "config.json"  # in the folder of results
-# A number with an exponent: some YAML readers take 1e-3 for text.
+# A number with an exponent. Some readers of YAML read 1e-3 as text.
 EXPONENT_PATTERN = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+$")
-# Sections that replace those of another file: a parameter that is fixed must not keep
-# the prior of the file before.
+# Sections that replace those of earlier files and are not merged with them. For example,
+# a fixed parameter must not keep the prior of an earlier file.
 REPLACED_SECTIONS = {f"parameters.{name}" for name in (*PARAMETERS, *LAW_PARAMETERS)}
-# Stands for a value that is missing in a file; no file can hold it.
+# Stands for a value that a file lacks. No file can contain this value.
 MISSING = ...
 
 ReadFunction = Callable[[Path_], dict[str, Any]]
@@ -54,9 +55,9 @@ class ConfigFile(NamedTuple):
     Attributes
     ----------
     path : str
-        Its path.
+        Path of the file.
     content : mapping
-        Its values, before they are merged with those of other files.
+        The values of the file, before they are merged with those of other files.
     """
 
     path: str
@@ -66,7 +67,7 @@ class ConfigFile(NamedTuple):
 def read_file(path: Path_) -> dict[str, Any]:
     """Read a configuration file, as `repose.common.reading.read_yaml` does.
 
-    That module is imported here, as the jobs of the workflow read no YAML.
+    That module is imported only here, because the jobs of the workflow read no YAML.
     """
     from repose.common import reading
 
@@ -76,10 +77,10 @@ def read_file(path: Path_) -> dict[str, Any]:
 def merge_with_defaults(
     files: Sequence[Path_], overrides: Config | None = None
 ) -> MergedConfig:
-    """Merge configuration files over the defaults, and note which file holds each key.
+    """Merge configuration files over the defaults, and find the file of each key.
 
-    Values are not checked, and `auto` stays as it is. Files that are complete by
-    themselves are merged without the defaults.
+    Values are not checked, and `auto` is not replaced. If the files have all keys, the
+    defaults are not used.
 
     Parameters
     ----------
@@ -90,21 +91,21 @@ def merge_with_defaults(
 
     Returns
     -------
-    Layered
+    MergedConfig
 
     Raises
     ------
     InputError
         If a file cannot be read.
     """
-    # The files may be merged twice: alone, and over the defaults. Read them once.
+    # The files may be merged twice: alone, and over the defaults. Read each file once.
     paths = [places.find_file(path) for path in files]
     read_once: Any = functools.cache(read_file)
     if paths:
-        layered = _merge_files(paths, overrides, read_once)
-        is_complete = not _lacks_keys(layered.config)
+        merged = _merge_files(paths, overrides, read_once)
+        is_complete = not _lacks_keys(merged.config)
         if is_complete:
-            return layered
+            return merged
     return _merge_files(
         list_files_with_defaults(paths, read_once), overrides, read_once
     )
@@ -135,30 +136,36 @@ def locate_workflow_values(
     files: Sequence[Path_] = (),
     default_source: str = COMMAND_LINE,
 ) -> MergedConfig:
-    """Find the file of each value in Snakemake's `config`, without any defaults.
+    """Find the file of each value in Snakemake's `config`, without adding defaults.
 
     Parameters
     ----------
     workflow_config : mapping
         Snakemake's `config`. Texts from its command line are parsed as YAML.
     files : sequence of path
-        Its configuration files; each overrides those before it. Without any it is the
-        default configuration of the working folder.
+        The files that Snakemake has merged; each overrides those before it. If there are
+        none, Snakemake has read the default configuration of the working folder.
     default_source : str
-        Source of the values that come from no file.
+        Name of the source of values that are in no file.
 
     Returns
     -------
-    Layered
+    MergedConfig
     """
-    layers = []
+    config_files = []
     for path in files or places.list_default_configs()[-1:]:
-        layers.append(ConfigFile(str(path), read_file(places.find_file(path))))
-    origin: dict[str, str] = {}
+        config_files.append(ConfigFile(str(path), read_file(places.find_file(path))))
+    files_by_key: dict[str, str] = {}
     values = _find_in_files(
-        workflow_config, "", layers=layers, origin=origin, default_source=default_source
+        workflow_config,
+        "",
+        config_files=config_files,
+        files_by_key=files_by_key,
+        default_source=default_source,
     )
-    return MergedConfig(values, Origin(origin, default_file=layers[-1].path))
+    return MergedConfig(
+        values, Origin(files_by_key, default_file=config_files[-1].path)
+    )
 
 
 def merge_workflow_values(
@@ -169,28 +176,28 @@ def merge_workflow_values(
     """Merge the values in Snakemake's `config` over the defaults.
 
     Snakemake has already merged its configuration files and its command line. This
-    function recovers which file holds which key, so that messages about faults can name
-    it. If the user's values define a crop, no number of the built-in crop is used.
+    function finds out which file has which key, so that messages about faults can name
+    the file. If the user's values define a crop, no number of the built-in crop is used.
 
     Parameters
     ----------
     workflow_config : mapping
         Snakemake's `config`. Texts from its command line are parsed as YAML.
     files : sequence of path
-        Its configuration files; each overrides those before it.
+        The files that Snakemake has merged; each overrides those before it.
     default_source : str
-        Source of the values that come from no file.
+        Name of the source of values that are in no file.
 
     Returns
     -------
-    Layered
+    MergedConfig
     """
     read_once: Any = functools.cache(read_file)
     files = [places.find_file(path) for path in files]
     method = places.find_file(places.METHOD_CONFIG)
     study = places.list_default_configs()[-1]
 
-    # Choose the defaults. Values that define a crop need only those of the method.
+    # Choose the default files. If the values define a crop, only the method is needed.
     default_files: list[Path_] = [method]
     if files or not _defines_crop(workflow_config):
         contents = [*map(read_once, files), workflow_config]
@@ -199,20 +206,25 @@ def merge_workflow_values(
     defaults = _merge_files(needed_files, read=read_once)
 
     # Find the file that each value comes from.
-    layers = []
+    config_files = []
     for path in (*default_files, study, *files):
-        layers.append(ConfigFile(str(path), read_once(path)))
-    origin: dict[str, str] = {}
+        config_files.append(ConfigFile(str(path), read_once(path)))
+    files_by_key: dict[str, str] = {}
     values = _find_in_files(
-        workflow_config, "", layers=layers, origin=origin, default_source=default_source
+        workflow_config,
+        "",
+        config_files=config_files,
+        files_by_key=files_by_key,
+        default_source=default_source,
     )
 
-    # Merge the values over the defaults. A missing key belongs into the user's last file.
-    config = _merge(defaults.config, values, origin={}, source="")
+    # Merge the values over the defaults. Messages about a missing key name the user's last
+    # file.
+    config = _merge(defaults.config, values, files_by_key={}, source="")
     return MergedConfig(
         _resolve_named_files(config),
         Origin(
-            {**defaults.origin.files_by_key, **origin},
+            {**defaults.origin.files_by_key, **files_by_key},
             default_file=str(files[-1]) if files else default_source,
             method_file=str(method),
         ),
@@ -222,11 +234,11 @@ def merge_workflow_values(
 def _find_in_files(
     value: Any,
     dotted_key: str,
-    layers: Sequence[ConfigFile],
-    origin: dict[str, str],
+    config_files: Sequence[ConfigFile],
+    files_by_key: dict[str, str],
     default_source: str,
 ) -> Any:
-    """Find the file that a value of Snakemake comes from, and note it in `origin`.
+    """Find the file from which a value of Snakemake comes, and add it to `files_by_key`.
 
     Parameters
     ----------
@@ -234,23 +246,23 @@ def _find_in_files(
         A single value, or a section, which is searched key by key.
     dotted_key : str
         The key of the value. It is empty for the whole configuration.
-    layers : sequence of Layer
+    config_files : sequence of ConfigFile
         The files; each overrides those before it.
-    origin : dict
+    files_by_key : dict
         The source of each dotted key. This function adds to it.
     default_source : str
-        Source of the values that come from no file.
+        Name of the source of values that are in no file.
 
     Returns
     -------
     object
-        The value as the file has it, since Snakemake may have turned it into text.
+        The value in the file. Snakemake may have converted it to text.
     """
     if not isinstance(value, Mapping):
         value_in_file, source = _find_single_value(
-            value, dotted_key, layers=layers, default_source=default_source
+            value, dotted_key, config_files=config_files, default_source=default_source
         )
-        origin[dotted_key] = source
+        files_by_key[dotted_key] = source
         return value_in_file
 
     # Search each key of a section.
@@ -259,19 +271,19 @@ def _find_in_files(
         section[name] = _find_in_files(
             item,
             f"{dotted_key}.{name}" if dotted_key else name,
-            layers=layers,
-            origin=origin,
+            config_files=config_files,
+            files_by_key=files_by_key,
             default_source=default_source,
         )
 
     # The section itself belongs to the last file that has it.
-    section_file = _find_last_file_with_section(dotted_key, layers)
-    origin[dotted_key] = section_file or default_source
+    section_file = _find_last_file_with_section(dotted_key, config_files)
+    files_by_key[dotted_key] = section_file or default_source
     return section
 
 
 def _find_single_value(
-    value: Any, dotted_key: str, layers: Sequence[ConfigFile], default_source: str
+    value: Any, dotted_key: str, config_files: Sequence[ConfigFile], default_source: str
 ) -> tuple[Any, str]:
     """Find the last file that has a value of Snakemake.
 
@@ -279,7 +291,7 @@ def _find_single_value(
     ----------
     value : object
         The value, which is no section.
-    dotted_key, layers, default_source
+    dotted_key, config_files, default_source
         As in `_find_in_files`.
 
     Returns
@@ -289,32 +301,32 @@ def _find_single_value(
     source : str
         The file, or `default_source` if no file has an equal value.
     """
-    # Command lines contain only texts, and files may have numbers such as 1e-5 as text.
+    # A command line contains only texts, and Snakemake reads numbers such as 1e-5 as text.
     parsed_value = value
     if default_source == COMMAND_LINE or EXPONENT_PATTERN.match(str(value)):
         parsed_value = _parse_texts(value)
 
-    # A file may have None as a value, so another default stands for a key that it lacks.
-    for layer in reversed(layers):
-        value_in_file = get_value(layer.content, dotted_key, MISSING)
+    # None may be a value in a file, so use another default for a missing key.
+    for config_file in reversed(config_files):
+        value_in_file = get_value(config_file.content, dotted_key, MISSING)
         if value_in_file in (value, parsed_value):
-            return value_in_file, layer.path
+            return value_in_file, config_file.path
     return parsed_value, default_source
 
 
 def _find_last_file_with_section(
-    dotted_key: str, layers: Sequence[ConfigFile]
+    dotted_key: str, config_files: Sequence[ConfigFile]
 ) -> str | None:
     """Return the path of the last file that has a section; None if no file has it."""
-    for layer in reversed(layers):
-        if isinstance(get_value(layer.content, dotted_key), dict):
-            return layer.path
+    for config_file in reversed(config_files):
+        if isinstance(get_value(config_file.content, dotted_key), dict):
+            return config_file.path
     return None
 
 
 def _lacks_keys(config: Config) -> bool:
-    """Return whether a section of a configuration lacks a key."""
-    # Imported here, as help and jobs load none of it.
+    """Tell whether a section of a configuration lacks a key."""
+    # Import these modules only here: the help and the jobs do not need them.
     from repose.common.faults import lacks_keys
     from repose.config.models import make_settings_type
 
@@ -356,26 +368,25 @@ def list_files_with_defaults(
 
 
 def find_substitute_crop(*files: Path_) -> Path | None:
-    """Find out whether the built-in crop stands in for a missing configuration.
+    """Find out whether the built-in crop replaces a missing configuration.
 
-    That is so if the working folder has no configuration and the given files rely on
-    the built-in crop.
+    This is the case if the working folder has no configuration, and the user's files
+    need the built-in crop.
 
     Parameters
     ----------
     *files : path
-        The files that the user gives.
+        The files of the user.
 
     Returns
     -------
     Path or None
-        The file of the built-in crop, if its numbers are used in this way; otherwise
-        None.
+        The file of the built-in crop; None if it replaces no missing configuration.
     """
     built_in_crop = places.find_program_folder() / places.DEFAULT_CONFIG
     paths = [places.find_file(path) for path in files]
 
-    # A file in the folder of the built-in crop was made for this crop.
+    # A file beside that of the built-in crop is a variant of this crop.
     for path in paths:
         if path != built_in_crop and path.parent == built_in_crop.parent:
             return None
@@ -384,7 +395,7 @@ def find_substitute_crop(*files: Path_) -> Path | None:
     if places.list_default_configs()[-1] != built_in_crop or is_resolved(*paths):
         return None
 
-    # The given files include it, or are merged over it because they define no crop.
+    # The files include the built-in crop, or are merged over it because they define no crop.
     if built_in_crop in paths:
         return built_in_crop
     is_complete = paths and not _lacks_keys(_merge_files(paths).config)
@@ -403,8 +414,8 @@ def _defines_crop(config: Config) -> bool:
     if all(grain.get(key) is None for key in CROP_KEYS):
         return False
 
-    # A density given as text comes from the command line. It changes one number of a crop
-    # and defines no other.
+    # A density that is a text comes from the command line. It changes one number of a crop
+    # but does not define another crop.
     return not isinstance(grain.get("density_kg_m3"), str)
 
 
@@ -413,7 +424,7 @@ def _merge_files(
     overrides: Config | None = None,
     read: ReadFunction = read_file,
 ) -> MergedConfig:
-    """Merge the values of files and the overrides, and note which file holds each key.
+    """Merge the values of files and the overrides, and find the file of each key.
 
     Parameters
     ----------
@@ -425,20 +436,27 @@ def _merge_files(
         Function that reads a file.
     """
     config: dict[str, Any] = {}
-    origin: dict[str, str] = {}
+    files_by_key: dict[str, str] = {}
     for path in files:
-        _merge(config, read(path), origin=origin, source=str(path))
-    _merge(config, _parse_texts(overrides or {}), origin=origin, source=COMMAND_LINE)
+        _merge(config, read(path), files_by_key=files_by_key, source=str(path))
+    _merge(
+        config,
+        _parse_texts(overrides or {}),
+        files_by_key=files_by_key,
+        source=COMMAND_LINE,
+    )
 
     # Messages ask the user to add a missing key to the last file, and never to edit the
     # file of the method.
     last_file = str(files[-1]) if files else ""
     method = str(places.find_file(places.METHOD_CONFIG))
-    return MergedConfig(_resolve_named_files(config), Origin(origin, last_file, method))
+    return MergedConfig(
+        _resolve_named_files(config), Origin(files_by_key, last_file, method)
+    )
 
 
 def _resolve_named_files(config: dict[str, Any]) -> dict[str, Any]:
-    """Replace named files that are not in the working folder by those of the program.
+    """Replace paths that do not exist in the working folder by files of the program.
 
     Parameters
     ----------
@@ -461,7 +479,7 @@ def _resolve_named_files(config: dict[str, Any]) -> dict[str, Any]:
 
 
 def write_resolved(config: Config, path: Path_) -> None:
-    """Write a configuration as JSON; an equal file stays untouched."""
+    """Write a configuration as JSON, unless the file has this content already."""
     path = Path(path)
     text = json.dumps(config, indent=1) + "\n"
     if not path.is_file() or path.read_text(encoding="utf-8") != text:
@@ -469,7 +487,7 @@ def write_resolved(config: Config, path: Path_) -> None:
 
 
 def is_resolved(*files: Path_) -> bool:
-    """Return whether this is a single file of `write_resolved`, unchanged since."""
+    """Tell whether the files are one unchanged file of `write_resolved`."""
     if len(files) != 1:
         return False
     path = files[0]
@@ -479,7 +497,7 @@ def is_resolved(*files: Path_) -> bool:
 def _parse_texts(value: Any) -> Any:
     """Parse each text in a value as YAML.
 
-    On the command line numbers and lists arrive as text, such as "2" and "[1, 2]".
+    A command line gives numbers and lists as text, such as "2" and "[1, 2]".
 
     Parameters
     ----------
@@ -505,7 +523,7 @@ def _parse_texts(value: Any) -> Any:
 def _merge(
     config: dict[str, Any],
     values: Config,
-    origin: dict[str, str],
+    files_by_key: dict[str, str],
     source: str,
     prefix: str = "",
 ) -> dict[str, Any]:
@@ -514,11 +532,11 @@ def _merge(
     Parameters
     ----------
     config : dict
-        The configuration, changed in place. Keys that `values` lack are kept, except in
-        the sections of `REPLACED_SECTIONS`.
+        The configuration, which is changed in place. Keys that `values` does not have are
+        kept, except in the sections of `REPLACED_SECTIONS`.
     values : mapping
         The new values. Their sections may be incomplete.
-    origin : dict
+    files_by_key : dict
         The source of each dotted key. This function adds to it.
     source : str
         The file that the values come from.
@@ -533,7 +551,7 @@ def _merge(
     """
     for key, value in values.items():
         dotted_key = f"{prefix}{key}"
-        origin[dotted_key] = source
+        files_by_key[dotted_key] = source
         if not isinstance(value, dict):
             config[key] = copy.deepcopy(value)
             continue
@@ -544,8 +562,12 @@ def _merge(
         )
         if not is_merged:
             config[key] = copy.deepcopy(value)
-        # For a section that was copied, this call only notes the source of its keys.
+        # If the section was just copied, this call only adds the source of its keys.
         _merge(
-            config[key], value, origin=origin, source=source, prefix=f"{dotted_key}."
+            config[key],
+            value,
+            files_by_key=files_by_key,
+            source=source,
+            prefix=f"{dotted_key}.",
         )
     return config

@@ -89,9 +89,9 @@ class ConfigChecks:
     faulty_keys : set of str
         Dotted keys with a fault.
     mean_grain : dict or None
-        The mean_grain grain, as in berry.json, once it is made.
+        The mean grain, as in berry.json; None until it is made.
     particle : Particle or None
-        Its body, once it is made.
+        Its body; None until it is made.
     inputs_are_checked : bool
         Whether the named files, and the fit of grain, bench tests and time step, were
         checked.
@@ -107,7 +107,7 @@ class ConfigChecks:
         self.inputs_are_checked = False
 
     def check_and_compute(self, inputs: bool) -> None:
-        """Check the configuration and compute each `auto`.
+        """Check the configuration, and replace each `auto` in it by a number.
 
         Parameters
         ----------
@@ -127,7 +127,7 @@ class ConfigChecks:
         self.faults = checked.faults
         self.faulty_keys = checked.keys
 
-        # List the numbers to compute. Until then each of them is `auto`.
+        # List the numbers to compute. Until they are computed each of them is `auto`.
         settings_to_compute = []
         for setting in computed.find_settings_to_compute(self.config):
             if self._may_read(setting.section):
@@ -145,7 +145,7 @@ class ConfigChecks:
         for setting in settings_to_compute:
             self._compute_setting(setting)
 
-        # Check keys against each other, and report all faults.
+        # Check whether keys contradict each other, and report all faults.
         self._apply_rules(list_rules_after_numbers(self.config))
         if inputs:
             self._check_fit()
@@ -155,7 +155,7 @@ class ConfigChecks:
     def make_checked_grain(self) -> tuple[dict[str, Any], Particle]:
         """Make the mean grain and its particle, and check all inputs.
 
-        What was made and checked before is not done again.
+        If the grain was made and checked before, it is returned as it is.
 
         Returns
         -------
@@ -243,7 +243,8 @@ class ConfigChecks:
         Returns
         -------
         object
-            What the function returns; None if it fails. Its faults are added then.
+            The result of the function. None if it fails; its faults are then added to
+            the others.
         """
         try:
             return function(*arguments)
@@ -254,9 +255,10 @@ class ConfigChecks:
             return None
 
     def _name_users_file(self, fault: InputError, section: str) -> InputError:
-        """Put the user's file into a fault that names a section in place of a file.
+        """Name the user's file in a fault that names only a section.
 
-        A fault that names a file already is returned unchanged.
+        The functions that read a section do not know its file. A fault that names a file
+        is returned unchanged.
         """
         if fault.source != section:
             return fault
@@ -265,9 +267,9 @@ class ConfigChecks:
     def _read_files(self) -> None:
         """Check that the named files exist, and read those that no other check reads.
 
-        The faults are added to the others. What is read is not kept.
+        The faults are added to the others. The contents of the files are not kept.
         """
-        # The folder of results must be free for a folder.
+        # No file may have the path of the folder of results.
         if self._may_read("results_dir"):
             self._add_faults(
                 results_folder.find_folder_faults(self.settings.results_dir)
@@ -322,8 +324,8 @@ class ConfigChecks:
     def _make_grain(self) -> None:
         """Make the mean grain and its particle, unless they were made before.
 
-        Where their settings have a fault they stay None. Faults in their files are
-        added.
+        They remain None if their settings have a fault. Faults in their files are added
+        to the others.
         """
         from repose.grain import berry, build
 
@@ -333,7 +335,8 @@ class ConfigChecks:
             result = self._call_and_collect_faults(
                 "berry", berry.of_settings, settings.berry, table1
             )
-            # The other part is the statistics of the sizes, which no check needs.
+            # The first part of the result is the statistics of the sizes, which no check
+            # needs.
             if result is not None:
                 _, self.mean_grain = result
         if self.mean_grain is not None and self.particle is None:
@@ -350,7 +353,7 @@ class ConfigChecks:
             The key, the sections that its number follows from, and the function that
             computes it.
         """
-        # It cannot be computed where something that it follows from has a fault.
+        # The number cannot be computed if a section that it depends on has a fault.
         lacks_grain = setting.needs_grain and self.particle is None
         if lacks_grain or not self._may_read(*setting.reads):
             self.faulty_keys.add(setting.key)

@@ -89,8 +89,8 @@ Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
 class ParametersSettings(Section):
     """The contact parameters.
 
-    A restitution is that of a hit in many time steps; with the step of `auto` a hit
-    returns less, see `repose.config.hits`.
+    A restitution is exact for a hit that lasts many time steps. With the time step of
+    `auto` the real restitution is smaller, see `repose.config.hits`.
     """
 
     @property
@@ -198,7 +198,11 @@ class TargetSettings(Section):
     def contradictions(self) -> Contradictions:
         """Refuse an unknown response, and values outside the allowed range.
 
-        Only the first fault is reported, because the others would follow from it.
+        Yields
+        ------
+        tuple of str
+            A key of this section and its allowed values. Only the first fault is
+            reported, because it usually causes the others.
         """
         known = [response.name for response in responses_of(self.apparatus)]
         if not known:
@@ -230,8 +234,8 @@ class TargetSettings(Section):
         Yields
         ------
         tuple of str
-            A key of this section, and its allowed values. Only the first such fault,
-            because the others would follow from it.
+            A key of this section and its allowed values. Only the first fault is
+            reported, because it usually causes the others.
         """
         # The value itself.
         low, high = self.range
@@ -240,7 +244,7 @@ class TargetSettings(Section):
             yield "value", within_limits
             return
 
-        # The range. If it was computed, only the scatter can be to blame.
+        # The range. If the range was computed, the fault is that of the scatter.
         is_range_allowed = limits.low <= low and high <= limits.high
         if not is_range_allowed and self._is_range_of_the_scatter():
             yield (
@@ -264,7 +268,7 @@ class TargetSettings(Section):
     def _is_range_of_the_scatter(self) -> bool:
         """Tell whether the range follows from the scatter of the repetitions.
 
-        Otherwise the user gave it, or it is the least range around the value.
+        Otherwise the user gave the range, or it is the smallest range around the value.
         """
         if self.range != compute_target_range(self.value, self.sd, self.repetitions):
             return False
@@ -273,7 +277,7 @@ class TargetSettings(Section):
 
 
 class ExternalTarget(Section):
-    """A measured response of a program of the user's own, in the resolved form."""
+    """A measured response of the user's own program, in the resolved form."""
 
     response: str
     apparatus: str
@@ -308,7 +312,7 @@ class FiguresSettings(Section):
     )
 
     def contradictions(self) -> Contradictions:
-        """Refuse a list without the report's format, or with a format twice."""
+        """Refuse a list without png, which the report needs, or with a repeated format."""
         if "png" not in self.format or len(set(self.format)) < len(self.format):
             allowed = "a list with png, which the report shows, and no format twice"
             yield "format", allowed
@@ -320,8 +324,9 @@ class FiguresSettings(Section):
 class StudySettings(Section):
     """The whole configuration.
 
-    Sections of bench tests besides the funnel are read by `get_bench_section`, sections of further
-    strategies by `get_strategy_section`: both register themselves (`make_settings_type`).
+    Other bench tests and strategies register themselves and add their sections
+    (`make_settings_type`). Read these sections by `get_bench_section` and
+    `get_strategy_section`.
     """
 
     label: Label = Field(
@@ -396,8 +401,8 @@ class StudySettings(Section):
         Parameters
         ----------
         name : str
-            The bench test of the runs. Its own number of seeds counts, unless the
-            strategy has a key for the number in all bench tests.
+            The bench test of the runs. Its key for the number of seeds is used, unless
+            the strategy has a key for all bench tests.
         """
         from repose.calibrate.strategies import strategy
 
@@ -426,8 +431,8 @@ class StudySettings(Section):
 def make_settings_type() -> type[StudySettings]:
     """Make the model of a whole configuration.
 
-    It is `StudySettings` with a section for each strategy and bench test that is
-    registered now.
+    The model is a subclass of `StudySettings` with a section for each strategy and bench
+    test that is registered when this function is called.
     """
     from repose.calibrate import strategies
 
@@ -448,7 +453,8 @@ def _make_cached_settings_type(
     Returns
     -------
     type of StudySettings
-        A subclass with the other sections. That of a bench test may be absent.
+        A subclass with the other sections. A configuration may lack the section of a
+        bench test.
     """
     from repose.calibrate.strategies import strategy
 
@@ -501,7 +507,7 @@ def select_valid_sections(config: Mapping[str, Any]) -> StudySettings:
     Returns
     -------
     StudySettings
-        To read a section that is missing or invalid is an AttributeError.
+        The valid sections. An access to any other section raises an AttributeError.
     """
     model = make_settings_type()
     sections: dict[str, Any] = {}
@@ -532,14 +538,14 @@ def _make_validator(model: type[StudySettings], name: str) -> TypeAdapter[Any]:
     """Make the validator of a key at the top of a configuration."""
     field = model.model_fields[name]
     annotation: Any = field.annotation
-    # Pydantic takes the constraints of a field apart from its annotation.
+    # Pydantic has removed the constraints from the annotation. Add them again.
     for constraint in field.metadata:
         annotation = Annotated[annotation, constraint]
     return TypeAdapter(annotation)
 
 
 def list_file_keys() -> tuple[str, ...]:
-    """Return the dotted keys of the configuration that name a file."""
+    """List the dotted keys of the configuration that name a file."""
     return _list_file_keys_of_model(make_settings_type())
 
 

@@ -1,8 +1,8 @@
 """Write the tables of keys in config/README.md from the fields of the sections.
 
-``python -m repose.config.page`` writes them into the page. A table stands between the
-lines ``<!-- keys: NAME -->`` and ``<!-- end -->``; the text around it is written by hand.
-It prints a line for each section that has no such lines.
+``python -m repose.config.page`` writes the tables into the page. Each table is between
+the lines ``<!-- keys: NAME -->`` and ``<!-- end -->``. The text around the tables is
+written by hand. The program prints a message for each section without such lines.
 """
 
 import json
@@ -24,7 +24,8 @@ from repose.stages.settings import ParticlesSettings, SimulatorSettings
 PAGE_PATH = Path("config", "README.md")
 TABLE_PATTERN = re.compile(r"<!-- keys: (\w+) -->\n.*?<!-- end -->", re.DOTALL)
 COLUMNS = ("key", "meaning", "unit", "values", "default", "source")
-# Units by the ends of the keys; a longer end is tried before a shorter one.
+# The unit of a key follows from the end of its name. A longer end comes before a shorter
+# one that it contains, because the first match is used.
 UNITS = {
     "_mm_per_pixel": "mm",
     "_mb": "MB",
@@ -93,7 +94,7 @@ def list_sections_without_table(text: str) -> list[str]:
 
 
 def make_tables() -> dict[str, Table]:
-    """Make all tables, by the names that they have in the page."""
+    """Make all tables, and map the names in the page to them."""
     method = read_yaml(places.find_program_folder() / places.METHOD_CONFIG)
     whole = make_settings_type()
     tables_by_name = {
@@ -159,7 +160,7 @@ def _find_default(name: str, field: FieldInfo, table: Table) -> str:
     Returns
     -------
     str
-        The default as it stands in a file; empty for a key without one.
+        The default in the form of a file; empty for a key without a default.
     """
     if name in table.values:
         return _format_yaml_value(table.values[name])
@@ -169,13 +170,13 @@ def _find_default(name: str, field: FieldInfo, table: Table) -> str:
 
 
 def _shorten_allowed(allowed: str) -> str:
-    """Shorten the allowed values of a message to a cell of a table."""
-    # A long list of numbers, which are the multiples of the first one.
+    """Shorten the description of allowed values for a cell of a table."""
+    # A list of many numbers contains the multiples of the first one.
     numbers = re.fullmatch(r"(\d+)(?: or \d+){9,} or (\d+)", allowed)
     if numbers:
         return f"{numbers[1]}, 2 x {numbers[1]} and so on to {numbers[2]}"
 
-    # The several forms of a contact parameter.
+    # The description of the forms of a contact parameter.
     pair = allowed.replace("a pair [low, high] of numbers", "[low, high]")
     return pair.replace(
         "with low < high; or fixed; or range with scale; or prior with",
@@ -184,7 +185,7 @@ def _shorten_allowed(allowed: str) -> str:
 
 
 def _find_unit(key: str) -> str:
-    """Find the unit that the name of a key ends with; `-` for a key without unit."""
+    """Find the unit at the end of a key's name; `-` for a key without unit."""
     for end, unit in UNITS.items():
         if f"_{key}".endswith(end):
             return unit
@@ -192,7 +193,7 @@ def _find_unit(key: str) -> str:
 
 
 def _format_yaml_value(value: Any) -> str:
-    """Write a default as it stands in a file."""
+    """Write a default in the form of a file, as code in Markdown."""
     if isinstance(value, str):
         return f"`{value}`"
     return f"`{json.dumps(value)}`"

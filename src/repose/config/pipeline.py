@@ -29,8 +29,9 @@ if TYPE_CHECKING:
 class PipelineConfig:
     """The configuration of a study with the simulator of this package.
 
-    It is made once from its files, checked, with a number in place of each `auto`, and
-    does not change. Make it by `load`, by `of` from Python, or by `of_results` in a job.
+    The configuration is checked, has a number in place of each `auto`, and does not
+    change. Make it from files by `load`, from a mapping by `of`, or from a folder of
+    results by `of_results`.
 
     Attributes
     ----------
@@ -56,14 +57,14 @@ class PipelineConfig:
         ----------
         *files : path
             YAML or JSON files. Each overrides the files before it, and all override the
-            defaults, so a file may hold only the keys that differ. A file written by
-            `write_resolved` is complete and checked, and is read unchanged.
+            defaults, so a file needs only the keys that differ. A file of
+            `write_resolved` is complete and checked, so it is read without these steps.
         overrides : mapping, optional
-            Nested values, over all files; their texts are read as YAML.
+            Nested values that override all files. Texts among them are parsed as YAML.
         inputs : bool, optional
-            Check also the files that the configuration names, and that grain, bench test
-            and time step fit together; this takes seconds. Otherwise these checks are
-            made with the grain.
+            Whether to check also the files that the configuration names, and whether
+            grain, bench test and time step fit together. This takes seconds. Without it
+            these checks are made when the grain is needed.
 
         Returns
         -------
@@ -72,8 +73,8 @@ class PipelineConfig:
         Raises
         ------
         InputError
-            With all faults at once: for each the file, the key, the value and what is
-            allowed.
+            With all faults. For each fault the message names the file, the key, the
+            value and the allowed values.
         """
         for file in files:
             convert_to_path("file", file)
@@ -87,7 +88,7 @@ class PipelineConfig:
         if loader.is_external(given.config):
             from repose.config.external import ExternalConfig
 
-            return ExternalConfig.from_layers(given, inputs=inputs)
+            return ExternalConfig.from_merged(given, inputs=inputs)
 
         # Merge the files over the defaults.
         content, source = loader.merge_with_defaults(files, overrides)
@@ -107,9 +108,9 @@ class PipelineConfig:
         Parameters
         ----------
         config : mapping
-            Every key; each may be `auto` that can be computed.
+            The values of all keys. A key that the program can compute may be `auto`.
         source : str or Origin, optional
-            File that an error names.
+            The file that an error names.
         inputs : bool, optional
             As in `load`.
 
@@ -132,14 +133,15 @@ class PipelineConfig:
                 find_source_file(source, "simulator"),
                 "simulator",
                 config["simulator"],
-                "a study of our own simulator; for one of yours see "
+                allowed="a study of our own simulator; for one of yours see "
                 "`repose docs own_simulator` and `repose docs simulators`",
             )
         checks = ConfigChecks(dict(config), source)
         checks.check_and_compute(inputs)
         study = cls(checks.config, source)
-        # Keep the checks, which have made the grain or make it later. The class is
-        # frozen, so set the cached property by hand.
+        # Keep these checks, because they may have made the grain already. A cached
+        # property has its value in `__dict__`, which is the only way to set it in a
+        # frozen class.
         study.__dict__["_checks"] = checks
         return study
 
@@ -179,7 +181,7 @@ class PipelineConfig:
         )
 
     def __reduce__(self) -> Any:
-        # The types of the sections are made when they are needed, in each process.
+        # Pickle only the values. Each process makes the types of the sections itself.
         return type(self), (self.config, self.source)
 
     @cached_property
@@ -260,7 +262,7 @@ class PipelineConfig:
         from repose.calibrate.settings import CalibrationSettings
         from repose.calibrate.study import Study
 
-        # Strategies that are no fields of `CalibrationSettings` go into `others`.
+        # Collect the sections of strategies that are no fields of `CalibrationSettings`.
         settings = self.settings
         other_sections = {}
         for name in strategies.names():
@@ -293,7 +295,12 @@ class PipelineConfig:
         )
 
     def published(self, table: str) -> Path | None:
-        """Find a table beside that of the published solutions, such as ``table3.csv``.
+        """Find a table in the folder of the published solutions.
+
+        Parameters
+        ----------
+        table : str
+            Name of its file, such as ``table3.csv``.
 
         Returns
         -------
@@ -325,7 +332,7 @@ class PipelineConfig:
         parameters : mapping
             Contact parameters by name.
         seed : int, optional
-            Of the random numbers of the run.
+            Seed of the random numbers of the run.
 
         Returns
         -------

@@ -1,7 +1,7 @@
 """Check the folder of a study's results before a run writes into it.
 
-Snakemake removes the outputs of a rule before it makes them anew, and knows only their
-names. So a study starts only in a folder that is new or a study's already, and where no
+Snakemake removes the outputs of a rule before it makes them again, whoever wrote them.
+Therefore a study starts only in a new folder or in the folder of a study, and only if no
 file of somebody else has the name of a result.
 """
 
@@ -20,7 +20,7 @@ from repose.common.errors import InputError, raise_together
 from repose.common.ledger import LEDGER
 from repose.common.section import Contradictions, refuse
 
-# Folders of the project that results must not be written into.
+# Folders of the project into which no results may be written.
 PROJECT_FOLDERS = (
     "src",
     "config",
@@ -35,11 +35,11 @@ PROJECT_FOLDERS = (
     ".ci",
     "results/published",
 )
-# Folders in the folder of results whose files every job writes anew.
+# Folders in the folder of results whose files every job replaces.
 FOLDERS_WITHOUT_RESULTS = ("benchmarks", "logs")
-# Files that a run writes, which are no results.
+# Files that a run writes without a record of provenance, because they are no results.
 FILES_WITHOUT_RECORD = ("config.json", "benchmarks/calls.csv")
-# Wildcards of rules that stand for a number.
+# Names of the wildcards in rules that stand for a number.
 NUMBER_WILDCARDS = ("sample", "job", "run", "seed", "batch")
 # A wildcard in braces, as {sample} or with its constraint {sample,\d+}.
 WILDCARD_PATTERN = re.compile(r"\{(\w+)(?:,(?:[^{}]|\{[^{}]*\})*)?\}")
@@ -55,11 +55,12 @@ def name_run_folder(test: str) -> str:
 
 
 def list_run_records(folder: str, counts: Mapping[str, int]) -> list[str]:
-    """List the records of runs in a folder.
+    """List the paths of the records of runs in a folder.
 
     Parameters
     ----------
     folder : str
+        The folder, which has a folder for each sample.
     counts : mapping of str to int
         Number of runs by the name of the sample.
     """
@@ -71,16 +72,26 @@ def list_run_records(folder: str, counts: Mapping[str, int]) -> list[str]:
 
 
 def count_records_by_folder(records: Iterable[str]) -> list[str]:
-    """Write the folders of records as the stage `measure_simulated` reads them.
+    """Count the records in each folder, for the command line of `measure_simulated`.
 
-    A command line has no room for thousands of records.
+    A command line has no room for the paths of thousands of records.
+
+    Parameters
+    ----------
+    records : iterable of str
+        Paths of records.
+
+    Returns
+    -------
+    list of str
+        For each folder a text such as ``results/runs/001=2``.
     """
     counts = Counter(record.rpartition("/")[0] for record in records)
     return [f"{folder}={count}" for folder, count in counts.items()]
 
 
 def require_separate_folder(results_dir: str) -> str:
-    """Refuse a folder of results that is one of the project's, or contains the project.
+    """Refuse a folder of results inside the project's folders or around the project.
 
     Parameters
     ----------
@@ -90,14 +101,14 @@ def require_separate_folder(results_dir: str) -> str:
     Returns
     -------
     str
-        The same path, as pydantic expects from a validator.
+        The same path, because pydantic expects this of a validator.
 
     Raises
     ------
     PydanticCustomError
         If results there could be mixed with files of the project or of the user.
     """
-    # This function, unlike Path.resolve, also resolves a link to itself.
+    # Unlike `Path.resolve`, this function accepts a link to itself.
     folder = Path(os.path.realpath(results_dir))
 
     # The project may be the working folder, or the place of the installation.
@@ -117,12 +128,12 @@ def require_separate_folder(results_dir: str) -> str:
 
 
 def find_folder_faults(results_dir: str) -> Contradictions:
-    """Find out whether a path cannot be the folder of results.
+    """Find out whether a file prevents a path from being the folder of results.
 
     Yields
     ------
     tuple of str
-        The key and its allowed values, if a file is in the way. Otherwise nothing.
+        The key and its allowed values, if there is such a file. Otherwise nothing.
     """
     folder = Path(results_dir)
     for path in (folder, *folder.parents):
@@ -132,7 +143,7 @@ def find_folder_faults(results_dir: str) -> Contradictions:
 
 
 def make_output_pattern(outputs: Iterable[str]) -> re.Pattern[str]:
-    """Make the pattern of the paths that rules write.
+    """Make a regular expression for the paths that rules write.
 
     Parameters
     ----------
@@ -142,7 +153,7 @@ def make_output_pattern(outputs: Iterable[str]) -> re.Pattern[str]:
     Returns
     -------
     re.Pattern
-        Matches the path of an output in full.
+        It matches the whole path of an output.
     """
     # Map the wildcards with known values to expressions. The article's method, called
     # published, has no batches.
@@ -198,7 +209,7 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
     if not os.path.isdir(results_dir):
         return
 
-    # Refuse a folder that looks like one of a study, in which no study has written.
+    # Refuse a folder with names of results in which no study has written.
     outputs = list(outputs)
     names = _list_names_of_results(results_dir, outputs)
     unlisted = set(_find_unlisted_results(results_dir, names))
@@ -208,7 +219,7 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
             "configuration",
             "results_dir",
             results_dir,
-            f"a new folder, or the folder of a study; there is {names[0]}, which no "
+            allowed=f"a new folder, or the folder of a study; there is {names[0]}, which no "
             "study of repose wrote: move it away, or choose another folder",
         )
 
@@ -232,7 +243,7 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
 def _find_faulty_results(
     folder: str, results_dir: str, *, names: Collection[str]
 ) -> dict[str, InputError]:
-    """Find the listed results of a folder that are not as a study wrote them.
+    """Find the listed results of a folder that were changed after a study wrote them.
 
     Parameters
     ----------
@@ -254,7 +265,7 @@ def _find_faulty_results(
         if folder != results_dir or changed.name in names:
             faults[str(changed)] = _describe_changed_result(changed, Path(folder))
 
-    # Folders in the place of a result. To snakemake they are the result.
+    # Folders that have the name of a result. Snakemake would take them for the result.
     for name in ledger.list_names(folder):
         path = f"{folder}/{name}"
         if os.path.isdir(path):
@@ -265,9 +276,9 @@ def _find_faulty_results(
 def _select_results_in_the_way(
     paths: Sequence[str], outputs: Iterable[str]
 ) -> list[str]:
-    """Select the files that are not empty and that a rule would write over.
+    """Select the files that a rule would replace, except empty ones.
 
-    An empty file holds nothing to lose; snakemake makes such marks.
+    An empty file contains nothing that could be lost. Snakemake itself makes such files.
 
     Parameters
     ----------
@@ -276,7 +287,7 @@ def _select_results_in_the_way(
     outputs : iterable of str
         Paths that rules write, with wildcards in braces.
     """
-    # The pattern is slow to make, and most folders hold files of the study alone.
+    # The pattern is slow to make, and most folders contain only files of the study.
     if not paths:
         return []
     is_output = make_output_pattern(outputs).fullmatch
@@ -285,9 +296,9 @@ def _select_results_in_the_way(
 
 
 def _list_names_of_results(results_dir: str, outputs: Iterable[str]) -> list[str]:
-    """List what lies in the folder of results and has the name of a study's file.
+    """List the files and folders in the folder of results that have names of results.
 
-    Only the names at the top of the folder are compared, in alphabetical order.
+    The names are in alphabetical order. Inner folders are not searched.
     """
     top_level = {
         path.removeprefix(f"{results_dir}/").partition("/")[0] for path in outputs
@@ -301,9 +312,21 @@ def _list_names_of_results(results_dir: str, outputs: Iterable[str]) -> list[str
 def _walk_folders_of_results(
     results_dir: str, names: list[str]
 ) -> Iterator[tuple[str, list[str]]]:
-    """Yield each folder below the folder of results, itself first, with its files.
+    """Yield the folder of results and the folders below it, each with its files.
 
-    Only those of the given `names` are searched.
+    Parameters
+    ----------
+    results_dir : str
+        The folder of results.
+    names : list of str
+        The files and folders in it that belong to a study. Others are ignored.
+
+    Yields
+    ------
+    folder : str
+        The path of a folder.
+    files : list of str
+        The names of its files.
     """
     yield results_dir, names
     for name in names:
@@ -313,11 +336,12 @@ def _walk_folders_of_results(
 
 
 def _walk_folder(folder: str) -> Iterator[tuple[str, list[str]]]:
-    """Yield each folder below a folder, itself first, with its files.
+    """Yield a folder and the folders below it, each with the names of its files.
 
-    A folder that cannot be listed is an OSError.
+    If a folder cannot be listed, an OSError is raised.
     """
 
+    # By default `os.walk` ignores such errors.
     def refuse_folder(error: OSError) -> None:
         raise error
 
@@ -335,7 +359,7 @@ def _find_unlisted_results(results_dir: str, names: list[str]) -> Iterator[str]:
     results_dir : str
         The folder of results.
     names : list of str
-        What to search in it: names of files and folders.
+        Names of the files and folders in it to search.
 
     Yields
     ------
@@ -398,7 +422,7 @@ def _describe_changed_result(path: Path, folder: Path) -> InputError:
         path,
         "content",
         "something else",
-        f"a result as {source} wrote it; remove {removed}, and give the same command "
+        allowed=f"a result as {source} wrote it; remove {removed}, and give the same command "
         "again",
     )
 
@@ -409,5 +433,5 @@ def _describe_foreign_file(path: str) -> InputError:
         path,
         "file",
         "there already",
-        "a file that repose wrote; a result of the study has this name: move yours away",
+        allowed="a file that repose wrote; a result of the study has this name: move yours away",
     )

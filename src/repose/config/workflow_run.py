@@ -1,8 +1,8 @@
 """Prepare a run of the workflow: make its study, lock its folder, report its time.
 
 Snakemake reads the Snakefile for each of its commands, also for those that run no job.
-Reading it makes the study and looks at the folder of results; it writes nothing. A run
-that has jobs begins with `WorkflowRun.start`, and prints its times when it ends.
+This makes the study and checks the folder of results, but writes nothing. A run with
+jobs begins with `WorkflowRun.start`, and prints its times when it ends.
 """
 
 import atexit
@@ -24,7 +24,8 @@ from repose.common.lock import lock_folder
 from repose.config import dependencies, earlier_check, loader, results_folder
 from repose.config.pipeline import PipelineConfig
 
-FAULT_PREFIX = "repose: error:"  # begins the line in which a stage refuses its input
+# Beginning of the line that a stage prints when it refuses its input.
+FAULT_PREFIX = "repose: error:"
 
 
 def prepare_run(
@@ -65,17 +66,17 @@ def prepare_run(
         from repose.config.external import ExternalConfig
 
         given = loader.locate_workflow_values(config, files, source)
-        return WorkflowRun(ExternalConfig.from_layers(given, inputs=inputs))
-    layered = loader.merge_workflow_values(config, files, source)
+        return WorkflowRun(ExternalConfig.from_merged(given, inputs=inputs))
+    merged = loader.merge_workflow_values(config, files, source)
 
     # Reuse the result of an earlier check.
-    fingerprint = earlier_check.compute_fingerprint(layered.config)
-    resolved = earlier_check.read_checked_config(layered.config, fingerprint)
+    fingerprint = earlier_check.compute_fingerprint(merged.config)
+    resolved = earlier_check.read_checked_config(merged.config, fingerprint)
     if resolved is not None:
-        return WorkflowRun(PipelineConfig(resolved, layered.origin))
+        return WorkflowRun(PipelineConfig(resolved, merged.origin))
 
     # Check now. Only a full check is worth keeping for later runs.
-    study = PipelineConfig.of(layered.config, layered.origin, inputs=inputs)
+    study = PipelineConfig.of(merged.config, merged.origin, inputs=inputs)
     return WorkflowRun(study, new_fingerprint=fingerprint if inputs else None)
 
 
@@ -93,10 +94,13 @@ def has_pour_jobs(workflow: Any) -> bool:
 
 
 def check_kept_results_when_planned(workflow: Any, study: PipelineConfig) -> None:
-    """Let Snakemake check the results that it will not make again, once it knows them.
+    """Make Snakemake check the results that a run keeps, as soon as the run is planned.
 
-    Snakemake compares settings by its own records of them. These may be lost, changed
-    by ``--touch``, or left out by ``--rerun-triggers``; the records of the results count.
+    Snakemake has its own records of settings. These may be lost, changed by ``--touch``,
+    or ignored by ``--rerun-triggers``. The check uses the records of provenance in the
+    results instead. A result of other settings ends the program with a message.
+
+    This function replaces a private method of the workflow, which plans the jobs.
 
     Parameters
     ----------
@@ -105,22 +109,22 @@ def check_kept_results_when_planned(workflow: Any, study: PipelineConfig) -> Non
     study : PipelineConfig
         The study whose results the folder should hold.
     """
-    # Snakemake calls a function of ours at the start of its jobs, and so never in a dry
-    # run, nor where it finds nothing to do.
-    build = workflow._build_dag
+    # Snakemake calls ``onstart`` only if it has jobs to run. A check there would miss dry
+    # runs, and runs that find nothing to do.
+    plan_jobs = workflow._build_dag
 
-    def build_and_check() -> None:
-        build()
+    def plan_jobs_and_check() -> None:
+        plan_jobs()
         with exit_on_fault():
             _require_same_settings(
                 study, _find_kept_results(workflow, study.settings.results_dir)
             )
 
-    workflow._build_dag = build_and_check
+    workflow._build_dag = plan_jobs_and_check
 
 
 def _find_kept_results(workflow: Any, folder: str) -> Iterator[str]:
-    """Yield the results in a folder on which a run stands and which it does not make."""
+    """Yield the existing results in a folder that the planned run does not make again."""
     for job in workflow.dag.jobs:
         if workflow.touch or not workflow.dag.needrun(job):
             for path in job.output:
@@ -129,7 +133,7 @@ def _find_kept_results(workflow: Any, folder: str) -> Iterator[str]:
 
 
 def _require_same_settings(study: PipelineConfig, paths: Iterable[str]) -> None:
-    """Raise InputError for the first of the results that is of other settings."""
+    """Raise InputError for the first result that was made with other settings."""
     for path in sorted(paths):
         mismatch = dependencies.find_difference(
             study.config, attached.read_record(path)
@@ -139,34 +143,36 @@ def _require_same_settings(study: PipelineConfig, paths: Iterable[str]) -> None:
                 path,
                 mismatch.key,
                 mismatch.recorded,
-                f"{mismatch.current}, as in this study: this run would keep the result, and mix "
+                allowed=f"{mismatch.current}, as in this study: this run would keep the result, and mix "
                 "results of two studies; add --forceall (pours of equal settings are "
                 "kept), take the earlier value, or choose another results_dir",
             )
 
 
 def handle_sigterm_in_thread() -> None:
-    """Let a thread call Snakemake's handler of SIGTERM, so that it cannot deadlock.
+    """Call Snakemake's handler of SIGTERM in a thread, so that it cannot deadlock.
 
     The handler waits for a lock (`JobScheduler.exit_gracefully`, Snakemake 9.27). Python
-    calls handlers in the main thread, and this thread holds the lock while it selects
-    jobs and records finished ones. A signal at such a moment would stop the run for
-    ever. Call this once Snakemake has set its handler, as in ``onstart``.
+    calls handlers in the main thread. This thread holds the lock while it selects jobs
+    and records finished ones, so a signal at such a moment would stop the run for ever.
+    Call this function after Snakemake has set its handler, for example in ``onstart``.
+    It replaces the handler of this process.
     """
+    # Snakemake sets its handler only in the main thread.
     if threading.current_thread() is not threading.main_thread():
-        return  # Snakemake sets its handler in the main thread alone
+        return
     handler = signal.getsignal(signal.SIGTERM)
     if not callable(handler):
         return
-    # The `put` of this queue may be interrupted by another one.
-    numbers: SimpleQueue[int] = SimpleQueue()
+    # Unlike other queues, this one allows a signal to interrupt `put` by another `put`.
+    signal_numbers: SimpleQueue[int] = SimpleQueue()
 
     def call_handler() -> None:
         while True:
-            handler(numbers.get(), None)
+            handler(signal_numbers.get(), None)
 
     threading.Thread(target=call_handler, daemon=True).start()
-    signal.signal(signal.SIGTERM, lambda number, _frame: numbers.put(number))
+    signal.signal(signal.SIGTERM, lambda number, _frame: signal_numbers.put(number))
 
 
 class WorkflowRun:
@@ -175,10 +181,11 @@ class WorkflowRun:
     Parameters
     ----------
     study : PipelineConfig
-        The study that it works on.
+        The study that the run works on.
     new_fingerprint : str, optional
-        The fingerprint of a configuration that this run was the first to check, so that
-        later commands need not; None where they know it already.
+        The fingerprint of the configuration, if this run was the first to check it. The
+        run then stores the result of the check for later commands. None if the result is
+        stored already.
     """
 
     def __init__(
@@ -188,13 +195,14 @@ class WorkflowRun:
         self.new_fingerprint = new_fingerprint
         self.folder = study.settings.results_dir
         self.start_s = _estimate_process_start_s()
-        self._locks = ExitStack()  # the folder of results
+        # Holds the lock of the folder of results until the process ends.
+        self._locks = ExitStack()
 
     def start(self, outputs: Iterable[str]) -> None:
         """Lock the folder of results, and write the configuration for the jobs.
 
-        The lock lasts until the process ends. The times of the run are printed then,
-        after everything that Snakemake prints.
+        The lock lasts until the process ends. At its end the process prints the times of
+        the run, after everything that Snakemake prints.
 
         Parameters
         ----------
@@ -211,8 +219,8 @@ class WorkflowRun:
         if count:
             print(
                 f"repose: note: {self.folder} has lost its lists of written files "
-                f"({LEDGER}), as copies leave hidden files out; {count} results are "
-                "taken over by their records",
+                f"({LEDGER}), perhaps because it was copied without hidden files; "
+                f"{count} results were recognised by their records and listed again",
                 file=sys.stderr,
             )
         self.write_configuration()
@@ -227,7 +235,10 @@ class WorkflowRun:
         )
 
     def has_written(self, path: str) -> bool:
-        """Tell whether a job of this run wrote a file, and did not only touch it."""
+        """Tell whether a job of this run wrote a file.
+
+        It is False if Snakemake only changed the time of the file.
+        """
         has_run_jobs = bool(usage.list_processes_since(self.folder, self.start_s))
         return (
             has_run_jobs
@@ -238,7 +249,7 @@ class WorkflowRun:
     def has_bad_input(self) -> bool:
         """Tell whether a job of this run refused its input.
 
-        A stage that refuses its input prints the fault as the last line of its log.
+        A stage that refuses its input writes the fault as the last line of its log.
         """
         last_lines = []
         for path in Path(self.folder, "logs").rglob("*.log"):
@@ -250,7 +261,8 @@ class WorkflowRun:
     def _report_times(self) -> None:
         """Print the times of this run, and append them to the table of runs.
 
-        A run without any job is not reported.
+        The function also corrects the benchmarks of the jobs. For a run without any job
+        it does nothing.
         """
         import pandas as pd
 
@@ -285,7 +297,7 @@ class WorkflowRun:
 def _sum_processor_time_s(processes: Iterable[usage.Process]) -> float:
     """Add up the processor time of this process and of all jobs of its run [s].
 
-    Jobs on this machine are children of this process, so its own count includes them.
+    A job that is a child of this process is already included in the time of this process.
     """
     this_process = str(os.getpid())
     this_host = os.uname().nodename
@@ -298,23 +310,23 @@ def _sum_processor_time_s(processes: Iterable[usage.Process]) -> float:
 
 
 def _format_total_times(runs: Any) -> str:
-    """Write the sums of a table of runs as text."""
+    """Write the total times of a table of runs as text."""
     wall_min = runs["wall_s"].sum() / 60
     cpu_min = runs["cpu_s"].sum() / 60
     return f"{wall_min:.1f} min by the clock, {cpu_min:.1f} min of processor time"
 
 
 def _estimate_process_start_s() -> float:
-    """Return when this program began, in seconds of the system's clock.
+    """Estimate when this process started, in seconds since 1970.
 
-    It has computed all the time since then: it imported its libraries and read the
-    Snakefile.
+    So far the process has only imported libraries and read the Snakefile, which needs the
+    processor all the time. So its processor time is about its age.
     """
     return time.time() - time.process_time()
 
 
 def check_folder(study: PipelineConfig, outputs: Iterable[str]) -> None:
-    """Check that the study's folder has no foreign file in the place of a result.
+    """Check that no file of somebody else has the name of a result of the study.
 
     Parameters
     ----------

@@ -1,8 +1,9 @@
 """Write the calibrated grain and its pour as input of other simulation programs.
 
-`job` has the data of an export in SI units, independent of any program. Each program has
-a module, which writes its deck from a template in this folder, or its table of values;
-the head of a deck states the differences of the program from this engine.
+The module `job` has the data of an export in SI units, independent of any program. Each
+program has a module, which writes its input files, together called a deck. Most decks are
+written from a template in this folder. The head of a deck lists the differences between
+the program and this engine.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -21,17 +22,17 @@ if TYPE_CHECKING:
 __all__ = ["PROGRAMS", "write_deck"]
 
 DeckFunction = Callable[["Job"], dict[str, str]]
-"""Makes the files of a deck by name, the deck itself first."""
+"""Function that returns the texts of the files of a deck by name, the main file first."""
 
 
 def _import_deck_when_called(module: str) -> DeckFunction:
-    """Make a function that writes a deck by a module of this package.
+    """Return a function that imports a module of this package and calls `make_deck`.
 
-    The module is imported when the function is called, so that a list of the programs
-    imports none of them.
+    The import happens in the call, so that the table of programs imports no module.
     """
 
     def make_deck(job: "Job") -> dict[str, str]:
+        """Make the files of the deck by name."""
         files: dict[str, str] = import_module(f".{module}", __name__).make_deck(job)
         return files
 
@@ -42,7 +43,7 @@ PROGRAMS = {
     name: _import_deck_when_called(name)
     for name in ("liggghts", "lammps", "yade", "edem")
 }
-# Laws that every program has. A law that is in no list here is refused.
+# Laws that every program has. An export refuses a law that is in none of these lists.
 CONTACT_LAWS_OF_ALL = ("hertz_mindlin", "hertz_mindlin_rescaled")
 ROLLING_LAWS_OF_ALL = ("budget",)
 # Laws that only some programs have.
@@ -116,7 +117,7 @@ def _check_law(key: str, law: str, program: str, allowed: Sequence[str]) -> None
 
 
 def write_deck(job: "Job", program: str, folder: str | PathLike) -> list[Path]:
-    """Write the input files of another program, its deck, into a folder.
+    """Write the deck of another program, which is all its input files, into a folder.
 
     Parameters
     ----------
@@ -125,12 +126,12 @@ def write_deck(job: "Job", program: str, folder: str | PathLike) -> list[Path]:
     program : str
         One of `PROGRAMS`.
     folder : path
-        Folder to write.
+        Folder for the files.
 
     Returns
     -------
     list of Path
-        The written files. The first one is the deck itself.
+        The written files, the main file first.
 
     Raises
     ------

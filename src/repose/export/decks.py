@@ -1,7 +1,7 @@
 """Write the text of a deck from a template of this folder, with numbers to nine digits.
 
-Templates are Jinja's. A number stands in double braces; ``{{ x | digits(6) }}`` writes it
-to six digits.
+The templates are written in the language of Jinja. A number is written in double braces.
+For example, ``{{ x | digits(6) }}`` writes x with six digits.
 """
 
 from collections.abc import Iterable, Sequence
@@ -21,11 +21,11 @@ def format_number(number: float, count: int = 9) -> str:
 
 
 def _format_float(value: object) -> object:
-    """Write a float to nine digits; leave anything else as it is."""
+    """Write a float with nine digits; return any other value unchanged."""
     return format_number(value) if isinstance(value, float) else value
 
 
-# A deck is no HTML, so nothing in it is escaped.
+# A deck is no HTML, so special characters need not be escaped.
 _ENVIRONMENT = Environment(  # nosec B701
     loader=FileSystemLoader(Path(__file__).parent),
     trim_blocks=True,
@@ -37,7 +37,7 @@ _ENVIRONMENT.filters["digits"] = format_number
 
 
 def fill_template(name: str, job: Job, **values: object) -> str:
-    """Fill a template of this folder.
+    """Fill a template of this folder with numbers, and return the text.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def fill_template(name: str, job: Job, **values: object) -> str:
     job : Job
         The grain and its pour, whose numbers every template can use.
     **values : object
-        Values that only this template needs, by their names in it.
+        Values that only this template needs, by their names in the template.
     """
     return _ENVIRONMENT.get_template(name).render(collect_common_values(job) | values)
 
@@ -78,8 +78,8 @@ def collect_common_values(job: Job) -> dict[str, Any]:
         # The box.
         "half": scene_radius_m + 4.0 * grain_radius_m,
         "top": factory_height_m + 4.0 * grain_radius_m,
-        # Neighbour lists reach beyond the spheres for several steps of a grain that falls
-        # at 2 m/s, 0.4 mm each.
+        # Neighbour lists include all spheres up to this distance. A grain that falls at
+        # 2 m/s moves by 0.4 mm in a time step, so the lists are valid for several steps.
         "skin": 0.75 * job.mean_radius_m,
         # The factory.
         "factory_radius": job.factory_radius_m,
@@ -106,17 +106,17 @@ def write_head(
 ) -> str:
     """Write the comment lines at the head of a deck.
 
-    They name the study, its parameters, and all differences between deck and study.
+    These lines give the study, its parameters, and all differences between deck and study.
 
     Parameters
     ----------
     job : Job
         The grain and its pour.
     program_differences : sequence of str
-        How this program differs from the study. The differences of all programs are
-        added.
+        The differences between this program and the study. The function adds the
+        differences that all programs have.
     comment : str
-        What begins a comment line in the language of the program.
+        The beginning of a comment line in the language of the program.
     """
     grains = job.grains
     on_wall = job.on_wall
@@ -148,13 +148,15 @@ def _list_common_differences(job: Job) -> list[str]:
             "rotation"
         )
     differences.append(
-        "no dashpot along the tangent; in the study Coulomb's limit holds it too. In "
-        "LIGGGHTS and YADE it comes on top of that limit, in LAMMPS it winds up the "
-        "spring: a grazing impact had 1.7 times the friction, or a sixth"
+        "no dashpot along the tangent; in the study Coulomb's limit includes it. In "
+        "LIGGGHTS and YADE its force is added to that limit, in LAMMPS it winds up the "
+        "spring: the friction of a grazing impact was 1.7 times that of the study, or a "
+        "sixth of it"
     )
     if job.simulation.tension == "keep":
         differences.append(
-            "Coulomb's limit takes the damped normal force, in the study its elastic part"
+            "Coulomb's limit uses the damped normal force, in the study only its elastic "
+            "part"
         )
     return differences
 
@@ -162,8 +164,8 @@ def _list_common_differences(job: Job) -> list[str]:
 def _describe_rolling_difference(job: Job) -> str:
     """Describe how rolling resistance in a deck differs from that of the study.
 
-    A law of the study that acts on each body has no equivalent elsewhere, so decks
-    replace it. Other laws exist in the programs, but act between two spheres.
+    If the law of the study acts on each body, no program has an equivalent, so decks use
+    another law. The other laws exist in the programs, but act between two spheres.
     """
     law = job.simulation.rolling_law
     lever_mm = 1e3 * job.lever_m
@@ -176,7 +178,8 @@ def _describe_rolling_difference(job: Job) -> str:
         )
         if job.is_sphere:
             difference += (
-                "; with mu_r 0.1 piles of spheres stood 5 to 7 degrees lower so"
+                "; with mu_r 0.1 piles of spheres were 5 to 7 degrees lower for this "
+                "reason"
             )
         return difference
 

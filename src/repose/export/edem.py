@@ -1,6 +1,6 @@
 """Write a table of the values that a user enters in EDEM; nobody has tried it there.
 
-EDEM has windows in place of a deck. The names of its models are from memory.
+EDEM has no input file that we could write. The names of its models are from memory.
 """
 
 from collections.abc import Mapping
@@ -24,7 +24,7 @@ DEFAULT_CONTACT_MODEL = "Hertz-Mindlin (no slip)"
 
 
 class Row(NamedTuple):
-    """A value to enter."""
+    """A row of the table: a value to enter, its name and its unit."""
 
     name: str
     value: float
@@ -44,7 +44,7 @@ def list_table_rows(
     Parameters
     ----------
     materials : mapping
-        The materials ``berry`` and ``wall``, as of `repose.bench.scene.materials_of`.
+        The materials ``berry`` and ``wall``, from `repose.bench.scene.materials_of`.
     parameters : mapping
         Contact parameters by name.
     particle : Particle
@@ -71,7 +71,12 @@ def _list_materials(
 ) -> list[Row]:
     """List the density of the grain, and the elastic constants of grain and wall.
 
-    `materials` are those of `list_table_rows`.
+    Parameters
+    ----------
+    materials : mapping
+        The materials ``berry`` and ``wall``.
+    particle : Particle
+        The grain.
     """
     table = [Row("Solids density, grain", particle.density_kg_m3, "kg/m3")]
     for key, name in (("berry", "grain"), ("wall", "wall")):

@@ -21,23 +21,24 @@ from repose.dem.rotations import sphere_directions
 if TYPE_CHECKING:
     from repose.grain.particle import Particle
 
-# Share of this engine's time step that is advised. Other programs damp each contact of a
-# clump by itself, and a hit by the velocity of half a step before: with the whole step e
-# is 0.474 for 0.5 in LAMMPS and 0.478 in Yade, with half of it 0.488 and 0.501.
+# Share of this engine's time step that is advised for other programs. They damp each
+# contact of a clump separately, and they compute the damping from the velocity half a step
+# earlier. For a configured restitution of 0.5 the real restitution with the whole step was
+# 0.474 in LAMMPS and 0.478 in Yade. With half of the step it was 0.488 and 0.501.
 TIME_STEP_SHARE = 0.5
-# Share of the Rayleigh time that is advised at most.
+# Largest advised time step as a share of the Rayleigh time.
 RAYLEIGH_SHARE = 0.2
-# Overlap over effective radius at which a contact is as stiff as the spring of constant
-# stiffness that replaces it.
+# Some contacts are replaced by a spring of constant stiffness. Its stiffness is that of the
+# contact at this ratio of overlap to effective radius.
 TYPICAL_OVERLAP = 0.01
-# Relative differences of axes and of moments of inertia that count as none.
+# Relative differences of axes, and of moments of inertia, that are ignored.
 AXES_TOLERANCE = 1e-3
 INERTIA_TOLERANCE = 0.01
 
 
 @dataclass(frozen=True)
 class Pair:
-    """Contact of two materials, with the calibrated coefficients.
+    """The contact of two materials, with the calibrated coefficients.
 
     Attributes
     ----------
@@ -49,7 +50,7 @@ class Pair:
     effective_young_pa, effective_shear_pa : float
         E* and G*.
     effective_radius_m : float
-        R* of two spheres of the mean radius, or of one on a wall.
+        R* of two spheres of the mean radius, or of one such sphere on a wall.
     constants : mapping
         Further constants of the contact law, see `repose.dem.constants`.
     """
@@ -78,7 +79,7 @@ class Pair:
 class Job:
     """The grain and its pour through the funnel.
 
-    Vectors are in the body's principal axes, the centre of mass is the origin.
+    Vectors are given in the principal axes of the body. The origin is its centre of mass.
 
     Attributes
     ----------
@@ -89,10 +90,10 @@ class Job:
     particle : Particle
         The grain, a clump of spheres or one sphere.
     mean_radius_m : float
-        Mean radius of its spheres, weighted by free surface.
+        Mean radius of the spheres of the grain, weighted by their free surface.
     lever_m : float
-        Mean distance of its surface from the centre, by area: the lever of the rolling
-        resistance.
+        Lever of the rolling resistance: the mean distance of the surface from the centre
+        of mass, weighted by area.
     grain, wall : Material
         The materials.
     grains, on_wall : Pair
@@ -134,7 +135,7 @@ class Job:
 
     @property
     def pairs(self) -> dict[str, Pair]:
-        """The pairs by the end of their parameters' names."""
+        """The pairs, by the last two letters of the names of their parameters."""
         return {"gg": self.grains, "gp": self.on_wall}
 
     @property
@@ -172,7 +173,7 @@ def make_job(
     seed: int = 1,
     one_sphere: bool = False,
 ) -> Job:
-    """Collect the data of an export from a study.
+    """Collect the data of an export from a study into a `Job`.
 
     Parameters
     ----------
@@ -198,7 +199,7 @@ def make_job(
     funnel = scene.settings.section("funnel", FunnelSettings)
     notes = list(_list_missing_features(scene.settings, funnel))
 
-    # Other programs know only spheres, so the body is a clump of spheres or one sphere.
+    # Other programs know only spheres. So the body must be a clump of spheres or one sphere.
     body = particle
     if one_sphere or is_sphere(particle):
         body = make_equal_sphere(particle)
@@ -238,8 +239,8 @@ def make_job(
 def _advise_time_step_s(scene: Scene, rayleigh_s: float) -> float:
     """Advise a time step for other programs, to two digits [s].
 
-    It is at most half of the longest step that this engine allows the grain, half of the
-    study's own, and a fifth of the Rayleigh time of the smallest sphere.
+    The step is at most half of the longest step of this engine, half of the study's time
+    step, and a fifth of the Rayleigh time of the smallest sphere.
     """
     study_step_s = scene.settings.simulation.time_step_s
     longest_s = min(longest_time_step(scene).time_step_s, study_step_s)
@@ -255,8 +256,8 @@ def _make_pair(scene: Scene, pair: str, other: str, effective_radius_m: float) -
     scene : Scene
         The study's scene, with the calibrated parameters by name.
     pair : str
-        The pair that ends the names of its parameters: ``gg`` for two grains, ``gp``
-        for grain and wall.
+        The last two letters of the names of its parameters: ``gg`` for two grains,
+        ``gp`` for grain and wall.
     other : str
         The other material, ``berry`` or ``wall``.
     effective_radius_m : float
@@ -289,7 +290,7 @@ def _make_pair(scene: Scene, pair: str, other: str, effective_radius_m: float) -
 def is_sphere(particle: "Particle") -> bool:
     """Tell whether a particle is one sphere.
 
-    It is a clump of one, or an ellipsoid whose axes differ by less than 0.1 %.
+    This is a clump of one sphere, or an ellipsoid whose axes differ by less than 0.1 %.
     """
     if particle.is_clump:
         return len(particle.spheres_m) == 1
@@ -298,9 +299,10 @@ def is_sphere(particle: "Particle") -> bool:
 
 
 def make_equal_sphere(particle: "Particle") -> "Particle":
-    """Replace a particle by a sphere of its volume and mass: a clump of one sphere.
+    """Make a sphere with the volume and the mass of a particle, as a clump of one sphere.
 
-    A clump of one sphere keeps its radius. Its volume becomes that of the sphere.
+    If the particle is a clump of one sphere already, the sphere keeps this radius, and the
+    volume is computed from it.
     """
     mass_kg = particle.mass_kg
     if len(particle.spheres_m) == 1:
@@ -324,7 +326,7 @@ def make_equal_sphere(particle: "Particle") -> "Particle":
 def _list_missing_features(
     settings: SceneSettings, funnel: FunnelSettings
 ) -> Iterator[str]:
-    """Yield the features of the study that no deck can represent, a sentence each."""
+    """Yield a sentence for each feature of the study that no deck can represent."""
     if settings.size_distribution != "none":
         yield "the study's grains differ in size; here all are the mean grain"
     if funnel.orientation != "random":
@@ -336,7 +338,7 @@ def _list_missing_features(
 
 
 def _list_losses_of_sphere(particle: "Particle", sphere: "Particle") -> Iterator[str]:
-    """Yield what is lost where a sphere replaces the grain, a sentence or nothing."""
+    """Yield a sentence if a sphere that replaces the grain differs from it."""
     if not is_sphere(particle):
         radius_mm = 1e3 * sphere.bounding_radius_m
         yield f"every grain is the sphere of its volume, radius {radius_mm:.4g} mm"
@@ -354,24 +356,32 @@ def compute_rayleigh_time_s(
 ) -> float:
     """Compute the Rayleigh time of a sphere [s].
 
-    It is pi R sqrt(rho / G) / (0.1631 nu + 0.8766): Thornton and Randall, in:
-    Micromechanics of Granular Materials, Elsevier (1988) 133.
+    The Rayleigh time is pi R sqrt(rho / G) / (0.1631 nu + 0.8766), by Thornton and
+    Randall, in: Micromechanics of Granular Materials, Elsevier (1988) 133.
     """
     root = math.sqrt(density_kg_m3 / material.shear_modulus_pa)
     return math.pi * radius_m * root / (0.1631 * material.poisson_ratio + 0.8766)
 
 
 class SurfaceMeans(NamedTuple):
-    """Means over the free surface of a clump, by area."""
+    """Means over the free surface of a clump, weighted by area.
 
-    radius_m: float  # of the sphere that a point lies on
-    distance_m: float  # of a point from the centre of mass
+    Attributes
+    ----------
+    radius_m : float
+        Mean radius of the sphere to which a point of the surface belongs.
+    distance_m : float
+        Mean distance of a point of the surface from the centre of mass.
+    """
+
+    radius_m: float
+    distance_m: float
 
 
 def average_over_surface(spheres_m: np.ndarray, n_points: int = 2000) -> SurfaceMeans:
     """Average the radius and the distance from the centre over a clump's surface.
 
-    Only the free surface counts, the part that lies in no other sphere.
+    Only the free surface counts. This is the part that lies in no other sphere.
 
     Parameters
     ----------
@@ -386,6 +396,8 @@ def average_over_surface(spheres_m: np.ndarray, n_points: int = 2000) -> Surface
     sphere. A point belongs to the free surface if no other sphere contains it.
     """
     centres = spheres_m[:, :3]
+    # A point is free if it is at least this far from each centre. The factor keeps the
+    # points on their own sphere in spite of rounding.
     smallest_distances = spheres_m[:, 3] * (1.0 - 1e-9)
     directions = sphere_directions(n_points)
 

@@ -12,12 +12,12 @@ from repose.export.laws import (
     compute_rolling_stiffness,
 )
 
-# Damping of the rolling spring over its critical damping, with the mass of a grain.
+# Damping of the rolling spring as a share of its critical damping for the mass of a grain.
 ROLLING_DAMPING = 0.5
 # Coefficients of the polynomial in the restitution that gives the damping over sqrt(k m)
 # of `damping tsuji`, the highest power first (Marshall 2009, Eq. 53).
 TSUJI_COEFFICIENTS = (4.8218, -18.022, 27.467, -22.348, 11.087, -4.2783, 1.2728)
-# Smallest restitution that LAMMPS takes.
+# Smallest restitution that LAMMPS accepts.
 LEAST_RESTITUTION = 1e-6
 TANGENTIAL_SPRINGS = {
     "hertz_mindlin": "mindlin",
@@ -106,9 +106,9 @@ def compute_restitutions(job: Job) -> dict[str, float]:
     -------
     dict
         ``e_gg`` and ``e_gp``, between grains and between grain and wall, for the
-        damping `coeff_restitution`. ``tsuji_gg`` and ``tsuji_gp`` for the damping
-        `tsuji` of older versions; they are negative if no restitution gives this
-        damping.
+        damping `coeff_restitution`. ``tsuji_gg`` and ``tsuji_gp`` are the same for the
+        damping `tsuji` of older versions. They are negative if no restitution gives the
+        damping of the study.
     """
     numbers_by_name = {}
     for name, pair in job.pairs.items():
@@ -126,9 +126,12 @@ def compute_restitutions(job: Job) -> dict[str, float]:
 
 
 def write_molecule(job: Job) -> str:
-    """Write the grain as the text of a molecule template of LAMMPS.
+    """Write the grain as a molecule of LAMMPS, whose spheres move as one rigid body.
 
-    A molecule has spheres that move as one rigid body.
+    Returns
+    -------
+    str
+        The text of a molecule file.
     """
     spheres_m = job.particle.spheres_m
     mass_kg = job.particle.mass_kg
@@ -144,7 +147,7 @@ def write_molecule(job: Job) -> str:
         f"{inertia} inertia",
     ]
 
-    # Every section has one numbered row per sphere.
+    # Each section has a numbered row for each sphere.
     sections = {
         "Coords": [join_numbers(sphere[:3]) for sphere in spheres_m],
         "Types": ["1"] * n_spheres,

@@ -1,14 +1,14 @@
 """Compute the numbers with which other programs reproduce the study's force laws.
 
-A program that takes a coefficient of restitution calculates its damping by a formula for
-contacts that may pull at the end (Tsuji, Tanaka and Ishida 1992). Where the study's
-contact never pulls, its damping differs. `equivalent_restitution` is the number with
-which the program's formula gives the study's damping; the program must then limit the
-normal force to pushes.
+A program that reads a coefficient of restitution computes its damping by the formula of
+Tsuji, Tanaka and Ishida (1992). In this formula the two bodies may attract each other at
+the end of a contact. If the study forbids this attraction, its damping differs.
+`compute_equivalent_restitution` returns the restitution for which the formula gives the
+damping of the study. The program must then refuse attractive normal forces, too.
 
-The lever of the rolling resistance is here the distance from the contact to the centre of
-the clump, elsewhere the effective radius of the two touching spheres. With
-`rolling_coefficient` the mean torque is the same.
+In the study the lever of the rolling resistance is the distance from the contact to the
+centre of the clump. In other programs it is the effective radius of the two touching
+spheres. With `compute_rolling_coefficient` the mean torque is the same.
 """
 
 import math
@@ -21,8 +21,18 @@ from repose.export.job import Job, Pair
 def compute_equivalent_restitution(pair: Pair, least: float = 0.0) -> float:
     """Compute the restitution with which Tsuji's formula gives a pair's damping.
 
-    It is exp(-pi beta / sqrt(1 - beta^2)) of the damping ratio beta, and 0 for beta from
-    1 on; never below `least`, the smallest value that the program takes.
+    Parameters
+    ----------
+    pair : Pair
+        The contact, with its damping ratio beta.
+    least : float, optional
+        The smallest restitution that the program accepts.
+
+    Returns
+    -------
+    float
+        exp(-pi beta / sqrt(1 - beta^2)) for beta below 1, otherwise 0, but at least
+        `least`.
     """
     beta = pair.damping_ratio
     if beta >= 1.0:
@@ -33,12 +43,12 @@ def compute_equivalent_restitution(pair: Pair, least: float = 0.0) -> float:
 def compute_rolling_coefficient(job: Job, pair: Pair) -> float:
     """Compute the coefficient of rolling friction of a pair for another program.
 
-    The study's torque has the mean distance from the surface to the grain's centre as
-    lever, the program's has the effective radius of two spheres. The result gives the
-    same torque.
+    The lever of the torque is the mean distance from the surface to the centre of the
+    grain in the study, and the effective radius of two spheres in the program. With the
+    result both torques are equal.
 
-    In laws that resist the rotation of one grain against the other, the lever of two
-    grains is half of one grain's.
+    If a law resists the rotation of one grain relative to another, the lever between two
+    grains is half of this distance.
     """
     lever = job.lever_m
     law = ROLLING_LAWS.entry(job.simulation.rolling_law)
@@ -50,7 +60,8 @@ def compute_rolling_coefficient(job: Job, pair: Pair) -> float:
 def compute_rolling_stiffness(pair: Pair) -> float:
     """Compute the stiffness of a rolling spring [N m].
 
-    It is the tangential stiffness of the contact times the squared effective radius.
+    The stiffness is the tangential stiffness of the contact times the squared effective
+    radius.
     """
     return pair.tangential_stiffness_n_m * pair.effective_radius_m**2
 
@@ -80,7 +91,7 @@ def describe_law_constants(job: Job) -> list[str]:
             )
         lines.append(f"{line}.")
 
-    # The friction of twisting may be set for both contacts, for one or for none.
+    # The twisting friction may be set for both contacts, for one of them or for none.
     if TWISTING.name in grains or TWISTING.name in on_wall:
         default = "3 pi / 16 mu_s"
         lines.append(

@@ -12,11 +12,12 @@ from repose.export.laws import (
 )
 from repose.export.surface import N_FACETS, write_stl
 
-# LIGGGHTS refuses a coefficient of restitution of 0.05 and less.
+# LIGGGHTS refuses a coefficient of restitution of 0.05 or less.
 LEAST_RESTITUTION = 0.0501
-# Its models of the rolling laws that it does not have by the same name.
+# Rolling models of LIGGGHTS for laws that have another name in the study.
 ROLLING_MODELS = {"budget": "epsd2", "constant_torque": "cdt"}
-# Angle below which faces of the mesh count as one, over that between two facets.
+# LIGGGHTS treats two faces as one if their angle is below a limit. The limit is this factor
+# times the angle between two neighbouring facets of the funnel.
 FOLD_SHARE = 1.1
 
 
@@ -36,8 +37,8 @@ def make_deck(job: Job) -> dict[str, str]:
     if has_cohesion:
         model = f"cohesion sjkr {model}"
 
-    # Numbers of a contact between grains end with gg in the template, those of a contact
-    # between grain and wall with gp.
+    # In the template, names of numbers end with gg for a contact between grains, and with
+    # gp for a contact between grain and wall.
     pair_values: dict[str, object] = {}
     for name, pair in job.pairs.items():
         pair_values[f"e_{name}"] = compute_equivalent_restitution(
@@ -94,10 +95,11 @@ def _list_differences(job: Job) -> list[str]:
 def find_prime(seed: int) -> int:
     """Find the prime with which LIGGGHTS seeds its random numbers.
 
-    LIGGGHTS requires a prime above 10000. Each seed of the study, 0 or more, gives
-    another prime.
+    LIGGGHTS requires a prime above 10000. Each seed of the study gives a different prime.
+    The seed must be 0 or more.
     """
-    # Begin 200 apart for each seed, which is more than the gap between such primes.
+    # The search for each seed begins 200 numbers after that of the seed before. This is
+    # more than the largest gap between primes of this size.
     number = 20001 + 200 * seed
     while any(number % k == 0 for k in range(3, math.isqrt(number) + 1, 2)):
         number += 2

@@ -8,11 +8,11 @@ import numpy as np
 from repose.bench.funnel import Funnel
 from repose.export.decks import join_numbers
 
-# Facets around the axis.
+# Number of facets around the axis.
 N_FACETS = 36
-# Largest angle of a facet along a rounded edge.
+# Largest angle of a facet along a rounded edge [deg].
 LARGEST_ARC_DEG = 30.0
-# Largest length of a facet along the funnel's line.
+# Largest length of a facet along the profile of the funnel.
 LONGEST_FACET_M = 0.024
 
 
@@ -40,7 +40,7 @@ def compute_profile(funnel: Funnel) -> np.ndarray:
     def make_arc(
         centre_z: float, start_deg: float, end_deg: float
     ) -> list[list[float]]:
-        """List points (r, z) on a rounded edge, from one angle to another."""
+        """List points (r, z) on a rounded edge between two angles."""
         n_points = 1 + math.ceil((end_deg - start_deg) / LARGEST_ARC_DEG)
         angles = np.radians(np.linspace(start_deg, end_deg, n_points))
         points = []
@@ -51,7 +51,7 @@ def compute_profile(funnel: Funnel) -> np.ndarray:
         return points
 
     inlet = [0.5 * funnel.inlet_diameter_m, funnel.inlet_height_m]
-    # The neck's arc begins where the cone touches it.
+    # The arc of the neck begins at the point where it touches the cone.
     touching_deg = 90.0 + math.degrees(math.radians(funnel.cone_angle_deg))
     neck = make_arc(funnel.neck_height_m, touching_deg, 180.0)
     lip = make_arc(funnel.outlet_height_m, 180.0, 270.0)

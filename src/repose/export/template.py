@@ -1,7 +1,8 @@
 """Make the template of a deck: names in double braces in place of its parameters.
 
-The section `simulator` of a study reads such a template (docs/simulators.md). A parameter
-changes some numbers of a deck. To find them, the deck is written again with another value.
+The section `simulator` of a study reads such a template (docs/simulators.md). To find the
+numbers of a deck that depend on a parameter, the deck is written again with another value
+of this parameter.
 """
 
 import re
@@ -13,16 +14,17 @@ from repose.common.files import Path_, write_text
 from repose.export import PROGRAMS, check_laws
 from repose.export.job import Job
 
-# A number that is no part of a word.
+# A number that is not a part of a word.
 NUMBER = re.compile(r"((?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.]))")
-# The other value of a parameter, over its own.
+# Ratio of the second value of a parameter to its first value.
 CHANGE_FACTOR = 0.5
-# Relative difference of numbers that are equal: decks have eight digits.
+# Largest relative difference of numbers that are considered equal. Numbers in decks have
+# at least eight digits.
 ROUNDING = 1e-6
 TEMPLATE_SUFFIX = ".j2"
 
 JobFunction = Callable[[Mapping[str, float]], Job]
-"""Makes the job of parameters by name."""
+"""Function that makes the job for a mapping of parameters."""
 
 
 def write_template(
@@ -33,31 +35,31 @@ def write_template(
     program: str,
     folder: Path_,
 ) -> list[Path]:
-    """Write the files of a deck, the deck itself as a template.
+    """Write the files of a deck, with a template in place of the main file.
 
     Parameters
     ----------
     make_job : callable
-        Makes the `Job` of parameters by name. It is called for the given values, and
-        once for each of `names` with another value of it.
+        Makes the `Job` for a mapping of parameters. It is called with `parameters`, and
+        then for each of `names` with another value of this parameter.
     parameters : mapping
         Values of the parameters by name.
     names : sequence of str
-        The parameters whose names take the place of their numbers.
+        The parameters whose names replace their numbers.
     program : str
         One of `repose.export.PROGRAMS`.
     folder : path
-        Folder to write.
+        Folder for the files.
 
     Returns
     -------
     list of Path
-        The written files. The first one is the template.
+        The written files, the template first.
 
     Raises
     ------
     InputError
-        If a parameter is unknown, or the deck does not hold it in proportion.
+        If a parameter is unknown, or if no number of the deck is in proportion to it.
     """
     for name in names:
         if name not in parameters:
@@ -65,7 +67,7 @@ def write_template(
             raise InputError("command line", "--names", name, allowed)
     job = make_job(parameters)
     check_laws(job, program)
-    # The first file is the deck itself. Only the deck becomes a template.
+    # The first file is the main file. Only this file becomes a template.
     files = PROGRAMS[program](job)
     deck_name = next(iter(files))
 
@@ -92,16 +94,16 @@ def make_template(
     """Replace the numbers of a text that are in proportion to a parameter by its name.
 
     The text is written again with another value of each parameter. The numbers that
-    change belong to this parameter.
+    change depend on this parameter.
 
     Parameters
     ----------
     write_text : callable
-        Writes the text with the parameters that it is given, by name.
+        Writes the text for a mapping of parameters.
     parameters : mapping
         Values of the parameters by name.
     names : sequence of str
-        The parameters whose names take the place of their numbers.
+        The parameters whose names replace their numbers.
 
     Returns
     -------
@@ -111,9 +113,9 @@ def make_template(
     Raises
     ------
     InputError
-        If a parameter changes no number, or one that is not in proportion to it.
+        If a parameter changes no number, or a number that is not in proportion to it.
     """
-    # Words and numbers alternate: even entries are words, odd ones are numbers.
+    # Words and numbers alternate. Even entries are words, and odd entries are numbers.
     parts = NUMBER.split(write_text(parameters))
     template = list(parts)
     for name in names:
@@ -127,7 +129,7 @@ def make_template(
         if not changed:
             raise _make_proportion_error(name)
         for k in changed:
-            # The part must be a number that no other parameter has replaced.
+            # Only a number that no other parameter has replaced may be replaced.
             is_free_number = k % 2 == 1 and template[k] == parts[k]
             if not is_free_number:
                 raise _make_proportion_error(name)
@@ -139,19 +141,19 @@ def make_template(
 
 
 def _are_equal(first: float, second: float) -> bool:
-    """Tell whether two numbers differ by rounding alone."""
+    """Tell whether two numbers differ only by rounding."""
     return abs(first - second) <= ROUNDING * abs(second)
 
 
 def _write_in_braces(name: str, factor: float) -> str:
-    """Write a name in double braces, with the factor between number and parameter."""
+    """Write a parameter in double braces, with its factor unless this is 1."""
     if _are_equal(factor, 1.0):
         return f"{{{{ {name} }}}}"
     return f"{{{{ {factor:.7g} * {name} }}}}"
 
 
 def _make_proportion_error(name: str) -> InputError:
-    """Make the error for a parameter to which no number is in proportion."""
+    """Make the error for a parameter without a number in proportion to it."""
     words = (
         "parameters to which numbers of the deck are in proportion, such as coefficients "
         "of friction; give others by --set"

@@ -36,7 +36,10 @@ def make_deck(job: Job) -> dict[str, str]:
 
 
 def _compute_damping_share(pair: Pair) -> float:
-    """Compute the damping of a pair as a share of its critical damping."""
+    """Compute the damping of a pair as a share of its critical damping.
+
+    The factor sqrt(5/6) belongs to the nonlinear spring of Hertz's law.
+    """
     return math.sqrt(5.0 / 6.0) * pair.damping_ratio
 
 
@@ -60,8 +63,8 @@ def _list_differences(job: Job) -> list[str]:
 def distribute_mass(job: Job) -> tuple[np.ndarray, np.ndarray]:
     """Distribute mass and inertia of a grain over its spheres.
 
-    YADE adds up the spheres of a clump. Together they must have the mass, the centre of
-    mass and the moments of inertia of the grain.
+    YADE adds up the masses and inertias of the spheres of a clump. The sums must be the
+    mass, the centre of mass and the moments of inertia of the grain.
 
     Parameters
     ----------
@@ -75,15 +78,15 @@ def distribute_mass(job: Job) -> tuple[np.ndarray, np.ndarray]:
         Their sum is 1, their centre is the origin and their products of inertia are
         zero.
     inertia : ndarray
-        Moments of inertia (3,) of each sphere [kg m2]. Together they supply what the
-        masses at the centres of the spheres lack.
+        Moments of inertia (3,) of each sphere [kg m2]. Their sum is the difference
+        between the moments of the grain and those of point masses at the centres.
     """
     particle = job.particle
     x, y, z = particle.spheres_m[:, :3].T
     n_spheres = len(x)
 
-    # Write the conditions on sum, centre and products of inertia as linear equations. A
-    # length scale makes all coefficients of order one.
+    # Write the conditions on sum, centre and products of inertia as linear equations.
+    # Divide lengths by a scale, so that all coefficients are of order one.
     scale_m = particle.bounding_radius_m
     conditions = np.stack(
         [np.ones_like(x), x / scale_m, y / scale_m, z / scale_m, x * y, x * z, y * z]
@@ -92,13 +95,13 @@ def distribute_mass(job: Job) -> tuple[np.ndarray, np.ndarray]:
     required = np.zeros(7)
     required[0] = 1.0
 
-    # Find the smallest change of equal shares that fulfils the conditions.
+    # Find the smallest change of equal shares with which the conditions are met.
     equal_shares = np.full(n_spheres, 1.0 / n_spheres)
     residual = required - conditions @ equal_shares
     change = np.linalg.lstsq(conditions, residual, rcond=1e-9)[0]
     shares = equal_shares + change
 
-    # Find the moments that the masses at the centres of the spheres lack.
+    # Subtract the moments of point masses at the centres from those of the grain.
     squared_distances = np.array([y * y + z * z, x * x + z * z, x * x + y * y])
     missing_inertia = (
         particle.inertia_kg_m2 - particle.mass_kg * squared_distances @ shares
