@@ -19,7 +19,7 @@ import pandas as pd
 from scipy.stats import qmc
 
 import repose
-from repose.calibrate.probability import probability_in_box
+from repose.calibrate.probability import compute_box_probability
 from repose.calibrate.strategies.sequential import kriging
 
 POINTS = 2048
@@ -109,7 +109,9 @@ def judge(model, formula, points, random):
             widths.append(high - low)
         if k < ANSWERS:
             half = 0.01 * np.abs(target)
-            chance = probability_in_box(mean, covariance, target - half, target + half)
+            chance = compute_box_probability(
+                mean, covariance, target - half, target + half
+            )
             off.append((truth[chance.argmax()] - target) / half)
     return {
         "error": np.sqrt((errors**2 / RUN_SD**2).mean()),
@@ -125,8 +127,8 @@ def judge(model, formula, points, random):
 def fit_and_judge(formula, seed, n, limit, points):
     """Fit a model that is exact up to `limit` samples to n runs, and judge it."""
     unit, runs = simulated(formula, n, np.random.default_rng([seed, 7]))
-    observed = kriging.Observed(unit, runs[:, None])
-    kriging.MOST_EXACT = limit
+    observed = kriging.ObservedSamples(unit, runs[:, None])
+    kriging.MAX_EXACT_SAMPLES = limit
     start = time.process_time()
     model = kriging.Kriging(observed, np.diag(RUN_SD**2))
     seconds = time.process_time() - start
@@ -158,7 +160,7 @@ def main():
     parser.add_argument("part", choices=["time", "compare"])
     parser.add_argument("--runs", type=int, nargs="+", default=[1200])
     parser.add_argument("--seeds", type=int, default=6)
-    parser.add_argument("--limit", type=int, default=kriging.MOST_EXACT)
+    parser.add_argument("--limit", type=int, default=kriging.MAX_EXACT_SAMPLES)
     parser.add_argument("--sparse-only", action="store_true")
     args = parser.parse_args()
     for n in args.runs:

@@ -47,7 +47,7 @@ def points_of(
     unit = sobol(
         settings[chosen.size], space.dimensions, [settings["seed"], chosen.scrambling]
     )
-    return design.parameter_sets(unit, space)
+    return design.tabulate_parameter_sets(unit, space)
 
 
 def run(

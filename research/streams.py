@@ -1,6 +1,6 @@
-"""Number the streams of random numbers of the studies here, beyond those of `repose.calibrate.seeds.PURPOSES`."""
+"""Number the streams of random numbers of the studies here, beyond those of `repose.calibrate.seeds.PURPOSE_STREAMS`."""
 
-from repose.calibrate.seeds import PURPOSES
+from repose.calibrate.seeds import PURPOSE_STREAMS
 
 STREAMS = {
     "shape_published": 3,
@@ -13,7 +13,7 @@ STREAMS = {
     "joint_targets": 14,
 }
 
-if set(STREAMS.values()) & set(PURPOSES.values()):
+if set(STREAMS.values()) & set(PURPOSE_STREAMS.values()):
     raise ValueError(
         "a stream of research is one of the package; expected numbers that no other purpose has"
     )

@@ -66,17 +66,17 @@ def _few_points():
     from repose.calibrate import calibration
     from repose.calibrate.uncertainty import sampler
 
-    infer = calibration.infer
+    infer = calibration.infer_posterior
 
     def infer_briefly(*arguments, settings, **others):
         few = settings.model_copy(update={"steps": 20})
         return infer(*arguments, settings=few, **others)
 
     with _few_rounds(), pytest.MonkeyPatch.context() as patch:
-        patch.setattr(calibration, "infer", infer_briefly)
-        patch.setattr(sampler, "ENSEMBLES", 2)
-        patch.setattr(sampler, "POPULATION", 128)
-        patch.setattr(sampler, "PRIOR_DRAWS", 2 * sampler.CHUNK)
+        patch.setattr(calibration, "infer_posterior", infer_briefly)
+        patch.setattr(sampler, "N_ENSEMBLES", 2)
+        patch.setattr(sampler, "N_POPULATION", 128)
+        patch.setattr(sampler, "N_PRIOR_DRAWS", 2 * sampler.CHUNK_SIZE)
         yield
 
 

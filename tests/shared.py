@@ -98,7 +98,7 @@ def settings_of(config):
         if name == "targets":
             value = [models.TargetSettings.model_construct(**entry) for entry in value]
         elif name == "network":
-            value = NetworkSettings.of(value)
+            value = NetworkSettings.from_keys(value)
         elif is_section and isinstance(value, dict):
             value = kind.model_construct(**value)
         sections[name] = value

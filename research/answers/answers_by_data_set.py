@@ -34,7 +34,7 @@ from scipy.stats import qmc
 
 from repose.bench.parameters import PARAMETERS
 from repose.calibrate import expected_loss
-from repose.calibrate.probability import probability_in_box
+from repose.calibrate.probability import compute_box_probability
 from repose.calibrate.surrogates import make
 from repose.calibrate.targets import Targets
 from repose.config import computed
@@ -152,7 +152,7 @@ def targets_at(names, aim):
 
 def fit(name, samples, space, targets, config):
     """The surrogate as the chain trains it."""
-    split = computed.split_of(name)
+    split = computed.choose_split(name)
     unit = Points(space.unit(samples.X), samples.values)
     settings = config["network"] | {"surrogate": name, "split": split}
     return study_surrogate(unit, space, targets, settings)
@@ -176,7 +176,7 @@ def answers(model, judge, names, values, space):
         row["judge_se_2"] = 100 * np.sqrt(unsure[0, -1, -1]) / aim[-1]
         for percent in PERCENT:
             reach = percent / 100 * aim
-            chance = probability_in_box(
+            chance = compute_box_probability(
                 model.predict(X), model.covariance(X) + unsure, aim - reach, aim + reach
             )[0]
             row |= {

@@ -14,9 +14,9 @@ import pandas as pd
 
 from repose.bench.parameters import PARAMETERS
 from repose.calibrate.surrogates import make
-from repose.calibrate.surrogates.accuracy import r2
+from repose.calibrate.surrogates.accuracy import compute_r2
 from repose.calibrate.surrogates.settings import NetworkSettings
-from repose.calibrate.variance import within_covariance
+from repose.calibrate.variance import estimate_within_covariance
 from repose.config.pipeline import PipelineConfig
 from research.answers.sample_weights import weights_from_errors
 
@@ -36,7 +36,7 @@ def trial(prior, used, X, Y, errors, covariance, order):
         "goal": 0.0,
         "prior": prior,
     }
-    model = make("network", NetworkSettings.of(settings))
+    model = make("network", NetworkSettings.from_keys(settings))
     if used:
         model.fit(
             X[train],
@@ -47,7 +47,7 @@ def trial(prior, used, X, Y, errors, covariance, order):
     else:
         model.fit(X[train], Y[train], precision=precision)
     P = model.predict(X[test])
-    return [r2(Y[test, k], P[:, k]) for k in range(Y.shape[1])] + [model.gamma_]
+    return [compute_r2(Y[test, k], P[:, k]) for k in range(Y.shape[1])] + [model.gamma_]
 
 
 def main():
@@ -72,7 +72,9 @@ def main():
     X = table[list(PARAMETERS)].to_numpy()
     Y = table[list(targets.names)].to_numpy()
     errors = table[list(targets.errors)].to_numpy()
-    covariance, _ = within_covariance(runs[list(targets.names)], runs["sample"])
+    covariance, _ = estimate_within_covariance(
+        runs[list(targets.names)], runs["sample"]
+    )
     sd = np.sqrt(np.diag(covariance))
     print(f"correlations of the noises\n{np.round(covariance / np.outer(sd, sd), 2)}\n")
     titles = (

@@ -15,7 +15,7 @@ import pandas as pd
 
 from repose.calibrate import training
 from repose.calibrate.uncertainty import discrepancy, implausibility, noise, posterior
-from repose.calibrate.uncertainty.likelihood import observation
+from repose.calibrate.uncertainty.likelihood import make_observation
 from repose.config.pipeline import PipelineConfig
 
 ROOT = Path(__file__).parents[2]
@@ -30,24 +30,26 @@ def discrepancy_of(combinations, targets):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "combinations.csv"
         combinations.to_csv(path, index=False)
-        return discrepancy.shape_study_discrepancy(path, targets)
+        return discrepancy.estimate_from_shape_study(path, targets)
 
 
 def main():
     study = PipelineConfig.load(ROOT / "config" / "config.yaml")
     targets = study.targets
     runs = noise.read_runs(RUN / "runs.csv", targets)
-    model = training.restore(
+    model = training.restore_surrogate(
         RUN / "network/network.json",
         RUN / "network/predictions.csv",
         RUN / "dataset.csv",
     )
-    points = implausibility.Points(model, study.parameters)
-    measured = posterior.measurement_of(targets, runs, study.settings.posterior)
+    points = implausibility.PriorPoints(model, study.parameters)
+    measured = posterior.make_measurement(targets, runs, study.settings.posterior)
 
     def observe(percent, correlation):
-        stated = discrepancy.of_targets(targets, runs, percent, correlation)
-        return observation(targets, measured.correlation, stated)
+        stated = discrepancy.compute_stated_covariance(
+            targets, runs, percent, correlation
+        )
+        return make_observation(targets, measured.correlation, stated)
 
     combinations = pd.read_csv(SHAPE_STUDY)
     tables = {ALL_LINES: combinations}
@@ -55,9 +57,11 @@ def main():
     rows = []
     for line, of_line in tables.items():
         found = discrepancy_of(of_line, targets)
-        observed = observation(targets, measured.correlation, found.covariance)
+        observed = make_observation(targets, measured.correlation, found.covariance)
         # The last row of the curve belongs to the given observation.
-        last = implausibility.curve(points, targets, observe, observed).iloc[-1]
+        last = implausibility.compute_information_curve(
+            points, targets, observe, observed
+        ).iloc[-1]
         angle_deg, height_mm = np.sqrt(np.diag(found.covariance))
         rows.append(
             {

@@ -18,7 +18,7 @@ from sklearn.gaussian_process.kernels import ConstantKernel, Matern
 
 from repose.bench.space import contact_space
 from repose.calibrate.strategies import plan
-from repose.calibrate.strategies.sequential.kriging import Observed
+from repose.calibrate.strategies.sequential.kriging import ObservedSamples
 from research.comparison import points
 from research.comparison.emulator import scaling_noise, with_process
 from research.comparison.models import configured_network
@@ -51,10 +51,10 @@ class Simulator:
         names,
         config,
         emulator="process",
-        noise_percent=plan.NOISE_PERCENT,
+        noise_percent=plan.DEFAULT_NOISE_PERCENT,
     ):
         """`noise_percent` of a pour; `plan.NOISE_PERCENT` is as in the pool."""
-        self.times = noise_percent / plan.NOISE_PERCENT
+        self.times = noise_percent / plan.DEFAULT_NOISE_PERCENT
         space = contact_space(config["parameters"])
         parts = []
         for part in ("", "fresh_"):
@@ -82,7 +82,7 @@ class Simulator:
 
     def pour(self, unit, pours, random):
         noise = self.times * self.noise.draw(unit, pours, random)
-        return Observed(unit, self.mean(unit)[:, None] + noise)
+        return ObservedSamples(unit, self.mean(unit)[:, None] + noise)
 
 
 def _matern(d):

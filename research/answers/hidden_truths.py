@@ -29,7 +29,7 @@ from repose.calibrate.strategies import plan
 from repose.calibrate.strategies.sequential import SequentialSettings
 from repose.calibrate.strategies.sequential.advise import advise, rank_points
 from repose.calibrate.strategies.sequential.goal import Goal
-from repose.calibrate.strategies.sequential.kriging import Kriging, Observed
+from repose.calibrate.strategies.sequential.kriging import Kriging, ObservedSamples
 from repose.calibrate.targets import Target, Targets
 from repose.config.pipeline import PipelineConfig
 from research.answers import rivals
@@ -63,7 +63,7 @@ def goal_of(names, aims, space):
             for name, aim in zip(names, aims.tolist(), strict=True)
         ]
     )
-    return targets, Goal.of(targets, TOLERANCE, space)
+    return targets, Goal.from_targets(targets, TOLERANCE, space)
 
 
 def sequential(simulator, goal, config, random, most_pours):
@@ -80,7 +80,7 @@ def sequential(simulator, goal, config, random, most_pours):
         if advice.stop:
             return
         new = simulator.pour(advice.batch, section.seeds, random)
-        data = Observed(
+        data = ObservedSamples(
             np.vstack([data.unit, new.unit]), np.concatenate([data.values, new.values])
         )
 
@@ -154,7 +154,7 @@ def of_truth(number, simulator, names, space, config, methods, noise):
 
 def summary(table):
     """Errors by method and budget, and how far the stated probabilities are right at a stop, at the pool's noise."""
-    table = table[table["noise_percent"] == plan.NOISE_PERCENT]
+    table = table[table["noise_percent"] == plan.DEFAULT_NOISE_PERCENT]
     lines = [
         "| responses | method | pours | truths | median worst error | 90th percentile | within 1 % | within 2 % |"
     ]
@@ -213,7 +213,7 @@ def main():
     parser.add_argument(
         "--noise-percent",
         type=float,
-        default=plan.NOISE_PERCENT,
+        default=plan.DEFAULT_NOISE_PERCENT,
         help="of a pour; 5: as in the pool",
     )
     parser.add_argument("--methods", nargs="+", choices=METHODS, default=list(METHODS))
@@ -259,7 +259,7 @@ def main():
         )
         table.to_csv(args.out, index=False, float_format="%.4g")
     if args.out == TABLE:  # what `repose plan` reads belongs to the table that is kept
-        success(table).to_csv(plan.SUCCESS, index=False, float_format="%.4f")
+        success(table).to_csv(plan.SUCCESS_FILE, index=False, float_format="%.4f")
     print(summary(table))
 
 

@@ -135,8 +135,8 @@ class NoMigration(MIGA):
 class ScaledMutation(MIGA):
     """Amplitudes spread evenly in their logarithm from 0.0001 to 1 instead of one amplitude."""
 
-    def _draw(self):
-        super()._draw()
+    def _draw_round(self):
+        super()._draw_round()
         self._mutation *= 10 ** self.random.uniform(-3, 1, self._mutation.shape)
 
 
@@ -250,7 +250,7 @@ def published_run():
     """Seconds of 5 x 40 x 8700 = 1.74 million evaluations of a 6-12-2 network, and of these alone."""
     random = np.random.RandomState(0)
     X = random.uniform(-1, 1, (95, 6))
-    model = make("network", NetworkSettings.of({"starts": 1, "epochs": 20})).fit(
+    model = make("network", NetworkSettings.from_keys({"starts": 1, "epochs": 20})).fit(
         X, np.column_stack([X.sum(axis=1), X[:, 0] * X[:, 1]])
     )
     respond = model.response_function(np.full(6, -1.0), np.full(6, 1.0))

@@ -60,7 +60,7 @@ class Truth(NamedTuple):
             counts = np.concatenate([counts, answers["n_seeds"].to_numpy(float)])
         covariance = points.covariance()
         process = make(
-            "gaussian_process", NetworkSettings.of(dict(study.config["network"]))
+            "gaussian_process", NetworkSettings.from_keys(dict(study.config["network"]))
         )
         process.fit(X, means, precision=counts, noise_covariance=covariance)
         noise = scaling_noise(points, covariance)

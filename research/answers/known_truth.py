@@ -23,7 +23,7 @@ from scipy import optimize, stats
 
 from repose.calibrate.surrogates import Surrogate
 from repose.calibrate.surrogates.gaussian_process import GaussianProcess
-from repose.calibrate.uncertainty.implausibility import joint_bits
+from repose.calibrate.uncertainty.implausibility import compute_joint_bits
 from repose.common.files import read_table, write_table
 from repose.report.figures import style
 
@@ -122,9 +122,9 @@ def inputs(places: np.ndarray) -> np.ndarray:
 
 def left_out(model: GaussianProcess) -> tuple[np.ndarray, np.ndarray]:
     """Predict each sample from the others: means (n,) and variances (n,) of these."""
-    means, variances = model.processes_[0].left_out()
+    means, variances = model.processes_[0].predict_left_out()
     covariance = model._covariance(variances[:, np.newaxis])
-    return model.unmixed(means[:, np.newaxis])[:, 0], covariance[:, 0, 0]
+    return model.unmix(means[:, np.newaxis])[:, 0], covariance[:, 0, 0]
 
 
 def root_mean_square(values: np.ndarray) -> float:
@@ -230,7 +230,7 @@ def judged(
     weight /= weight.sum()
     found = {
         "level": float(weight[log_likelihood > at_truth].sum()),
-        "bits": joint_bits(weight),
+        "bits": compute_joint_bits(weight),
         "bits_at_truth": float(np.log2(at_truth_weight / mean_weight)),
         "distance": distance(weight, truth, cells),
     }
@@ -238,7 +238,7 @@ def judged(
     for axis, name in enumerate(NAMES):
         others = tuple(k for k in range(len(cells)) if k != axis)
         marginal = shaped.sum(axis=others)
-        found[f"bits_{name}"] = joint_bits(marginal)
+        found[f"bits_{name}"] = compute_joint_bits(marginal)
         below = np.concatenate([[0.0], marginal.cumsum()])
         edges = np.linspace(LOW[axis], HIGH[axis], cells[axis] + 1)
         low, high = np.interp(INTERVAL, below, edges)

@@ -18,7 +18,7 @@ import numpy as np
 import pandas as pd
 
 from repose.calibrate.inversion import invert
-from repose.calibrate.optimism import Pours, expected_optimism
+from repose.calibrate.optimism import Pours, estimate_optimism
 from repose.calibrate.surrogates import load
 from repose.common.files import read_table, write_table
 from repose.stages.validate import select_for_validation
@@ -73,7 +73,7 @@ def simulate(args, config):
         seeded = network.model_copy(update={"seed": 2026 + number})
         model = data.fit(study, seeded)
         pours = Pours.collect(model, *data.tables(study, targets), targets)
-        optimism = expected_optimism(
+        optimism = estimate_optimism(
             model, pours, search, targets, replicates=REPLICATES, seed=number
         ).set_index(["role", "response"])
         sets, roles = search(model)
@@ -125,7 +125,7 @@ def kept(args, config):
     dataset = pd.read_csv(folder / "dataset.csv")
     runs = pd.read_csv(folder / "runs.csv")
     pours = Pours.collect(model, dataset, runs, targets)
-    optimism = expected_optimism(
+    optimism = estimate_optimism(
         model,
         pours,
         searching(study, ROUNDS),

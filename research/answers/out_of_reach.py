@@ -16,7 +16,7 @@ import pandas as pd
 from repose.calibrate.designs.latin_hypercube import lhsdesign
 from repose.calibrate.strategies.sequential import SequentialSettings
 from repose.calibrate.strategies.sequential.advise import advise
-from repose.calibrate.strategies.sequential.kriging import Observed
+from repose.calibrate.strategies.sequential.kriging import ObservedSamples
 from repose.config.pipeline import PipelineConfig
 from research.answers.emulated import Simulator, options
 from research.answers.hidden_truths import goal_of
@@ -71,19 +71,19 @@ def aims(kind, mean, random):
 def campaign(simulator, names, aim, mean, section, space, random):
     """Rows of one campaign."""
     _, goal = goal_of(names, aim, space)
-    least = goal.of_responses(mean)[1].min()
+    least = goal.compute_deviations(mean)[1].min()
     data = simulator.pour(
         lhsdesign(section.start_samples, space.dimensions, rng=random), 2, random
     )
     while True:
         pours = 2 * len(data.unit)
         advice = advise(data, goal, section, pours, random, None)
-        answer_loss = goal.of_responses(simulator.mean(advice.answer[None]))[1][0]
+        answer_loss = goal.compute_deviations(simulator.mean(advice.answer[None]))[1][0]
         yield pours, advice.reach.probability, advice.stop, answer_loss, least
         if advice.stop:
             return
         new = simulator.pour(advice.batch, 2, random)
-        data = Observed(
+        data = ObservedSamples(
             np.vstack([data.unit, new.unit]), np.concatenate([data.values, new.values])
         )
 

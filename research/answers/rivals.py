@@ -148,24 +148,24 @@ def response_surface(simulator, goal, targets, config, random, budgets):
                 status="ok", **dict(zip(targets.names, means.T, strict=True))
             )
 
-        first = screening.design(space, section)
-        corners, middle = screening.corners_and_centre(first, section.centres)
+        first = screening.make_screening_samples(space, section)
+        corners, middle = screening.split_corners_and_centre(first, section.centres)
         data = poured(first)
         models = screening.fit_models(corners, data, targets, "linear")
         centre = (
             data.loc[middle.index, list(targets.names)].to_numpy(float).mean(axis=0)
         )
-        kept = screening.kept_factors(models, section)
-        path = screening.path(models, centre, kept, study)
-        second = surface.design(
-            surface.good_path_points(path, poured(path), targets), space, section
+        kept = screening.choose_factors(models, section)
+        path = screening.make_ascent_samples(models, centre, kept, study)
+        second = surface.make_surface_samples(
+            surface.rank_path_points(path, poured(path), targets), space, section
         )
         models = screening.fit_models(second, poured(second), targets, "quadratic")
-        best = surface.best_point(models, targets)
+        best = surface.find_best_point(models, targets)
         total = seeds * sum(len(table) for table in (first, path, second))
         if total > budget:
             raise ValueError(f"{total} pours; expected at most {budget}")
-        yield budget, surface.to_unit_cube(second, best.coded, space)[0], np.nan
+        yield budget, surface.convert_to_unit_cube(second, best.coded, space)[0], np.nan
 
 
 METHODS = {

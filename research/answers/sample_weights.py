@@ -46,7 +46,9 @@ def trial(training, fresh):
     )
     found = {}
     for way, weight in zip(WAYS, weights, strict=True):
-        for model in (make(name, NetworkSettings.of(NETWORK)) for name in MODELS):
+        for model in (
+            make(name, NetworkSettings.from_keys(NETWORK)) for name in MODELS
+        ):
             mean = model.fit(training.X, training.means(), precision=weight).predict(
                 fresh.X
             )

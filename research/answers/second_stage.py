@@ -27,7 +27,7 @@ import pandas as pd
 from scipy import stats
 
 from repose.calibrate.expected_loss import minimise_expected_loss
-from repose.calibrate.strategies.refined.places import places_near_targets
+from repose.calibrate.strategies.refined.places import draw_near_targets
 from repose.common.errors import InputError
 from repose.common.files import read_table, write_table
 from research.answers.kept_truth import KEPT, DataSet, Truth, designed
@@ -78,7 +78,7 @@ def simulate(args, config):
             data = DataSet(X, list(pours[:, :seeds]))
             model = data.fit(study, settings)
             rows.append(judged(study, truth, model, data, first, number))
-            unit = places_near_targets(
+            unit = draw_near_targets(
                 model,
                 study.parameters,
                 study.targets,
@@ -175,7 +175,7 @@ def pour(args, config):
             data = kept_data(study, name, seeds)
             model = data.fit(study, settings)
             answers[first] = answer_of(study, model)
-            unit = places_near_targets(
+            unit = draw_near_targets(
                 model,
                 study.parameters,
                 study.targets,

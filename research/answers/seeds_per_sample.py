@@ -22,7 +22,7 @@ from repose.bench import bench
 from repose.bench.parameters import parameters_among
 from repose.calibrate import inversion as invert
 from repose.calibrate import training as train
-from repose.calibrate.seeds import pour_seeds
+from repose.calibrate.seeds import draw_run_seeds
 from repose.common import attached, provenance
 from repose.common.errors import InputError
 from repose.common.files import read_table, write_json, write_table
@@ -244,7 +244,7 @@ def pour_fresh(args, config):
     places, X = fresh_of(args.study, config)
     seed = config["design"]["seed"]
     seeds = [
-        pour_seeds(seed, STREAMS["fresh"], place["sample"], args.fresh_seeds)
+        draw_run_seeds(seed, STREAMS["fresh"], place["sample"], args.fresh_seeds)
         for place in places
     ]
     return poured(args, ["sample"], places, X, seeds)
@@ -317,7 +317,7 @@ def fitting(args, config, pours):
         section = network.model_copy(update={"seed": network.seed + number})
         search = miga.model_copy(update={"seed": miga.seed + number})
         tables = dataset.make_tables(samples, {BENCH: jobs}, targets)
-        learned = train.train(
+        learned = train.train_surrogate(
             *tables,
             targets,
             section,
@@ -461,7 +461,7 @@ def r2_of(found, fresh, names):
     return np.array(
         [
             [
-                train.r2_noise_corrected(
+                train.compute_corrected_r2(
                     mean[name].to_numpy(),
                     np.array([row[fresh_column(name, k)] for k in mean.index]),
                     error[name].to_numpy(),

@@ -28,7 +28,7 @@ from scipy import linalg
 
 from repose.calibrate.search.objective import Objective
 from repose.calibrate.surrogates import make
-from repose.calibrate.variance import within_covariance
+from repose.calibrate.variance import estimate_within_covariance
 
 SEEDS = (6, 3, 2)  # of each sample; the others are compared with the first
 # limits of the worsening of the answers, see `choose`
@@ -79,7 +79,7 @@ class Judge:
 
     def __init__(self, X: np.ndarray, values: np.ndarray, group: np.ndarray) -> None:
         """`values` (n, k) are single pours, `group` (n,) the row of X (m, d) that was poured."""
-        self.noise, _ = within_covariance(values, group)
+        self.noise, _ = estimate_within_covariance(values, group)
         poured, row = np.unique(group, return_inverse=True)
         counts = np.bincount(row).astype(float)
         means = np.column_stack(
@@ -103,7 +103,7 @@ class Judge:
                 np.maximum(value, 0)
             )
             columns.append(between @ process.weights + normal @ vector.T)
-        return self.process.unmixed(np.stack(columns, axis=-1)) + self.process.offset_
+        return self.process.unmix(np.stack(columns, axis=-1)) + self.process.offset_
 
 
 def of_answers(means, targets):

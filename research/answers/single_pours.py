@@ -22,10 +22,10 @@ import numpy as np
 import pandas as pd
 
 from repose.calibrate.surrogates import make
-from repose.calibrate.surrogates.accuracy import r2
+from repose.calibrate.surrogates.accuracy import compute_r2
 from repose.calibrate.surrogates.levenberg_marquardt import CONVERGED
 from repose.calibrate.surrogates.settings import NetworkSettings
-from repose.calibrate.training import split
+from repose.calibrate.training import split_samples
 from repose.common.files import write_table
 from research.comparison import points, scores
 from research.comparison.early_stopping import EarlyStoppingBP
@@ -44,14 +44,14 @@ def ways(X, Y, rows, starts, repeats=None):
     settings = NETWORK | {"starts": starts}
 
     def fitted(**noise):
-        return make("network", NetworkSettings.of(settings)).fit(
+        return make("network", NetworkSettings.from_keys(settings)).fit(
             X[train], Y[train], **noise
         )
 
     first = fitted()
     yield "evidence", first.predict
     rated = [
-        first.of_start(k)
+        first.get_network_of_start(k)
         for k, end in enumerate(first.ends_)
         if end["decrement"] < CONVERGED
     ]
@@ -94,7 +94,9 @@ def at_fresh_points(sets, names, splits, starts):
         Y = values[good]
         drawn = np.random.default_rng(k).choice(len(pool.X), REPEATED, replace=False)
         repeats = pool.take(drawn, REPEATS)
-        for way, predict in ways(X, Y, split(len(X), SHARES, k), starts, repeats):
+        for way, predict in ways(
+            X, Y, split_samples(len(X), SHARES, k), starts, repeats
+        ):
             P = predict(fresh.X)
             found = [
                 scores.accuracy(means[:, j], errors[:, j], P[:, j])["explainable"]
@@ -108,13 +110,16 @@ def at_test_samples(single, names, splits, starts):
     X = single.X
     Y = single.values[:, 0]
     for k in [NETWORK["seed"], *range(1, splits)]:
-        rows = split(len(X), SHARES, k)
+        rows = split_samples(len(X), SHARES, k)
         for way, predict in ways(X, Y, rows, starts):
             P = predict(X[rows["test"]])
             test = Y[rows["test"]]
             yield (
                 {"split": k, "way": way}
-                | {name: r2(test[:, j], P[:, j]) for j, name in enumerate(names)}
+                | {
+                    name: compute_r2(test[:, j], P[:, j])
+                    for j, name in enumerate(names)
+                }
             )
 
 

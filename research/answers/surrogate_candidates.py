@@ -14,9 +14,9 @@ from scipy import linalg, optimize
 from repose.calibrate.surrogates import Surrogate, make, register
 from repose.calibrate.surrogates.gaussian_process import GaussianProcess
 from repose.calibrate.surrogates.network_ensemble import NetworkEnsemble
-from repose.calibrate.surrogates.samples import checked_points, checked_samples
+from repose.calibrate.surrogates.samples import check_points, check_samples
 from repose.calibrate.surrogates.settings import NetworkSettings
-from repose.calibrate.surrogates.two_layer import width
+from repose.calibrate.surrogates.two_layer import compute_widths
 
 REFITS = 16
 
@@ -67,7 +67,7 @@ class NetworkResampled(Candidate):
             count = np.bincount(random.integers(len(X), size=len(X)), minlength=len(X))
             network = make(
                 "network",
-                NetworkSettings.of(
+                NetworkSettings.from_keys(
                     self.settings | {"starts": 1, "seed": self.settings["seed"] + k}
                 ),
             )
@@ -91,9 +91,9 @@ class NetworkProcess(Candidate):
     """Networks and a process of their residuals."""
 
     def fit(self, X, Y, **noise):
-        self.network = make("network_ensemble", NetworkSettings.of(self.settings)).fit(
-            X, Y, **noise
-        )
+        self.network = make(
+            "network_ensemble", NetworkSettings.from_keys(self.settings)
+        ).fit(X, Y, **noise)
         self.process = make("gaussian_process").fit(
             X, np.asarray(Y) - self.network.predict(X), **noise
         )
@@ -139,9 +139,9 @@ class Kriging(Candidate):
     covariance_of = staticmethod(matern)
 
     def fit(self, X, Y, *, precision=None, noise_covariance=None, noise_freedom=0.0):
-        X, Y, _, precision = checked_samples(X, Y, precision=precision)
+        X, Y, _, precision = check_samples(X, Y, precision=precision)
         self.low = X.min(axis=0)
-        self.span = width(X.min(axis=0), X.max(axis=0))
+        self.span = compute_widths(X.min(axis=0), X.max(axis=0))
         self.x = (X - self.low) / self.span
         k = Y.shape[1]
         mixing = np.eye(k)
@@ -246,7 +246,7 @@ class Kriging(Candidate):
         )
 
     def moments(self, X):
-        x = (checked_points(X, len(self.low)) - self.low) / self.span
+        x = (check_points(X, len(self.low)) - self.low) / self.span
         means = []
         variances = []
         for k, draws in enumerate(self.draws):

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repose.calibrate.training import split
+from repose.calibrate.training import split_samples
 from repose.common.files import write_table
 from research.comparison import models, scores
 from research.comparison.points import Points, joined
@@ -56,7 +56,7 @@ def training_sets(
     First the main design's training samples as the chain splits it. Then all of the main design, and leading parts of
     the pool, each with fewer and with all runs. Last the main design and the pool together.
     """
-    train = split(len(main.X), settings["split"], settings["seed"])["train"]
+    train = split_samples(len(main.X), settings["split"], settings["seed"])["train"]
     yield "main design, training samples", main.take(train)
     for seeds in _doublings(main.values.shape[1]):
         yield "main design", main.take(np.arange(len(main.X)), seeds)

@@ -8,8 +8,16 @@ from typing import Self
 
 import numpy as np
 
-from repose.calibrate.surrogates.levenberg_marquardt import linearise, residuals
-from repose.calibrate.surrogates.two_layer import evaluate, nguyen_widrow, scale, unpack
+from repose.calibrate.surrogates.levenberg_marquardt import (
+    compute_residuals,
+    linearise_residuals,
+)
+from repose.calibrate.surrogates.two_layer import (
+    draw_first_weights,
+    evaluate_network,
+    scale_columns,
+    unpack_weights,
+)
 
 SCALED_RANGE = (0.1, 0.9)  # as the paper scales inputs and outputs
 
@@ -19,7 +27,7 @@ class EarlyStoppingBP:
 
     `held_back` is the share of the samples that stop the training: as published, 0.15 of the 0.85 that are not for
     testing. `patience` counts epochs without a lower error on them, six as in MATLAB's trainlm. After `fit`, `network_`
-    holds scalings and weights for `repose.calibrate.surrogates.two_layer.evaluate`, and `held_back_error_` the mean squared error
+    holds scalings and weights for `repose.calibrate.surrogates.two_layer.evaluate_network`, and `held_back_error_` the mean squared error
     of the scaled outputs.
     """
 
@@ -49,20 +57,20 @@ class EarlyStoppingBP:
             "output_min": Y.min(axis=0),
             "output_max": Y.max(axis=0),
         }
-        x = scale(X, ends["input_min"], ends["input_max"], SCALED_RANGE)
-        t = scale(Y, ends["output_min"], ends["output_max"], SCALED_RANGE)
+        x = scale_columns(X, ends["input_min"], ends["input_max"], SCALED_RANGE)
+        t = scale_columns(Y, ends["output_min"], ends["output_max"], SCALED_RANGE)
         order = np.random.default_rng(self.seed).permutation(len(x))
         held, used = np.split(order, [max(1, round(self.held_back * len(x)))])
         found = []
         for k in range(self.starts):
-            w = nguyen_widrow(
+            w = draw_first_weights(
                 x.shape[1], self.hidden, t.shape[1], SCALED_RANGE, (self.seed, k)
             )
             found.append(self._train(w, (x[used], t[used]), (x[held], t[held])))
         w, self.held_back_error_, self.epochs_ = min(found, key=lambda end: end[1])
         weights = zip(
             ("W1", "b1", "W2", "b2"),
-            unpack(w, x.shape[1], self.hidden, t.shape[1]),
+            unpack_weights(w, x.shape[1], self.hidden, t.shape[1]),
             strict=True,
         )
         self.network_ = ends | dict(weights) | {"scaled_range": SCALED_RANGE}
@@ -70,12 +78,12 @@ class EarlyStoppingBP:
 
     def predict(self, X: np.ndarray) -> np.ndarray:
         """Responses (samples, outputs) at parameter sets (samples, inputs)."""
-        return evaluate(self.network_, X)
+        return evaluate_network(self.network_, X)
 
     def _train(self, w, used, held, mu=0.005, mu_max=1e10):
         """One start: (weights of least held-back error, that error, epochs)."""
         unit_weight = np.ones((1, used[1].shape[1]))
-        e, J = linearise(w, *used, unit_weight)
+        e, J = linearise_residuals(w, *used, unit_weight)
         square = e @ e
         best = w
         best_error = _mean_square(w, held, unit_weight)
@@ -86,7 +94,7 @@ class EarlyStoppingBP:
             gradient = J.T @ e
             while mu <= mu_max:
                 candidate = w - np.linalg.solve(JJ + mu * np.eye(w.size), gradient)
-                e = residuals(candidate, *used, unit_weight)
+                e = compute_residuals(candidate, *used, unit_weight)
                 if e @ e < square:
                     break
                 mu *= 10
@@ -95,7 +103,7 @@ class EarlyStoppingBP:
             mu = max(0.1 * mu, 1e-12)
             w = candidate
             epoch = epoch + 1
-            e, J = linearise(w, *used, unit_weight)
+            e, J = linearise_residuals(w, *used, unit_weight)
             square = e @ e
             error = _mean_square(w, held, unit_weight)
             if error < best_error:
@@ -109,4 +117,4 @@ class EarlyStoppingBP:
 
 def _mean_square(w, held, unit_weight):
     """Mean squared residual of the held-back samples."""
-    return float(np.mean(residuals(w, *held, unit_weight) ** 2))
+    return float(np.mean(compute_residuals(w, *held, unit_weight) ** 2))

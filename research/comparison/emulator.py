@@ -17,7 +17,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from repose.calibrate.training import r2_noise_corrected
+from repose.calibrate.training import compute_corrected_r2
 from research.comparison.models import configured_network, gaussian_process
 from research.comparison.points import Points
 
@@ -144,7 +144,7 @@ def with_process(
             predicted[part] = _process(
                 x[rest], y[rest], error[rest], fitted, fit=False
             ).predict(x[part])
-        shares.append(r2_noise_corrected(y, predicted, error))
+        shares.append(compute_corrected_r2(y, predicted, error))
 
     def mean(X):
         return np.column_stack(
@@ -174,13 +174,13 @@ def left_out(
 def explainable(
     means: np.ndarray, predicted: np.ndarray, errors: np.ndarray
 ) -> np.ndarray:
-    """Share (k,) of the explainable variance in predictions; see `repose.calibrate.training.r2_noise_corrected`.
+    """Share (k,) of the explainable variance in predictions; see `repose.calibrate.training.compute_corrected_r2`.
 
     All arrays are (n, k); `errors` are standard errors of the means. NaN where the noise explains all of the variance,
     or an error is unknown.
     """
     columns = zip(means.T, predicted.T, errors.T, strict=True)
-    return np.array([r2_noise_corrected(*column) for column in columns], float)
+    return np.array([compute_corrected_r2(*column) for column in columns], float)
 
 
 def scaling_noise(points: Points, covariance: np.ndarray) -> ScalingNoise:

@@ -33,7 +33,7 @@ def configured_network(points: Points, settings: Settings, seed: int) -> Predict
         else "network"
     )
     noise = points.replicates() if settings["replicates"] else {}
-    network = make(kind, NetworkSettings.of({**settings, "seed": seed}))
+    network = make(kind, NetworkSettings.from_keys({**settings, "seed": seed}))
     return _of_the_mean(network.fit(points.X, points.means(), **noise))
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from repose.bench.parameters import PARAMETERS
-from repose.calibrate.variance import within_covariance
+from repose.calibrate.variance import estimate_within_covariance
 from repose.common.errors import InputError
 from repose.common.files import read_table
 
@@ -62,7 +62,9 @@ class Points(NamedTuple):
     def covariance(self) -> np.ndarray | None:
         """Covariance (k, k) of a single run about the mean of its point; None where the runs do not determine it."""
         good = self.good()
-        covariance, freedom = within_covariance(self.values[good], np.nonzero(good)[0])
+        covariance, freedom = estimate_within_covariance(
+            self.values[good], np.nonzero(good)[0]
+        )
         enough = freedom > self.responses and np.linalg.eigvalsh(covariance)[0] > 0
         return covariance if enough else None
 

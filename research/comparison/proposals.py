@@ -20,13 +20,13 @@ from scipy import optimize
 
 from repose.bench.parameters import PARAMETERS
 from repose.calibrate import training as train
-from repose.calibrate.inversion import on_free_parameters
+from repose.calibrate.inversion import restrict_to_free_parameters
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.search.objective import Objective, search
+from repose.calibrate.search.objective import Objective, search_points
 from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.surrogates import Surrogate, make
 from repose.calibrate.surrogates.settings import NetworkSettings
-from repose.calibrate.surrogates.support import quadratic_terms
+from repose.calibrate.surrogates.support import compute_quadratic_terms
 from repose.calibrate.targets import Targets
 from research.comparison.points import Points
 
@@ -139,9 +139,9 @@ def study_surrogate(
 ) -> Surrogate:
     """Train the surrogate as the study does on these samples; `settings` is the section `network`."""
     kind = settings.get("surrogate", "network")
-    network_settings = NetworkSettings.of(settings)
+    network_settings = NetworkSettings.from_keys(settings)
     dataset, runs = tables_of(samples, space, targets)
-    return train.train(
+    return train.train_surrogate(
         dataset, runs, targets, network_settings, names=space.names, surrogate=kind
     ).model
 
@@ -166,13 +166,13 @@ def proposed(
     surrogate = study_surrogate(samples, space, targets, section)
     everything = make(
         section.get("surrogate", "network"),
-        NetworkSettings.of(section),
+        NetworkSettings.from_keys(section),
         "network.surrogate",
     )
     noise = samples.replicates() if section.get("replicates", False) else {}
     models = {
         "linear": plane(samples.X, means),
-        "quadratic": surface(samples.X, means, quadratic_terms),
+        "quadratic": surface(samples.X, means, compute_quadratic_terms),
         "network": lambda x: surrogate.predict(space.values(x)),
         "network_all": everything.fit(samples.X, means, **noise).predict,
     }
@@ -183,7 +183,7 @@ def proposed(
     islands = MigaSettings.model_construct(
         **{**settings["miga"], "seed": int(random.integers(2**31))}
     )
-    respond = on_free_parameters(surrogate, space)
-    archive, history, _ = search(respond, objective, space.dimensions, islands)
+    respond = restrict_to_free_parameters(surrogate, space)
+    archive, history, _ = search_points(respond, objective, space.dimensions, islands)
     found["network_miga"] = ((archive.points[0] + 1) / 2, history[-1][2])
     return found

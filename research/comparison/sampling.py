@@ -18,7 +18,7 @@ import pandas as pd
 
 from repose.calibrate.designs import latin_hypercube as design
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.surrogates.accuracy import r2
+from repose.calibrate.surrogates.accuracy import compute_r2
 from repose.common.files import write_json, write_table
 from research.comparison import emulator, models, scores
 from research.comparison.points import Points
@@ -255,7 +255,7 @@ def _fitted(name, sample, settings, seed):
 def _on_truth(truth, predicted):
     """R2 and root mean squared error by response, against means without noise."""
     return [
-        {"explainable": r2(y, p), "rmse": float(np.sqrt(np.mean((y - p) ** 2)))}
+        {"explainable": compute_r2(y, p), "rmse": float(np.sqrt(np.mean((y - p) ** 2)))}
         for y, p in zip(truth.T, predicted.T, strict=True)
     ]
 

@@ -1,7 +1,7 @@
 """Accuracy of predictions of noisy means: R2, its explainable part, coverage of error bars.
 
 The mean of a test point has a noise of its own, which no prediction can meet. R2 of the means counts this noise as a
-fault of the prediction; the explainable share (`repose.calibrate.training.r2_noise_corrected`) subtracts it from both sums.
+fault of the prediction; the explainable share (`repose.calibrate.training.compute_corrected_r2`) subtracts it from both sums.
 """
 
 import math
@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from repose.calibrate.surrogates.accuracy import r2
-from repose.calibrate.training import r2_noise_corrected
+from repose.calibrate.surrogates.accuracy import compute_r2
+from repose.calibrate.training import compute_corrected_r2
 
 LEVELS = (0.5, 0.9)
 
@@ -28,8 +28,8 @@ def accuracy(
     total = np.sum((means - means.mean()) ** 2)
     noise = np.sum(errors**2)
     return {
-        "r2": r2(means, predicted),
-        "explainable": r2_noise_corrected(means, predicted, errors),
+        "r2": compute_r2(means, predicted),
+        "explainable": compute_corrected_r2(means, predicted, errors),
         "reachable_r2": float(1 - noise / total) if total > 0 else None,
         "rmse": math.sqrt(
             max(0.0, (np.sum((means - predicted) ** 2) - noise) / len(means))
@@ -75,7 +75,7 @@ def bootstrap(
 def on_runs(values: np.ndarray, predicted: np.ndarray) -> float | None:
     """R2 of predictions (m,) on single runs (m, seeds), NaN where a run failed; None where all are alike."""
     ok = np.isfinite(values)
-    return r2(values[ok], np.broadcast_to(predicted[:, None], values.shape)[ok])
+    return compute_r2(values[ok], np.broadcast_to(predicted[:, None], values.shape)[ok])
 
 
 def on_few_seeds(values: np.ndarray, predicted: np.ndarray, seeds: int) -> float | None:
@@ -91,7 +91,7 @@ def on_few_seeds(values: np.ndarray, predicted: np.ndarray, seeds: int) -> float
     means = np.where(
         counts > 0, np.nansum(grouped, axis=2) / np.maximum(counts, 1), np.nan
     )
-    found = [r2(y[np.isfinite(y)], predicted[np.isfinite(y)]) for y in means.T]
+    found = [compute_r2(y[np.isfinite(y)], predicted[np.isfinite(y)]) for y in means.T]
     return float(np.mean(np.array(found, dtype=float)))
 
 

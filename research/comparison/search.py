@@ -14,9 +14,9 @@ import numpy as np
 import pandas as pd
 from scipy.spatial.distance import pdist
 
-from repose.calibrate.inversion import on_free_parameters
+from repose.calibrate.inversion import restrict_to_free_parameters
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.search.objective import Objective, distinct
+from repose.calibrate.search.objective import Objective, select_distinct
 from repose.calibrate.surrogates import load
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
@@ -48,7 +48,9 @@ def judged(
     found = log.points[feasible]
     values = fitness[feasible]
     kept = (
-        distinct(found, values, distance, solutions) if len(found) else np.zeros(0, int)
+        select_distinct(found, values, distance, solutions)
+        if len(found)
+        else np.zeros(0, int)
     )
     chosen = np.random.default_rng(seed).permutation(len(found))[:solutions]
     row = {
@@ -143,7 +145,7 @@ def run(
 
     Targets out of the surrogate's reach raise InputError. `settings` and `section` are as for `compared`.
     """
-    respond = on_free_parameters(load(network_json, targets.names), space)
+    respond = restrict_to_free_parameters(load(network_json, targets.names), space)
     objective = Objective(targets)
     try:
         tables = compared(respond, space.dimensions, objective, settings, section)

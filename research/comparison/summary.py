@@ -6,7 +6,7 @@ from typing import Any
 
 import pandas as pd
 
-from repose.calibrate.responses import derived
+from repose.calibrate.responses import name_derived_column
 from repose.common.files import read_table, write_table
 
 COLUMNS = (
@@ -58,7 +58,10 @@ def read(files: Mapping[str, str | Path]) -> dict[str, pd.DataFrame]:
         files["sampling"], ("comparison", "design", "data", "fit", *sizes)
     )
     error_columns = _with_errors(
-        [derived(name, "off") for name in dict.fromkeys(sampling["response"])]
+        [
+            name_derived_column(name, "off")
+            for name in dict.fromkeys(sampling["response"])
+        ]
     )
     whole = ("data", "samples", "method", "simulations", "repetitions", *error_columns)
     return {
@@ -107,7 +110,10 @@ def _whole(table: pd.DataFrame, responses: tuple[str, ...]) -> Iterator[dict[str
         labels = {"part": "whole", "choice": row["method"], "points": row["samples"]}
         for response in responses:
             for found in _measured(
-                row, (derived(response, "off"),), **labels, response=response
+                row,
+                (name_derived_column(response, "off"),),
+                **labels,
+                response=response,
             ):
                 yield found | {"measure": "off"}
 

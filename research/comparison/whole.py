@@ -23,7 +23,7 @@ from scipy import stats
 from repose.bench.parameters import PARAMETERS
 from repose.calibrate import variance
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.responses import derived
+from repose.calibrate.responses import name_derived_column
 from repose.calibrate.search.objective import Objective
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
@@ -67,7 +67,9 @@ def samples_of(points: Points) -> Samples:
     ]
     correlation = np.eye(len(within))
     for i, j in zip(*np.triu_indices(len(within), 1), strict=True):
-        pair = variance.residual_correlation(values[:, i], values[:, j], number)[0]
+        pair = variance.estimate_residual_correlation(
+            values[:, i], values[:, j], number
+        )[0]
         correlation[i, j] = correlation[j, i] = pair
     scatter = np.sqrt(within)
     return Samples(points, np.outer(scatter, scatter) * correlation)
@@ -197,7 +199,7 @@ def _judged(responses, objective, targets):
     return {
         **dict(zip(targets.names, responses[0], strict=True)),
         **{
-            derived(name, "off"): value
+            name_derived_column(name, "off"): value
             for name, value in zip(targets.names, errors, strict=True)
         },
         "objective": F[0],
@@ -219,7 +221,7 @@ def _table(proposals, truth, targets, available):
         }
         row |= {key: group[key].mean() for key in ("simulations", "evaluations")}
         for key in (
-            *(derived(name, "off") for name in targets.names),
+            *(name_derived_column(name, "off") for name in targets.names),
             "objective",
             "inside",
         ):
@@ -239,7 +241,7 @@ def message(table: pd.DataFrame, targets: Targets) -> str:
         for row in last.to_dict("records"):
             parts = []
             for response in targets.responses:
-                column = derived(response.name, "off")
+                column = name_derived_column(response.name, "off")
                 parts.append(
                     f"{response.symbol} {row[column]:.2f} ± {row[f'{column}_se']:.2f} {response.unit}".rstrip()
                 )

@@ -8,7 +8,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from repose.calibrate.responses import Response, derived
+from repose.calibrate.responses import Response, name_derived_column
 from repose.common.files import read_table
 from repose.report.figures import style
 
@@ -171,7 +171,9 @@ def whole(inputs: Mapping[str, Any], config: Mapping[str, Any]) -> Figure:
     Input: ``whole`` of the script comparison.
     """
     responses = style.read_targets(config).responses
-    error_columns = [derived(response.name, "off") for response in responses]
+    error_columns = [
+        name_derived_column(response.name, "off") for response in responses
+    ]
     columns = [column for key in error_columns for column in (key, f"{key}_se")]
     table = read_table(inputs["whole"], ("data", "method", "simulations", *columns))
     kinds = [kind for kind in KINDS if kind in set(table["data"])]

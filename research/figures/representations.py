@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
-from repose.calibrate.responses import derived
+from repose.calibrate.responses import name_derived_column
 from repose.calibrate.targets import Target
 from repose.common.files import read_table
 from repose.report.figures import style
@@ -34,7 +34,7 @@ def study(inputs: Mapping[str, str], config: Mapping[str, Any]) -> Figure:
     shown = [
         target
         for target in style.read_targets(config)
-        if derived(target.name, "difference") in combinations
+        if name_derived_column(target.name, "difference") in combinations
     ][:2]
     published = _published(sets, shown)
     study = config["shape_study"]
@@ -84,7 +84,8 @@ def _one_definition(
         panel.scatter(across, up, marker="+", s=40, color="k", linewidths=1, zorder=5)
     for row in rows.to_dict("records"):
         place = [
-            published[target.name].mean() + row[derived(target.name, "difference")]
+            published[target.name].mean()
+            + row[name_derived_column(target.name, "difference")]
             for target in shown
         ]
         errors = [2 * row[target.response.standard_error] for target in shown]
@@ -107,7 +108,8 @@ def _published(sets: pd.DataFrame, shown: list[Target]) -> pd.DataFrame:
     published = sets[sets["kind"] == "published"].drop_duplicates("set")
     return pd.DataFrame(
         {
-            t.name: published[t.name] - published[derived(t.name, "difference")]
+            t.name: published[t.name]
+            - published[name_derived_column(t.name, "difference")]
             for t in shown
         }
     )

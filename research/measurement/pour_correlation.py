@@ -10,7 +10,7 @@ from typing import Any
 
 import pandas as pd
 
-from repose.calibrate.variance import residual_correlation
+from repose.calibrate.variance import estimate_residual_correlation
 
 WAYS = {"all views": "", "one view": " (view)"}
 COLUMNS = ("measured", "views", "correlation", "low", "high", "degrees_of_freedom")
@@ -31,7 +31,7 @@ def correlations(piles: pd.DataFrame, lines: Iterable[str]) -> pd.DataFrame:
             known = piles.dropna(subset=columns)
             if len(known) - known["sample"].nunique() < FEWEST:
                 continue
-            found = residual_correlation(
+            found = estimate_residual_correlation(
                 known[columns[0]], known[columns[1]], known["sample"]
             )
             rows.append(dict(zip(COLUMNS, (definition, views, *found), strict=True)))

@@ -27,7 +27,7 @@ def fitted(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> Predict:
     X (samples, 6) are parameters; `settings` holds ``surrogate``, its name, and the settings of that surrogate.
     """
     has_mean = np.isfinite(known.mean)
-    model = make(settings["surrogate"], NetworkSettings.of(settings)).fit(
+    model = make(settings["surrogate"], NetworkSettings.from_keys(settings)).fit(
         X[has_mean], known.mean[has_mean][:, None]
     )
     return lambda points: model.predict(points)[:, 0]

@@ -30,6 +30,6 @@ def covariance(
     names: Sequence[str], sd: np.ndarray, means: np.ndarray, correlation: float
 ) -> np.ndarray:
     """Compute the covariance S_d (k, k) of the discrepancies of registered responses."""
-    return discrepancy.covariance(
+    return discrepancy.compute_covariance(
         [response(name).apparatus for name in names], sd, means, correlation
     )

@@ -12,8 +12,11 @@ import numpy as np
 from scipy import stats
 
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.uncertainty.implausibility import CREDIBLE, joint_bits
-from repose.calibrate.uncertainty.sampler import BINS
+from repose.calibrate.uncertainty.implausibility import (
+    CREDIBLE_PROBABILITY,
+    compute_joint_bits,
+)
+from repose.calibrate.uncertainty.sampler import N_BINS
 
 
 def places_of(space: ParameterSpace, quantile: np.ndarray) -> np.ndarray:
@@ -30,8 +33,8 @@ def places_of(space: ParameterSpace, quantile: np.ndarray) -> np.ndarray:
 
 def prior_widths(space: ParameterSpace) -> np.ndarray:
     """Widths (d,) of the prior's 95 % intervals, over the ranges."""
-    widths = np.full(space.dimensions, CREDIBLE)
-    tails = [(1 - CREDIBLE) / 2, (1 + CREDIBLE) / 2]
+    widths = np.full(space.dimensions, CREDIBLE_PROBABILITY)
+    tails = [(1 - CREDIBLE_PROBABILITY) / 2, (1 + CREDIBLE_PROBABILITY) / 2]
     for name, distribution in _normal_priors(space).items():
         widths[space.free.index(name)] = np.diff(distribution.ppf(tails))[0]
     return widths
@@ -68,8 +71,12 @@ class Prior:
     ):
         self.predicted = predicted
         self.place = quantile if place is None else place
-        self.widths = np.full(quantile.shape[1], CREDIBLE) if widths is None else widths
-        self.bin = np.minimum((quantile * BINS).astype(int), BINS - 1)
+        self.widths = (
+            np.full(quantile.shape[1], CREDIBLE_PROBABILITY)
+            if widths is None
+            else widths
+        )
+        self.bin = np.minimum((quantile * N_BINS).astype(int), N_BINS - 1)
         self.order = np.argsort(self.place, axis=0)
 
     def weights(
@@ -93,22 +100,23 @@ class Prior:
         """Information in weighted points: bits, bits and widths (d,) of the parameters, effective number of points.
 
         `weight` (n,) is the posterior probability of each point. Bits are Kullback-Leibler divergences from the prior:
-        of the joint posterior, and of each parameter alone as in `repose.calibrate.uncertainty.sampler.information_bits`. A width is
+        of the joint posterior, and of each parameter alone as in
+        `repose.calibrate.uncertainty.sampler.compute_information_bits`. A width is
         that of the 95 % interval over the prior's.
         """
         effective = 1 / (weight**2).sum()
         bits = []
         for k in range(self.place.shape[1]):
-            share = np.bincount(self.bin[:, k], weight, BINS)
+            share = np.bincount(self.bin[:, k], weight, N_BINS)
             filled = share[share > 1e-12]
             excess = (len(filled) - 1) / (2 * effective * math.log(2))
-            bits.append(max(0.0, float(filled @ np.log2(filled * BINS)) - excess))
+            bits.append(max(0.0, float(filled @ np.log2(filled * N_BINS)) - excess))
         widths = np.diff(self.intervals(weight), axis=0)[0] / self.widths
-        return joint_bits(weight), np.array(bits), widths, effective
+        return compute_joint_bits(weight), np.array(bits), widths, effective
 
     def intervals(self, weight: np.ndarray) -> np.ndarray:
         """Lower and upper ends (2, d) of the central 95 % intervals, in places; `weight` (n,) is the posterior."""
-        tail = (1 - CREDIBLE) / 2
+        tail = (1 - CREDIBLE_PROBABILITY) / 2
         found = []
         for k, order in enumerate(self.order.T):
             ends = np.searchsorted(np.cumsum(weight[order]), [tail, 1 - tail])
@@ -191,7 +199,7 @@ def in_order(
 
     def bits(columns):
         likelihood = Likelihood(prior, columns, covariance)
-        return np.mean([joint_bits(likelihood.weights(y)) for y in observed])
+        return np.mean([compute_joint_bits(likelihood.weights(y)) for y in observed])
 
     names = list(names)
     columns = [names.index(name) for name in base]

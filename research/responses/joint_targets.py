@@ -41,7 +41,7 @@ from research.responses.responses_over_design import Data
 
 VERIFIED = 12  # sets for importance sampling, beside single tests and pairs
 # width of the credible interval of a normal distribution, in standard deviations
-NORMAL_WIDTH = float(np.diff(stats.norm.interval(information.CREDIBLE))[0])
+NORMAL_WIDTH = float(np.diff(stats.norm.interval(information.CREDIBLE_PROBABILITY))[0])
 
 
 def approximate_widths(

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable
 
-from repose.calibrate.responses import responses_of
+from repose.calibrate.responses import list_responses
 from repose.measure.definitions import CALIBRATED_ANGLE, MEAN_KEYS
 from repose.measure.further_responses import BENCH
 
@@ -16,5 +16,5 @@ def offered(targets: Iterable[str], definition: str) -> tuple[str, ...]:
     targeted = {CALIBRATED_ANGLE, *targets}
     if CALIBRATED_ANGLE in targets:
         targeted.add(MEAN_KEYS[definition])
-    names = [response.name for response in responses_of(BENCH)]
+    names = [response.name for response in list_responses(BENCH)]
     return tuple(name for name in names if name not in targeted)

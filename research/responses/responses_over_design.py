@@ -11,7 +11,7 @@ import pandas as pd
 from repose.bench.parameters import PARAMETERS
 from repose.calibrate import variance
 from repose.calibrate.responses import response
-from repose.calibrate.surrogates.accuracy import r2
+from repose.calibrate.surrogates.accuracy import compute_r2
 from repose.calibrate.surrogates.bayesian_bp import BayesianBP
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
@@ -175,7 +175,7 @@ def left_out(X: np.ndarray, known: Known, settings: Mapping[str, Any]) -> np.nda
 def cross_validated_r2(known: Known, predicted: np.ndarray) -> float:
     """R2 of the predictions of `left_out`; NaN where all means are alike."""
     has_prediction = np.isfinite(predicted)
-    found = r2(known.mean[has_prediction], predicted[has_prediction])
+    found = compute_r2(known.mean[has_prediction], predicted[has_prediction])
     return math.nan if found is None else found
 
 

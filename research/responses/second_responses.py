@@ -41,7 +41,7 @@ import pandas as pd
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.responses import response
 from repose.calibrate.targets import Targets
-from repose.calibrate.training import r2_noise_corrected
+from repose.calibrate.training import compute_corrected_r2
 from repose.common.files import write_json, write_table
 from research.responses import discrepancies, information
 from research.responses.plausible import (
@@ -255,7 +255,7 @@ def _row(name, known, predicted, is_modelled):
         error = known.error[has_prediction]
         row |= {
             "r2": cross_validated_r2(known, predicted),
-            "r2_noise_corrected": r2_noise_corrected(y, p, error),
+            "r2_noise_corrected": compute_corrected_r2(y, p, error),
         }
         row["rmse"] = float(np.sqrt(np.mean((y - p) ** 2)))
     return row

@@ -39,7 +39,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repose.calibrate.responses import derived
+from repose.calibrate.responses import name_derived_column
 from repose.calibrate.targets import Target
 
 NEAR_AXES = 0.05
@@ -176,7 +176,8 @@ def meets(row: Mapping[str, Any], targets: Sequence[Target]) -> bool:
     bool
     """
     near = all(
-        abs(row[derived(target.name, "difference")]) <= target.sd for target in targets
+        abs(row[name_derived_column(target.name, "difference")]) <= target.sd
+        for target in targets
     )
     return near and has_signal(row["signal_to_noise"], row["signal_to_noise_se"])
 

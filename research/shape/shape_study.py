@@ -15,7 +15,7 @@ from typing import Any
 import pandas as pd
 
 from repose.bench import Scene
-from repose.calibrate.seeds import pour_seeds
+from repose.calibrate.seeds import draw_run_seeds
 from repose.common import provenance
 from repose.common.errors import NoFlankError
 from repose.common.files import read_json, read_table, write_json, write_table
@@ -71,7 +71,7 @@ def poured(
     columns = shape_tables.run_columns(compared_targets(config))
     rows = []
     for number, row in enumerate(sets.to_dict("records")):
-        for seed in pour_seeds(
+        for seed in draw_run_seeds(
             cell_config["design"]["seed"],
             STREAMS[purpose],
             number,

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repose.calibrate.responses import derived
+from repose.calibrate.responses import name_derived_column
 from repose.calibrate.targets import Target
 from repose.measure.further_responses import CALIBRATED_ANGLE
 from research.shape import shape_rule
@@ -201,7 +201,7 @@ def set_table(
                     row[target.name]
                     - pairs.at[labels["set"], target.response.simulated]
                 )
-                row[derived(target.name, "difference")] = difference
+                row[name_derived_column(target.name, "difference")] = difference
             row |= {"n_ok": int((group["status"] == "ok").sum()), "n": len(group)}
             rows.append(row)
     numbers = [
@@ -216,7 +216,7 @@ def set_table(
 
 def _off(target):
     """Column of the difference from the published pile."""
-    return derived(target.name, "difference")
+    return name_derived_column(target.name, "difference")
 
 
 def combination_table(sets: pd.DataFrame, targets: Sequence[Target]) -> pd.DataFrame:

@@ -9,7 +9,7 @@ from scipy import stats
 from repose.bench.parameters import PARAMETERS
 from repose.bench.space import contact_space
 from repose.calibrate.designs import latin_hypercube
-from repose.calibrate.surrogates.support import quadratic_terms
+from repose.calibrate.surrogates.support import compute_quadratic_terms
 from repose.config.pipeline import PipelineConfig
 from repose.report import figures
 from research.comparison import (
@@ -196,7 +196,7 @@ def test_central_composite_designs_are_balanced_and_orthogonal(n, corners):
     np.testing.assert_array_equal(x.T @ x, (corners + 2) * np.eye(6))
     # a fraction of 16 corners cannot separate all products of two, the others can
     expected = 28 if corners > 16 else 20
-    assert np.linalg.matrix_rank(quadratic_terms(unit[:size])) == expected
+    assert np.linalg.matrix_rank(compute_quadratic_terms(unit[:size])) == expected
     np.testing.assert_array_equal(unit[size:], unit[: n - size])
 
 

@@ -113,7 +113,7 @@ def test_left_out_is_the_prediction_of_a_fit_to_the_others():
     i = 4
     others = np.arange(12) != i
     solved = np.linalg.solve(covariance[np.ix_(others, others)], covariance[others, i])
-    mean = model.unmixed((solved @ process.values[others]).reshape(1, 1))[0, 0]
+    mean = model.unmix((solved @ process.values[others]).reshape(1, 1))[0, 0]
     assert means[i] == pytest.approx(mean, rel=1e-6)
     variance = process.kernel(scaled)[i, i] - solved @ covariance[others, i]
     assert variances[i] == pytest.approx(variance * model._scale[0] ** 2, rel=1e-4)

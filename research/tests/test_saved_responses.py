@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from repose.calibrate.responses import responses_of
+from repose.calibrate.responses import list_responses
 from repose.common.errors import InputError
 from repose.grain.build import Particle
 from repose.measure import further_responses
@@ -37,7 +37,7 @@ def job(tmp_path):
     runs = pd.DataFrame(
         {"sample": 7, "seed": [1, 2, 3], "status": ["ok", "jammed", "ok"]}
     )
-    for name in (response.name for response in responses_of("funnel")):
+    for name in (response.name for response in list_responses("funnel")):
         if name not in further_responses.RESPONSE_NAMES:
             runs[name] = 30.0
     runs["reason"] = ""

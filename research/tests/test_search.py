@@ -8,7 +8,7 @@ from refusals import value_error
 
 from repose.bench.parameters import PARAMETERS
 from repose.bench.space import contact_space
-from repose.calibrate.inversion import on_free_parameters
+from repose.calibrate.inversion import restrict_to_free_parameters
 from repose.calibrate.search.objective import Objective
 from research.comparison import search
 from research.comparison.region import Region
@@ -142,7 +142,7 @@ def test_a_fixed_parameter_stays_where_it_is():
         def response_function(self, low, high):
             return lambda points: (low + high) / 2 + points * (high - low) / 2
 
-    respond = on_free_parameters(Model(), contact_space(ranges))
+    respond = restrict_to_free_parameters(Model(), contact_space(ranges))
     assert respond(np.array([[-1.0, 0, 0, 0, 1]])).tolist() == [[0, 0.3, 1, 1, 1, 2]]
 
 

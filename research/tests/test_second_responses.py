@@ -167,10 +167,10 @@ def test_weights_and_bits_are_those_of_the_normal_density():
     expected /= expected.sum()
     weight = prior.weights(observed, [0, 2], covariance)
     assert weight == pytest.approx(expected)
-    assert information.joint_bits(weight) == pytest.approx(
+    assert information.compute_joint_bits(weight) == pytest.approx(
         stats.entropy(expected, np.full(300, 1 / 300), 2)
     )
-    assert information.joint_bits(np.array([1.0, 0.0, 1e-300, 0.0])) == 2.0
+    assert information.compute_joint_bits(np.array([1.0, 0.0, 1e-300, 0.0])) == 2.0
 
 
 def test_shared_noise_is_separated():

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 import shared
 
-from repose.calibrate.seeds import PURPOSES
+from repose.calibrate.seeds import PURPOSE_STREAMS
 from repose.calibrate.targets import Targets
 from research.answers import seeds_per_sample, seeds_rule
 from research.answers.seeds_rule import LIMITS, SEEDS
@@ -56,7 +56,7 @@ def test_the_streams_are_of_no_other_purpose():
         if name.startswith("OF_")
     }
     assert len(streams) == 4
-    assert not streams & {*PURPOSES.values(), *STREAMS.values()}
+    assert not streams & {*PURPOSE_STREAMS.values(), *STREAMS.values()}
 
 
 def answers_of(error, random, data_sets):

@@ -11,7 +11,7 @@ import shared
 from refusals import input_error
 
 from repose.bench.bench_test import Run
-from repose.calibrate.seeds import pour_seeds
+from repose.calibrate.seeds import draw_run_seeds
 from repose.calibrate.targets import Targets
 from repose.common import attached, provenance
 from repose.common.errors import InputError
@@ -142,7 +142,7 @@ def test_no_two_kinds_of_pours_share_a_seed():
         seed
         for _, purpose in kinds
         for number in range(40)
-        for seed in pour_seeds(2026, STREAMS[purpose], number, 40)
+        for seed in draw_run_seeds(2026, STREAMS[purpose], number, 40)
     ]
     assert len(set(seeds)) == len(seeds)
 

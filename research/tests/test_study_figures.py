@@ -10,7 +10,7 @@ import pytest
 from shared import TARGETS
 
 from repose.bench.parameters import PARAMETERS
-from repose.calibrate.responses import derived
+from repose.calibrate.responses import name_derived_column
 from repose.calibrate.responses import response as of_name
 from repose.calibrate.targets import Targets
 from repose.report import figures
@@ -271,8 +271,8 @@ def test_the_whole_method_is_drawn_for_any_number_of_targets(names, tmp_path):
         {"data": "real", "method": list(inversion.WHOLE), "simulations": 240.0}
     )
     for column in Targets.of(targets).names:
-        whole[derived(column, "off")] = 0.1
-        whole[f"{derived(column, 'off')}_se"] = 0.02
+        whole[name_derived_column(column, "off")] = 0.1
+        whole[f"{name_derived_column(column, 'off')}_se"] = 0.02
     whole.to_csv(tmp_path / "whole.csv", index=False)
     with style.applied():
         figure = inversion.whole(
@@ -353,7 +353,9 @@ def test_the_shape_study_is_drawn_for_its_targets(names, tmp_path):
                     "filling": filling,
                     "definition": definition,
                 }
-                numbers = {derived(name, "difference"): 1.0 for name in names}
+                numbers = {
+                    name_derived_column(name, "difference"): 1.0 for name in names
+                }
                 errors = {of_name(name).standard_error: 0.2 for name in names}
                 distance = {"distance": math.sqrt(len(names))}
                 rows.append(row | numbers | errors | distance)

@@ -4,7 +4,7 @@ import pandas as pd
 import pytest
 from refusals import input_error
 
-from repose.calibrate.responses import derived
+from repose.calibrate.responses import name_derived_column
 from research.comparison import summary
 
 SIZES = {
@@ -104,7 +104,7 @@ def test_any_number_of_responses_of_any_names(files, tmp_path, names):
             files[table], index=False
         )
     row = pd.read_csv(files["whole"]).drop(columns=list(WHOLE))
-    errors = {derived(name, "off"): 0.1 * k for k, name in enumerate(names)}
+    errors = {name_derived_column(name, "off"): 0.1 * k for k, name in enumerate(names)}
     row.assign(**errors, **{f"{key}_se": 0.01 for key in errors}).to_csv(
         files["whole"], index=False
     )

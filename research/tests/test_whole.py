@@ -9,9 +9,9 @@ import pytest
 import repose.bench  # noqa: F401  (makes the responses known)
 from repose.bench.parameters import PARAMETERS
 from repose.bench.space import contact_space
-from repose.calibrate.responses import derived
+from repose.calibrate.responses import name_derived_column
 from repose.calibrate.search.objective import Objective
-from repose.calibrate.surrogates.support import quadratic_terms
+from repose.calibrate.surrogates.support import compute_quadratic_terms
 from repose.calibrate.targets import Targets
 from repose.common import attached
 from repose.common.errors import InputError
@@ -141,7 +141,7 @@ def test_truth_is_what_the_samples_came_from(files):
 
 def test_surfaces_are_exact_on_their_own_kind_and_local_search_inverts_them():
     unit = np.random.default_rng(2).uniform(size=(60, 6))
-    quadratic = proposals.surface(unit, responses(unit), quadratic_terms)
+    quadratic = proposals.surface(unit, responses(unit), compute_quadratic_terms)
     fresh = np.random.default_rng(3).uniform(size=(20, 6))
     assert quadratic(fresh) == pytest.approx(responses(fresh), abs=0.02)
     plane = proposals.plane(unit, responses(unit)[:, 1:])
@@ -240,7 +240,7 @@ def test_any_number_of_targets(names):
     table, proposed = whole.compared(
         samples, space, targets, small([40], repetitions=2)
     )
-    error_columns = [derived(name, "off") for name in names]
+    error_columns = [name_derived_column(name, "off") for name in names]
     assert (table.loc[table["method"] == "linear", error_columns] < 0.6).all(axis=None)
     assert (proposed["mur_gp"] == 0.2).all()
     assert set(f"truth_{name}_r2" for name in names) <= set(table.columns)

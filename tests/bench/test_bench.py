@@ -15,7 +15,7 @@ from shared import BUILT_IN, ROOT
 from repose.bench import Scene, bench, bench_tests, names, register
 from repose.bench.settings import SceneSettings
 from repose.calibrate import responses
-from repose.calibrate.seeds import pour_seeds
+from repose.calibrate.seeds import draw_run_seeds
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 from repose.config.pipeline import PipelineConfig
@@ -69,7 +69,7 @@ def test_a_bench_test_is_found_by_name_with_its_responses(spread):
     assert bench("spread") is spread
     assert names()[-1] == "spread"
     assert responses.response("spread_mm").apparatus == "spread"
-    assert responses.responses_of("spread") == spread.responses
+    assert responses.list_responses("spread") == spread.responses
     input_error(f"one of {', '.join(names())}", bench, "shaker")
     value_error("registered already", register("spread"), type(spread))
     for test in bench_tests():
@@ -81,16 +81,16 @@ def test_seeds_of_bench_tests_purposes_and_samples_differ(spread):
     seeds = []
     for name in names():
         for sample in range(1, 151):
-            seeds += pour_seeds(1, "design", sample, 8, name)
+            seeds += draw_run_seeds(1, "design", sample, 8, name)
         for sample in (*range(1, 7), *range(101, 107)):
-            seeds += pour_seeds(1, "validation", sample, 8, name)
-    seeds += pour_seeds(2, "design", 1, 8, "funnel")
+            seeds += draw_run_seeds(1, "validation", sample, 8, name)
+    seeds += draw_run_seeds(2, "design", 1, 8, "funnel")
     assert len(set(seeds)) == len(seeds)
     # the first bench test is the one that is meant without a name
-    assert pour_seeds(1, "design", 1, 2) == seeds[:2]
-    assert pour_seeds(1, "design", 1, 2, names()[0]) == seeds[:2]
+    assert draw_run_seeds(1, "design", 1, 2) == seeds[:2]
+    assert draw_run_seeds(1, "design", 1, 2, names()[0]) == seeds[:2]
     # the stream of the drum alone says so by its purpose
-    assert pour_seeds(1, "drum", 1, 2, "drum") == pour_seeds(1, "drum", 1, 2)
+    assert draw_run_seeds(1, "drum", 1, 2, "drum") == draw_run_seeds(1, "drum", 1, 2)
 
 
 def test_its_section_is_part_of_the_configuration(config):

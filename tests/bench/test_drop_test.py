@@ -11,7 +11,7 @@ from shared import says
 
 from repose.bench import Scene, bench, drop_test
 from repose.bench.scene import longest_time_step
-from repose.calibrate.runs import describe
+from repose.calibrate.runs import describe_run
 from repose.stages.job import run_once
 
 TEST = drop_test.DropTest()
@@ -95,9 +95,9 @@ def test_a_hit_of_a_soft_grain_notes_its_overlap():
     stiffness = 16.0 / 15.0 * modulus_pa * math.sqrt(5e-3)
     elastic_m = (SPHERE.mass_kg * speed_squared / stiffness) ** 0.4
     assert 0.6 * elastic_m / 0.01 < soft["overlap_share"] < 1.05 * elastic_m / 0.01
-    line = describe(soft, TEST.summary)
+    line = describe_run(soft, TEST.summary)
     says(line, "WARNING: bodies overlap by up to", "berry.shear_modulus_pa")
-    assert "WARNING" not in describe(stiff, TEST.summary)
+    assert "WARNING" not in describe_run(stiff, TEST.summary)
 
 
 @pytest.mark.parametrize("orientation", ["lying", "upright"])

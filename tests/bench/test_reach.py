@@ -9,7 +9,7 @@ import pytest
 from shared import ROOT
 
 from repose.bench import funnel, reach, scene_size
-from repose.calibrate.targets import with_defaults
+from repose.calibrate.targets import complete_target
 from repose.grain.particle import Particle
 from repose.measure.angles import DEFINITIONS
 from repose.measure.settings import MeasureSettings
@@ -187,7 +187,7 @@ def test_the_band_holds_for_grains_that_the_table_has_not(crop):
             {"response": "height_mm", "value": float(height)},
         )
         targets = [
-            with_defaults(entry | {"sd": 0.0, "repetitions": 1}) for entry in entries
+            complete_target(entry | {"sd": 0.0, "repetitions": 1}) for entry in entries
         ]
         found = reach.assess_targets(config | {"targets": targets}, body)[name]
         assert found.possible, (definition, mean, found)

@@ -9,7 +9,7 @@ from goji import BERRY, PARTICLE, check_statuses, named, recommended
 
 from repose.bench import Scene, bench, drum, turning
 from repose.bench.settings import SceneSettings
-from repose.calibrate.responses import derived
+from repose.calibrate.responses import name_derived_column
 from repose.dem import Shape
 from repose.measure import bed as measure_bed
 from repose.measure.silhouette import Grains
@@ -111,7 +111,11 @@ def profile_target(name, slope):
         "functions": 2,
         "covered": 0.5,
     }
-    return {"response": derived(name, "2"), "apparatus": "turning", "profile": kept}
+    return {
+        "response": name_derived_column(name, "2"),
+        "apparatus": "turning",
+        "profile": kept,
+    }
 
 
 def test_speeds_have_their_angles_and_profiles():

@@ -8,17 +8,17 @@ from scipy.spatial.distance import cdist, pdist
 
 import repose
 from repose.calibrate.constraints import Constraint, Term
-from repose.calibrate.designs.allowed import allowed_design, points_of_sequence
-from repose.calibrate.designs.latin_hypercube import optimal_lhs, points_in
+from repose.calibrate.designs.allowed import make_allowed_design, take_allowed_points
+from repose.calibrate.designs.latin_hypercube import make_points_in_space, optimal_lhs
 from repose.calibrate.expected_loss import minimise_expected_loss
 from repose.calibrate.inversion import invert
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.strategies.response_surface import ResponseSurface
-from repose.calibrate.study_file import targets_of
+from repose.calibrate.study_file import make_targets
 from repose.calibrate.surrogates import make
 from repose.calibrate.surrogates.support import Support
-from repose.calibrate.uncertainty.sampler import joint_information_bits, sample
+from repose.calibrate.uncertainty.sampler import compute_joint_information, draw_chains
 from repose.common.errors import InputError
 from repose.config.dependencies import select_stage_settings
 from repose.config.pipeline import PipelineConfig
@@ -56,9 +56,9 @@ def rejected(n, seed, space=SPACE):
 def test_a_constraint_has_two_terms(text, smaller, larger):
     if smaller is None:
         with pytest.raises(ValueError, match="both sides have 3"):
-            Constraint.of(text, NAMES)
+            Constraint.parse(text, NAMES)
         return
-    assert Constraint.of(text, NAMES) == Constraint(text, smaller, larger)
+    assert Constraint.parse(text, NAMES) == Constraint(text, smaller, larger)
 
 
 @pytest.mark.parametrize(("text", "words"), [
@@ -69,7 +69,7 @@ def test_a_constraint_has_two_terms(text, smaller, larger):
 ])  # fmt: skip
 def test_any_other_text_is_refused_with_the_form(text, words):
     with pytest.raises(ValueError, match="each perhaps with a factor") as raised:
-        Constraint.of(text, NAMES)
+        Constraint.parse(text, NAMES)
     assert words in str(raised.value)
 
 
@@ -96,13 +96,13 @@ def test_without_constraints_nothing_changes():
     assert free.allowed_share == 1.0
     assert free.is_allowed(unit).all()
     assert (free.marginal_cdf(unit) == free.prior_cdf(unit)).all()
-    assert (points_in(free, 12, "optimal", 3) == optimal_lhs(12, 2, 3)).all()
+    assert (make_points_in_space(free, 12, "optimal", 3) == optimal_lhs(12, 2, 3)).all()
     first = stats.qmc.Sobol(2, rng=1).random(64)
-    assert (points_of_sequence(stats.qmc.Sobol(2, rng=1), 64, free) == first).all()
+    assert (take_allowed_points(stats.qmc.Sobol(2, rng=1), 64, free) == first).all()
 
 
 def test_a_sequence_gives_its_first_allowed_points():
-    points = points_of_sequence(stats.qmc.Sobol(2, rng=1), 64, SPACE)
+    points = take_allowed_points(stats.qmc.Sobol(2, rng=1), 64, SPACE)
     more = stats.qmc.Sobol(2, rng=1).random(512)
     assert (points == more[SPACE.is_allowed(more)][:64]).all()
 
@@ -110,10 +110,10 @@ def test_a_sequence_gives_its_first_allowed_points():
 @pytest.mark.usefixtures("short_search")
 def test_a_design_is_spread_more_evenly_over_what_is_allowed_than_random_ones():
     n = 24
-    design = points_in(SPACE, n, "optimal", 3)
+    design = make_points_in_space(SPACE, n, "optimal", 3)
     assert design.shape == (n, 2)
     assert SPACE.is_allowed(design).all()
-    assert (design == points_in(SPACE, n, "optimal", 3)).all()
+    assert (design == make_points_in_space(SPACE, n, "optimal", 3)).all()
     places = rejected(3000, seed=5)
 
     def hole(points):
@@ -136,7 +136,7 @@ def test_a_design_with_a_scale_and_a_prior_obeys_too():
          "mus": {"prior": {"mean": 0.3, "sd": 0.1}, "range": [0.1, 0.9]}},
         constraints=[RULE],
     )  # fmt: skip
-    design = allowed_design(
+    design = make_allowed_design(
         lambda size: optimal_lhs(size, 2, 1), 16, space, follows_prior=True
     )
     mur, mus = space.values(design).T
@@ -154,7 +154,7 @@ def line_model():
 
 def test_the_search_and_the_answer_stay_where_they_are_allowed():
     # The targets are met at mur 0.4, mus 0.4; the nearest allowed sets lie on the line.
-    targets = targets_of(
+    targets = make_targets(
         {
             "y": {"value": 0.4, "sd": 0.02, "repetitions": 10},
             "z": {"value": 0.4, "sd": 0.02, "repetitions": 10},
@@ -178,7 +178,7 @@ def test_the_search_and_the_answer_stay_where_they_are_allowed():
     unit = np.random.default_rng(7).random((400, 2))
     samples = SPACE.values(unit)
     violates = samples[:, 0] - 0.5 * samples[:, 1] > 0.15
-    support = Support.of(samples[violates], SPACE)
+    support = Support.from_space(samples[violates], SPACE)
     far = invert(line_model(), SPACE, targets, settings, support).solutions
     assert (far["mur"] <= 0.5 * far["mus"] + 1e-12).all()
     # Without the constraint the targets are met.
@@ -190,7 +190,7 @@ def test_the_posterior_is_that_of_the_allowed_area():
     def density(unit):
         return SPACE.log_prior(unit)
 
-    chains = sample(density, dimensions=2, walkers=64, steps=400, seed=1)
+    chains = draw_chains(density, dimensions=2, walkers=64, steps=400, seed=1)
     draws = chains.points.reshape(-1, 2)
     assert SPACE.is_allowed(draws).all()
     twin = rejected(4000, seed=7)
@@ -199,7 +199,7 @@ def test_the_posterior_is_that_of_the_allowed_area():
     z = (draws.mean(axis=0) - twin.mean(axis=0)) / np.hypot(error, twin_error)
     assert np.abs(z).max() < 4
     # A flat likelihood tells nothing.
-    flat = joint_information_bits(
+    flat = compute_joint_information(
         lambda unit: np.zeros(len(unit)),
         drawn=np.zeros(len(draws)),
         effective=1000.0,

@@ -13,10 +13,10 @@ from repose import Study
 from repose.bench.bench_test import bench
 from repose.calibrate.record import Record
 from repose.calibrate.strategies.runs import (
-    cells_of_result,
     checked_runs,
+    describe_unread_columns,
     judge_runs,
-    unread_columns,
+    make_cells,
 )
 
 pytestmark = pytest.mark.usefixtures("short_searches")
@@ -120,7 +120,7 @@ def test_a_function_may_leave_out_numbers_and_the_campaign_goes_on():
         input_error("a function that returns a mapping with y, z", campaign, rows)
     # A function that says that it failed says enough.
     for right in (None, {}, {"status": "lost"}, {"y": math.nan, "z": None}):
-        assert cells_of_result(right or {}, ["y", "z"])[1] == ""
+        assert make_cells(right or {}, ["y", "z"])[1] == ""
 
 
 def test_a_table_of_failed_runs_needs_no_responses(tmp_path):
@@ -186,14 +186,16 @@ def test_a_column_that_varies_from_run_to_run_is_named_by_some_values():
             study.tell(cells)
         # One value alone is constant.
         assert len(caught) == (1 if k == 1 else 0)
-    many = unread_columns(study, table.assign(wall_s=table.index).to_dict("records"))
+    many = describe_unread_columns(
+        study, table.assign(wall_s=table.index).to_dict("records")
+    )
     assert many == {
         "wall_s": "column wall_s is not read; it has '0' once, '1' once, '2' once, "
         "'3' once, '4' once and 3 other values"
     }
     wide = [{f"c{k}": row for k in range(40)} for row in range(3)]
-    assert len(unread_columns(study, wide)) == 31
-    assert unread_columns(study, wide)[""] == "10 further columns are not read"
+    assert len(describe_unread_columns(study, wide)) == 31
+    assert describe_unread_columns(study, wide)[""] == "10 further columns are not read"
 
 
 def test_the_verbs_name_columns_that_are_not_read(tmp_path, command):

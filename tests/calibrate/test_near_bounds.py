@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from repose.calibrate.bounds import describe_near_bound, near_bounds
+from repose.calibrate.bounds import describe_near_bound, find_near_bounds
 from repose.calibrate.parameter_space import ParameterSpace
 
 SPACE = ParameterSpace(
@@ -30,7 +30,7 @@ class Plane:
 
 
 def found(a=0.5, b=15.0, c=0.5):
-    near = near_bounds(Plane(), {"a": a, "b": b, "c": c, "d": 3.0}, SPACE)
+    near = find_near_bounds(Plane(), {"a": a, "b": b, "c": c, "d": 3.0}, SPACE)
     return {entry["parameter"]: entry for entry in near}
 
 

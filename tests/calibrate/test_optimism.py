@@ -6,7 +6,7 @@ import pytest
 import shared
 from known_responses import noisy_data
 
-from repose.calibrate.optimism import Pours, expected_optimism
+from repose.calibrate.optimism import Pours, estimate_optimism
 from repose.calibrate.surrogates.base import Surrogate
 from repose.calibrate.surrogates.bayesian_bp import BayesianBP
 from repose.calibrate.surrogates.gaussian_process import GaussianProcess
@@ -76,7 +76,7 @@ def test_the_optimism_of_the_best_of_five_equal_means_is_known():
     noise = random.normal(0, SD, (5, 400, 2))
     noise -= noise.mean(axis=1, keepdims=True)
     model, pours = fitted(30.0 + noise)
-    table = expected_optimism(model, pours, highest, TARGETS, replicates=1500, seed=3)
+    table = estimate_optimism(model, pours, highest, TARGETS, replicates=1500, seed=3)
     row = table.set_index(["role", "response"]).loc[("best", NAMES[0])]
     known = LARGEST_OF_FIVE * SD / np.sqrt(400)
     assert abs(row["optimism"] - known) < 3 * row["optimism_se"] + 0.02 * known
@@ -91,7 +91,7 @@ def test_drawn_means_scatter_as_means_of_single_runs_do():
     random = np.random.default_rng(2)
     values = random.normal(0, SD, (3, 4, 2))
     _, pours = fitted(values)
-    drawn = np.array([pours.draw(np.random.default_rng(k)) for k in range(4000)])
+    drawn = np.array([pours.draw_means(np.random.default_rng(k)) for k in range(4000)])
     # twin: the unbiased variance of a run over the number of runs
     slow = [[np.var(values[i, :, k], ddof=1) / 4 for k in range(2)] for i in range(3)]
     np.testing.assert_allclose(drawn.var(axis=0), slow, rtol=0.12)
@@ -103,16 +103,16 @@ def test_responses_of_one_run_are_drawn_together():
     values = random.normal(0, SD, (3, 5, 2))
     values[:, :, 1] = 3 * values[:, :, 0] + random.normal(0, 1e-6, (3, 5))
     _, pours = fitted(values)
-    drawn = pours.draw(random) - pours.means
+    drawn = pours.draw_means(random) - pours.means
     np.testing.assert_allclose(drawn[:, 1], 3 * drawn[:, 0], atol=1e-5)
 
 
 def test_the_same_seed_gives_the_same_table():
     values = np.random.default_rng(5).normal(30, SD, (5, 6, 2))
     model, pours = fitted(values)
-    first = expected_optimism(model, pours, highest, TARGETS, replicates=3, seed=1)
-    again = expected_optimism(model, pours, highest, TARGETS, replicates=3, seed=1)
-    other = expected_optimism(model, pours, highest, TARGETS, replicates=3, seed=2)
+    first = estimate_optimism(model, pours, highest, TARGETS, replicates=3, seed=1)
+    again = estimate_optimism(model, pours, highest, TARGETS, replicates=3, seed=1)
+    other = estimate_optimism(model, pours, highest, TARGETS, replicates=3, seed=2)
     pd.testing.assert_frame_equal(first, again)
     assert not first["optimism"].equals(other["optimism"])
 
@@ -133,7 +133,9 @@ def test_a_sample_with_one_run_takes_its_deviation_from_the_others():
     model = Means().fit(None, samples[NAMES].to_numpy())
     model.describe(["x"], NAMES, {}, samples["sample"])
     pours = Pours.collect(model, samples, runs, TARGETS)
-    drawn = np.array([pours.draw(np.random.default_rng(k))[4] for k in range(3000)])
+    drawn = np.array(
+        [pours.draw_means(np.random.default_rng(k))[4] for k in range(3000)]
+    )
     within = np.mean([np.var(values[i], axis=0, ddof=1) for i in range(4)], axis=0)
     np.testing.assert_allclose(drawn.var(axis=0), within, rtol=0.12)
 

@@ -11,17 +11,20 @@ import pytest
 
 import repose
 from repose.calibrate import card
-from repose.calibrate.bounds import describe_near_bound, near_bounds
-from repose.calibrate.designs.latin_hypercube import optimal_lhs, parameter_sets
-from repose.calibrate.inversion import intervals, on_free_parameters
+from repose.calibrate.bounds import describe_near_bound, find_near_bounds
+from repose.calibrate.designs.latin_hypercube import (
+    optimal_lhs,
+    tabulate_parameter_sets,
+)
+from repose.calibrate.inversion import make_interval_table, restrict_to_free_parameters
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.parameter_types import wide_ranges
+from repose.calibrate.parameter_types import describe_wide_ranges
 from repose.calibrate.record import _compute_rounding_sizes
 from repose.calibrate.search.objective import Preference
-from repose.calibrate.study_file import targets_of
+from repose.calibrate.study_file import make_targets
 from repose.calibrate.surrogates import load, make, on_scale
 from repose.calibrate.surrogates.support import Support
-from repose.calibrate.uncertainty.sensitivity import analyse
+from repose.calibrate.uncertainty.sensitivity import analyse_surrogate
 from repose.calibrate.uncertainty.settings import SensitivitySettings
 from repose.common.errors import InputError
 
@@ -78,7 +81,7 @@ def test_without_a_scale_no_bit_changes():
 
 @pytest.mark.usefixtures("short_search")
 def test_a_design_has_as_many_samples_in_each_decade():
-    table = parameter_sets(optimal_lhs(40, 2, 3), SPACE)
+    table = tabulate_parameter_sets(optimal_lhs(40, 2, 3), SPACE)
     decades = np.floor(np.log10(table["gamma"]))
     assert decades.value_counts().tolist() == [10] * 4
 
@@ -130,7 +133,7 @@ def test_a_range_of_more_than_two_decades_without_a_scale_gets_one_sentence():
         "kept": {"range": [1, 1e6], "scale": "linear"}, "mus": [0.01, 1.0], "mur": [0.0, 0.5],
         "e": {"fixed": 3.0}, "known": {"prior": {"mean": 3.0, "sd": 0.1}},
     }  # fmt: skip
-    sentences = list(wide_ranges(wide))
+    sentences = list(describe_wide_ranges(wide))
     assert [sentence.partition(":")[0] for sentence in sentences] == [
         "gamma",
         "modulus",
@@ -170,10 +173,10 @@ def test_a_surrogate_learns_the_logarithm(kind, tmp_path):
     assert again.predict(places) == pytest.approx(model.predict(places))
     # The search works in the unit cube, whether or not the surrogate has a fast function.
     points = 2 * SPACE.unit(places) - 1
-    assert on_free_parameters(model, SPACE)(points) == pytest.approx(
+    assert restrict_to_free_parameters(model, SPACE)(points) == pytest.approx(
         model.predict(places)
     )
-    assert on_free_parameters(twin, TWIN)(points) == pytest.approx(
+    assert restrict_to_free_parameters(twin, TWIN)(points) == pytest.approx(
         model.predict(places)
     )
 
@@ -190,8 +193,8 @@ def test_a_file_with_an_unknown_scale_is_refused(tmp_path):
 
 def test_samples_cover_shares_of_the_range_along_the_scale():
     sets = SPACE.values(UNIT)
-    support = Support.of(sets, SPACE)
-    twin = Support.of(logarithms(sets), TWIN)
+    support = Support.from_space(sets, SPACE)
+    twin = Support.from_space(logarithms(sets), TWIN)
     places = SPACE.values(np.random.default_rng(2).random((50, 2)))
     assert support.distance(places) == pytest.approx(twin.distance(logarithms(places)))
     assert support.leverage(places) == pytest.approx(twin.leverage(logarithms(places)))
@@ -202,19 +205,23 @@ def test_samples_cover_shares_of_the_range_along_the_scale():
 
 def test_sensitivity_and_table_3_are_those_of_the_logarithm():
     sets, Y = samples()
-    targets = targets_of({name: MEASURED for name in ("a", "b")})
+    targets = make_targets({name: MEASURED for name in ("a", "b")})
     settings = SensitivitySettings(samples=1024, resamples=20, seed=1)
     model = on_scale(make("quadratic"), SPACE.scale).describe(SPACE.names, ("a", "b"))
-    scaled = analyse(model.fit(sets, Y), SPACE, targets, settings)
+    scaled = analyse_surrogate(model.fit(sets, Y), SPACE, targets, settings)
     twin_model = make("quadratic").describe(SPACE.names, ("a", "b"))
-    twin = analyse(twin_model.fit(logarithms(sets), Y), TWIN, targets, settings)
+    twin = analyse_surrogate(
+        twin_model.fit(logarithms(sets), Y), TWIN, targets, settings
+    )
     pd.testing.assert_frame_equal(scaled.indices, twin.indices)
     is_gamma = scaled.effects["parameter"] == "gamma"
     values = np.log(scaled.effects.loc[is_gamma, "value"])
     assert values.to_numpy() == pytest.approx(twin.effects.loc[is_gamma, "value"])
 
-    table = intervals(pd.DataFrame(sets[:3], columns=SPACE.names), SPACE)
-    twin_table = intervals(pd.DataFrame(logarithms(sets[:3]), columns=TWIN.names), TWIN)
+    table = make_interval_table(pd.DataFrame(sets[:3], columns=SPACE.names), SPACE)
+    twin_table = make_interval_table(
+        pd.DataFrame(logarithms(sets[:3]), columns=TWIN.names), TWIN
+    )
     assert table["dispersion_percent"].tolist() == pytest.approx(
         twin_table["dispersion_percent"].tolist()
     )
@@ -235,12 +242,12 @@ class Plane:
 
 def test_a_bound_is_near_within_a_standard_error_of_the_logarithm():
     # The standard error of the logarithm is 0.5 / 2, a factor of 1.284.
-    (near,) = near_bounds(Plane(), {"gamma": 1.2e-4, "mu": 0.5, "e": 0.4}, SPACE)
+    (near,) = find_near_bounds(Plane(), {"gamma": 1.2e-4, "mu": 0.5, "e": 0.4}, SPACE)
     assert near["bound"] == LOW
     assert near["factor"] == pytest.approx(np.exp(0.25))
     assert near["standard_error"] == pytest.approx(0.25 * 1.2e-4)
     assert "(a factor of 1.3) of its bound 0.0001" in describe_near_bound(near)
-    assert not near_bounds(Plane(), {"gamma": 1.3e-4, "mu": 0.5, "e": 0.4}, SPACE)
+    assert not find_near_bounds(Plane(), {"gamma": 1.3e-4, "mu": 0.5, "e": 0.4}, SPACE)
 
 
 def test_the_card_calls_a_value_at_the_bound_by_its_place_along_the_scale():

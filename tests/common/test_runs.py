@@ -9,7 +9,7 @@ from scipy import stats
 from shared import one_run, run_python, says
 
 from repose.calibrate import variance
-from repose.calibrate.runs import Recorded, error_of, summarise_runs
+from repose.calibrate.runs import Recorded, name_error_column, summarise_runs
 
 RECORDED = Recorded(
     ("aor_deg", "height_mm", "discharge_s"), ("discharge_s",), ("aor_deg", "berries")
@@ -47,7 +47,7 @@ def test_one_run_has_no_error():
 
 
 def test_the_targets_are_in_front():
-    ours = RECORDED.beginning_with(("discharge_s", "base_radius_mm"))
+    ours = RECORDED.put_targets_first(("discharge_s", "base_radius_mm"))
     further_columns = (
         "discharge_s",
         "discharge_se_s",
@@ -69,8 +69,8 @@ def test_the_targets_are_in_front():
     same = Recorded(
         RECORDED.means, RECORDED.without_error, ("aor_deg", "height_mm", "berries")
     )
-    assert RECORDED.beginning_with(("aor_deg", "height_mm")) == same
-    assert error_of("packing_percent") == "packing_se_percent"
+    assert RECORDED.put_targets_first(("aor_deg", "height_mm")) == same
+    assert name_error_column("packing_percent") == "packing_se_percent"
 
 
 def test_a_summary_needs_no_pandas():
@@ -180,7 +180,7 @@ def test_residual_correlation():
     shift = 10 * random.normal(size=200)
     pair = random.multivariate_normal([0, 0], [[1, 0.5], [0.5, 1]], size=1200)
     shifted = pair[:, 0] + shift[groups], pair[:, 1] - shift[groups]
-    value, low, high, freedom = variance.residual_correlation(*shifted, groups)
+    value, low, high, freedom = variance.estimate_residual_correlation(*shifted, groups)
     assert freedom == 1000
     assert low < 0.5 < high
     expected = 2 * 1.96 * (1 - value**2) / np.sqrt(998)

@@ -18,7 +18,7 @@ from repose.bench.parameters import PARAMETERS
 from repose.calibrate.profile_targets import expand_own_profiles
 from repose.calibrate.strategies.runs import read_runs
 from repose.calibrate.study import Study
-from repose.calibrate.uncertainty.discrepancy import shape_study_discrepancy
+from repose.calibrate.uncertainty.discrepancy import estimate_from_shape_study
 from repose.common import files, tables
 from repose.common.errors import InputError, print_fault
 from repose.common.tables import Column
@@ -72,7 +72,7 @@ def numbers(table):
 
 def shape(path):
     """What a shape study says of one target."""
-    found = shape_study_discrepancy(path, targets_of(aor_deg=30.0))
+    found = estimate_from_shape_study(path, targets_of(aor_deg=30.0))
     return [found.mean.tolist(), found.covariance.tolist(), found.models]
 
 

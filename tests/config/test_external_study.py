@@ -5,7 +5,7 @@ import sys
 import pytest
 import yaml
 
-from repose.calibrate.targets import OWN
+from repose.calibrate.targets import OWN_BENCH
 from repose.common import places
 from repose.common.errors import InputError
 from repose.config import dependencies, loader, results_folder
@@ -57,12 +57,12 @@ def test_the_short_form_becomes_that_of_the_stages():
     study = loaded(inputs=True)
     assert isinstance(study, ExternalConfig)
     assert study.parameter_names == ("friction", "rolling")
-    assert study.targets.apparatus == (OWN,)
+    assert study.targets.apparatus == (OWN_BENCH,)
     assert study.targets[0].response.unit == "deg"
     # Two standard errors about the mean.
     assert study.targets[0].low == 29.0
     assert study.targets[0].high == 31.0
-    assert study.settings.count_design_seeds(OWN) == 3
+    assert study.settings.count_design_seeds(OWN_BENCH) == 3
     assert study.settings.design.seed == 7
     assert study.settings.measure is None
     assert study.settings.sequential.checks == 5
@@ -233,7 +233,7 @@ def test_a_program_is_added_to_a_study_with_our_simulator():
     assert study.parameters.fixed == {"e_gg": 0.3}
     target = study.targets[0]
     assert (target.name, target.value, target.response.unit) == ("aor_deg", 30, "deg")
-    assert study.settings.count_design_seeds(OWN) == 3
+    assert study.settings.count_design_seeds(OWN_BENCH) == 3
     assert study.settings.design.seed == 5
     assert study.settings.design.samples == 20
     assert "funnel" not in study.config
@@ -241,7 +241,7 @@ def test_a_program_is_added_to_a_study_with_our_simulator():
 
 def test_seeds_of_the_added_file_count():
     study = merged(OURS, ADDED | {"seeds": 2, "seed": 9})
-    assert study.settings.count_design_seeds(OWN) == 2
+    assert study.settings.count_design_seeds(OWN_BENCH) == 2
     assert study.settings.design.seed == 9
 
 

@@ -17,7 +17,7 @@ from repose.bench.parameters import (
 )
 from repose.bench.scene import contacts_of
 from repose.bench.settings import SimulationSettings
-from repose.calibrate.designs.latin_hypercube import design
+from repose.calibrate.designs.latin_hypercube import make_designs
 from repose.calibrate.designs.settings import DesignSettings
 from repose.common import faults
 from repose.common.provenance import hash_content
@@ -102,7 +102,9 @@ def test_a_law_adds_its_parameters_to_the_six_whose_tables_stay_as_they_were(tmp
     space = study("jkr", **COHESION).parameters
     assert space.names == (*PARAMETERS, "gamma_gg", "gamma_gp")
     assert space.free == (*PARAMETERS, "gamma_gg")
-    table = design(space, DesignSettings(samples=12, method="lhsdesign", seed=1))[0]
+    table = make_designs(space, DesignSettings(samples=12, method="lhsdesign", seed=1))[
+        0
+    ]
     assert list(table) == ["sample", *space.names]
     assert set(table["gamma_gp"]) == {0.02}
     assert len(set(np.ceil(120.0 * table["gamma_gg"]))) == 12

@@ -144,9 +144,11 @@ def test_percents_of_a_profile_are_of_its_height(quick, entry):
     assert abs(target.value) < 0.1 * target.whole
     assert target.off_percent(target.value + 0.02 * target.whole) == pytest.approx(2.0)
     near = target.value + 0.02 * target.whole
-    check = Check.of(target, simulated=near, standard_error=None, runs=4, status="ok")
-    assert check.distance.startswith("turning_profile_3_mm +2.0 %")
-    goal = Goal.of(study_of(quick, entry).targets, 2.0, quick.parameters)
+    check = Check.from_target(
+        target, simulated=near, standard_error=None, runs=4, status="ok"
+    )
+    assert check.difference_text.startswith("turning_profile_3_mm +2.0 %")
+    goal = Goal.from_targets(study_of(quick, entry).targets, 2.0, quick.parameters)
     np.testing.assert_allclose(goal.half[-3:], 0.02 * target.whole)
 
 

@@ -9,7 +9,7 @@ import pandas as pd
 from shared import RANGES, TARGETS, every_bench_test
 
 from repose.bench.parameters import PARAMETERS
-from repose.calibrate.responses import derived
+from repose.calibrate.responses import name_derived_column
 from repose.calibrate.targets import Targets
 from repose.grain import build
 from repose.report import figures
@@ -88,7 +88,9 @@ def made_up_tables(folder, targets=TARGETS):
             table[response.simulated] = rng.normal(mean, 0.5 * sd, 6)
             table[response.standard_error] = 0.3 * sd
         if response.name in PUBLISHED:
-            published[derived(response.name, "published_simulated")] = target.value
+            published[name_derived_column(response.name, "published_simulated")] = (
+                target.value
+            )
             theirs[response.predicted] = target.value
             theirs[response.simulated] = 0.99 * target.value
     failed = [4, 50, 70]

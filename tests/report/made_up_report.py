@@ -57,7 +57,7 @@ def made_up_study(folder, targets, surrogate="network", fixed=(), runs=12):
         1 + (unit - 0.5) @ slopes + 0.005 * rng.normal(size=(60, len(found)))
     )
     model = (
-        make(surrogate, NetworkSettings.of(SETTINGS))
+        make(surrogate, NetworkSettings.from_keys(SETTINGS))
         .describe(PARAMETERS, found.names)
         .fit(X, Y)
     )

@@ -31,7 +31,7 @@ def _noise(folder, rng, targets):
             np.sin(runs["sample"]) + rng.normal(0, 0.7, 80)
         )
     runs.to_csv(folder / "noise_runs.csv", index=False)
-    noise.run(folder / "noise_runs.csv", targets, folder / "floor")
+    noise.write_noise_floor(folder / "noise_runs.csv", targets, folder / "floor")
     for name in ("seeds.csv", "noise.json"):
         (folder / "floor" / name).rename(folder / name)
 

@@ -9,7 +9,7 @@ from shared import entries, target
 from repose.bench.parameters import PARAMETERS
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.targets import Targets
-from repose.calibrate.uncertainty.sensitivity import analyse
+from repose.calibrate.uncertainty.sensitivity import analyse_surrogate
 from repose.calibrate.uncertainty.settings import SensitivitySettings
 from repose.report.figures import sensitivity, style, surrogate
 from repose.report.study_view import StudyView
@@ -28,7 +28,7 @@ MODEL.inputs = PARAMETERS
 def files(tmp_path_factory):
     folder = tmp_path_factory.mktemp("sensitivity")
     settings = SensitivitySettings(samples=256, resamples=20, seed=1)
-    found = analyse(MODEL, SPACE, TARGETS, settings)
+    found = analyse_surrogate(MODEL, SPACE, TARGETS, settings)
     found.indices.to_csv(folder / "sobol.csv", index=False)
     found.effects.to_csv(folder / "effects.csv", index=False)
     samples = pd.DataFrame([dict.fromkeys(PARAMETERS, 0.5)])

@@ -16,7 +16,7 @@ from shared import RANGES, TARGETS, target
 from repose.bench.parameters import PARAMETERS
 from repose.bench.space import contact_space
 from repose.calibrate.profiles import Profile
-from repose.calibrate.responses import derived, response
+from repose.calibrate.responses import name_derived_column, response
 from repose.calibrate.targets import Targets
 from repose.calibrate.uncertainty import implausibility
 from repose.common.files import write_json
@@ -193,7 +193,7 @@ def test_a_figure_names_each_target_by_its_symbol_and_unit(name, count, tmp_path
 def test_published_solutions_are_named_where_numbers_are_missing(tmp_path):
     files = made_up(tmp_path, 2)
     config = config_of(2)
-    column = derived("aor_deg", "published_simulated")
+    column = name_derived_column("aor_deg", "published_simulated")
     table = pd.read_csv(files["published"])
 
     def result_of(table):
@@ -221,8 +221,8 @@ def test_stale_numbers_are_called_so(tmp_path):
         table.to_csv(files["published"], index=False)
         return draw("published", {"published": files["published"]}, config)[1]
 
-    simulated = derived("aor_deg", "published_simulated")
-    measured = derived("aor_deg", "published_measured")
+    simulated = name_derived_column("aor_deg", "published_simulated")
+    measured = name_derived_column("aor_deg", "published_measured")
     table[simulated] = [*5 * [32.0], np.nan]
     table[measured] = [*5 * [np.nan], 31.27]
     for stale in (False, True):
@@ -410,10 +410,10 @@ def test_the_region_has_its_parameters_on_the_right_axes(tmp_path):
     quantile = np.random.default_rng(1).random((20_000, space.dimensions))
     # what the first free parameter, with a prior, has below its median is excluded
     excluded = np.where(quantile[:, 0] < 0.5, 4.0, 1.0)
-    share, table = implausibility.region(
+    share, table = implausibility.find_region(
         SimpleNamespace(quantile=quantile, space=space), excluded
     )
-    middles = (np.arange(implausibility.CELLS) + 0.5) / implausibility.CELLS
+    middles = (np.arange(implausibility.N_CELLS) + 0.5) / implausibility.N_CELLS
     np.testing.assert_allclose(
         [sorted(set(table[f"{axis}_quantile"])) for axis in "xy"], [middles, middles]
     )
@@ -427,9 +427,9 @@ def test_the_region_has_its_parameters_on_the_right_axes(tmp_path):
     # the first parameter is on the vertical axis above the diagonal, on the horizontal one below it
     depth = panels[0, 1].collections[0]
     least = panels[1, 0].collections[0]
-    cells = (implausibility.CELLS, implausibility.CELLS)
-    half = implausibility.CELLS // 2
-    below = np.arange(implausibility.CELLS) < half
+    cells = (implausibility.N_CELLS, implausibility.N_CELLS)
+    half = implausibility.N_CELLS // 2
+    below = np.arange(implausibility.N_CELLS) < half
     expected = np.broadcast_to(np.where(below, 0, 1)[:, None], cells)
     np.testing.assert_array_equal(depth.get_array(), expected)
     expected = np.broadcast_to(np.where(below, 4, 1), cells)
@@ -445,7 +445,7 @@ def test_the_region_has_its_parameters_on_the_right_axes(tmp_path):
     assert widths[half] < 0.3 * widths[0]
     assert widths.sum() == pytest.approx(0.4)
     assert np.asarray(np.diff(depth.get_coordinates()[0, :, 0])) == pytest.approx(
-        0.4 / implausibility.CELLS
+        0.4 / implausibility.N_CELLS
     )
 
 

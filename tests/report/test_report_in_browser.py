@@ -149,7 +149,7 @@ def test_javascript_predicts_what_python_predicts_with_several_networks(opened):
     X = random.uniform(size=(40, len(PARAMETERS)))
     means = np.column_stack([X[:, 0] + X[:, 1] ** 2, X[:, 2]])
     Y = means + random.normal(0, 0.1, (40, 2))
-    settings = NetworkSettings.of(
+    settings = NetworkSettings.from_keys(
         {"hidden": 3, "starts": 4, "epochs": 100, "goal": 0.0}
     )
     model = make("network_ensemble", settings).fit(X, Y)

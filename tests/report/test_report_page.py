@@ -17,8 +17,8 @@ from shared import RANGES, TARGETS, says, target
 
 from repose import __version__
 from repose.bench.parameters import PARAMETERS
-from repose.calibrate.responses import derived
-from repose.calibrate.runs import error_of
+from repose.calibrate.responses import name_derived_column
+from repose.calibrate.runs import name_error_column
 from repose.calibrate.surrogates import load
 from repose.calibrate.targets import Targets
 from repose.measure.angles import MEAN_KEYS
@@ -121,7 +121,7 @@ def test_the_page_has_the_same_piles_by_other_lines_and_calls_stale_sets_so(tmp_
     table = pd.read_csv(files["table4"])
     for k, name in enumerate(MEAN_KEYS.values()):
         table[name] = 30.0 + k
-        table[error_of(name)] = 0.25
+        table[name_error_column(name)] = 0.25
     table.to_csv(files["table4"], index=False)
     pd.DataFrame({"solution": ["22"], "stale": [True]}).to_csv(
         tmp_path / "sets.csv", index=False
@@ -361,8 +361,8 @@ def test_the_expected_optimism_stands_beside_each_prediction(tmp_path):
     inputs = made_up_study(tmp_path, TARGETS, "quadratic")
     table4 = pd.read_csv(tmp_path / "table4.csv")
     for name in ("aor_deg", "height_mm"):
-        table4[derived(name, "optimism")] = 0.376
-        table4[derived(name, "optimism_se")] = 0.07
+        table4[name_derived_column(name, "optimism")] = 0.376
+        table4[name_derived_column(name, "optimism_se")] = 0.07
     table4.to_csv(tmp_path / "table4.csv", index=False)
     summary = json.loads((tmp_path / "summary.json").read_text())
     near = {"parameter": "mus_gg", "value": 0.36, "bound": 0.35}
@@ -500,8 +500,8 @@ def test_a_prediction_comes_with_its_expected_optimism(tmp_path):
     assert "The expected optimism of this prediction was not computed" in written(
         study, tmp_path
     )
-    table4[derived("aor_deg", "optimism")] = 0.376
-    table4[derived("aor_deg", "optimism_se")] = 0.07
+    table4[name_derived_column("aor_deg", "optimism")] = 0.376
+    table4[name_derived_column("aor_deg", "optimism_se")] = 0.07
     table4.to_csv(tmp_path / "table4.csv", index=False)
     sentence = (
         "does not count the expected optimism (angle of repose: expected optimism"

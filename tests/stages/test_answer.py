@@ -17,7 +17,7 @@ from stage_runs import answer_of
 from repose.bench.parameters import PARAMETERS
 from repose.bench.space import contact_space
 from repose.calibrate import answer, expected_loss, strategies
-from repose.calibrate.chance import chance_of_meeting
+from repose.calibrate.chance import compute_target_probabilities
 from repose.calibrate.targets import Targets
 from repose.stages import answer as stages_answer
 
@@ -260,7 +260,7 @@ def of_two(feasible=True, out_of_reach=False, angle=32.0, height=66.0, status="o
             "inside both ranges.",
         ),
         (
-            {"angle": None, "height": None, "status": answer.NOT_AGAIN},
+            {"angle": None, "height": None, "status": answer.NOT_SIMULATED_AGAIN},
             None,
             "The answer is predicted inside both ranges; the answer was not simulated "
             "again.",
@@ -296,7 +296,7 @@ def test_a_mean_within_its_own_error_of_an_end_of_the_range_is_undecided(angle, 
 
 def test_the_further_runs_that_would_decide_are_the_fewest():
     found = of_two(angle=31.1)
-    further = answer.further_runs(found.checks)
+    further = answer.count_further_runs(found.checks)
 
     def probability(runs):
         """That both means lie inside, with the errors that so many runs would have."""
@@ -309,7 +309,7 @@ def test_the_further_runs_that_would_decide_are_the_fewest():
 
     assert probability(9 + further) >= 0.95 > probability(9 + further - 1)
     on_the_end = of_two(angle=31.0)
-    assert answer.further_runs(on_the_end.checks) is None
+    assert answer.count_further_runs(on_the_end.checks) is None
     says(on_the_end.reason, "more than 1000 further runs would decide")
 
 
@@ -350,7 +350,7 @@ def test_one_run_decides_nothing_and_runs_without_scatter_decide_at_once():
 
 
 def test_an_answer_that_was_not_simulated_has_its_prediction_in_the_first_line():
-    found = of_two(angle=None, height=None, status=answer.NOT_AGAIN)
+    found = of_two(angle=None, height=None, status=answer.NOT_SIMULATED_AGAIN)
     sentence = "Angle of repose predicted 32.5 deg (measured 32, +1.6 %), my_mm without a number (measured 66). "
     assert found.headline.startswith(f"two: targets not checked yet. {sentence}")
 
@@ -366,7 +366,7 @@ def test_an_answer_that_was_not_simulated_has_its_prediction_in_the_first_line()
     ],
 )
 def test_out_of_reach_is_a_miss_that_was_predicted(summary, out_of_reach):
-    assert answer.out_of_reach(summary) is out_of_reach
+    assert answer.is_out_of_reach(summary) is out_of_reach
 
 
 @pytest.mark.parametrize("strategy", strategies.names())
@@ -409,17 +409,19 @@ def test_the_chance_of_a_mean_given_few_runs():
     runs = {"funnel": [*runs_of(np.array(values)[:, None], ["height_mm"]), jammed]}
     targets = targets_of(height_mm=60.0)  # met within 5 %
     mean = stats.t(2, loc=np.mean(values), scale=np.std(values, ddof=1) / np.sqrt(3))
-    chances = chance_of_meeting(runs, targets)
+    chances = compute_target_probabilities(runs, targets)
     expected = mean.cdf(63.0) - mean.cdf(57.0)
     expected = {
         "height_mm": pytest.approx(expected, abs=5e-3),
         "all": chances["height_mm"],
     }
     assert chances == expected
-    assert chance_of_meeting(runs, targets, 1.0)["all"] == pytest.approx(
+    assert compute_target_probabilities(runs, targets, 1.0)["all"] == pytest.approx(
         mean.cdf(60.6) - mean.cdf(59.4), abs=5e-3
     )
-    assert chance_of_meeting({"funnel": [runs["funnel"][0], jammed]}, targets) == {
+    assert compute_target_probabilities(
+        {"funnel": [runs["funnel"][0], jammed]}, targets
+    ) == {
         "height_mm": None,
         "all": None,
     }
@@ -428,7 +430,7 @@ def test_the_chance_of_a_mean_given_few_runs():
 def test_the_chances_of_one_bench_test_depend_on_each_other():
     targets = Targets.of(shared.TARGETS)
     a = np.array([31.2, 33.0, 32.1, 34.3])
-    chance = chance_of_meeting(
+    chance = compute_target_probabilities(
         {"funnel": runs_of(np.column_stack([a, 2 * a]), targets.names)}, targets
     )
     expected = min(chance["aor_deg"], chance["height_mm"])
@@ -443,7 +445,7 @@ def test_the_chances_of_two_bench_tests_multiply():
         "funnel": runs_of(33.5 + 2 * rng.normal(size=(8, 1)), ["aor_deg"]),
         "drum": runs_of(47 + 3 * rng.normal(size=(8, 1)), ["drum_slip_deg"]),
     }
-    chance = chance_of_meeting(runs, targets)
+    chance = compute_target_probabilities(runs, targets)
     product = chance["aor_deg"] * chance["drum_slip_deg"]
     assert 0.2 < product < 0.9
     assert chance["all"] == pytest.approx(product, abs=0.005)
@@ -496,7 +498,7 @@ def test_a_prior_decides_what_the_responses_leave_open():
 def test_the_expected_loss_is_the_mean_of_eq_11():
     X = np.full((1, 6), 0.6)
     draws = np.random.default_rng(0).normal(64.0, 1.2, 400_000)
-    loss = expected_loss.expected_loss(Sure(), X, TARGETS)[0]
+    loss = expected_loss.compute_expected_loss(Sure(), X, TARGETS)[0]
     width = TARGETS[0].high - TARGETS[0].low
     assert loss == pytest.approx(np.mean(np.abs(draws - 66.0)) / width, rel=0.01)
 
@@ -512,7 +514,7 @@ def test_a_prediction_stands_beside_its_expected_optimism(tmp_path):
         str(found),
         "Predicted: aor_deg 32.76 deg (expected optimism +0.38 +- 0.07).",
     )
-    row = found.checks[0].row()
+    row = found.checks[0].make_card_entry()
     assert row["optimism"] == 0.3761
     assert row["optimism_error"] == 0.0704
     # without a replicate the prediction stands alone

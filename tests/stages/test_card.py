@@ -24,10 +24,15 @@ from repose.bench.parameters import (
 )
 from repose.bench.space import contact_space
 from repose.calibrate import answer
-from repose.calibrate.card import POSTERIOR, RANGE, widen_to_value, with_remark
-from repose.calibrate.chance import PERCENT
+from repose.calibrate.card import (
+    POSTERIOR_INTERVAL,
+    SOLUTION_RANGE,
+    add_remark,
+    widen_to_value,
+)
+from repose.calibrate.chance import REPORTED_PERCENTS
 from repose.calibrate.responses import response
-from repose.calibrate.runs import error_of
+from repose.calibrate.runs import name_error_column
 from repose.common.errors import InputError
 from repose.config.pipeline import PipelineConfig
 from repose.grain.berry_files import read_grain
@@ -140,7 +145,7 @@ def test_a_card_has_the_intervals_of_the_sets_or_of_the_posterior(config, soluti
     assert parameters["mus_gg"]["high"] == solutions["mus_gg"].max()
     assert made_card["correlations"]["mus_gg"]["mur_gg"] == -1.0
     assert abs(made_card["correlations"]["e_gg"]["mus_gp"]) < 0.1
-    assert made_card["interval"] == RANGE
+    assert made_card["interval"] == SOLUTION_RANGE
     fixed = {"meaning": "", "value": 0.3, "low": None, "high": None, "given": "fixed"}
     assert parameters["e_gp"] | {"meaning": ""} == fixed
     assert "e_gp" not in made_card["correlations"]
@@ -156,7 +161,7 @@ def test_a_card_has_the_intervals_of_the_sets_or_of_the_posterior(config, soluti
     made_card = made(
         config, solutions, (intervals, solutions.assign(mus_gg=solutions["mur_gg"]))
     )
-    assert made_card["interval"] == POSTERIOR
+    assert made_card["interval"] == POSTERIOR_INTERVAL
     assert made_card["parameters"]["e_gg"]["low"] == 0.21
     assert made_card["parameters"]["e_gg"]["high"] == 0.39
     assert made_card["correlations"]["mus_gg"]["mur_gg"] == 1.0
@@ -208,7 +213,7 @@ def test_an_interval_holds_the_answer_or_tells_the_bound(value, expected, remark
     """The range 0.2 to 0.7 has the width 0.5, so 0.0005 from a bound is at it; the interval is 0.4 to 0.6."""
     found = widen_to_value(SPACE, "mus_gg", value, 0.4, 0.6)
     assert found == expected
-    assert with_remark("friction", found) == remark
+    assert add_remark("friction", found) == remark
 
 
 def test_an_interval_that_begins_at_a_bound_says_so():
@@ -410,7 +415,7 @@ def test_an_angle_of_a_pile_has_its_line_and_the_same_piles_by_every_other(
         {},
     )
     row = {name: 30.0 + k for k, name in enumerate(MEAN_KEYS.values())}
-    row |= {error_of(name): 0.5 for name in MEAN_KEYS.values()} | {
+    row |= {name_error_column(name): 0.5 for name in MEAN_KEYS.values()} | {
         "aor_whole_deg": math.nan
     }
     berry = read_grain(STUDY / "berry/berry.json")
@@ -505,7 +510,7 @@ def test_a_published_card_is_whole(path):
         return
     assert all(test["runs"] >= 2 for test in found["tests"])
     assert None not in found["within"].values()
-    assert found["within"].keys() == {f"{percent:g} %" for percent in PERCENT}
+    assert found["within"].keys() == {f"{percent:g} %" for percent in REPORTED_PERCENTS}
 
 
 def test_schema_and_page_are_made_from_the_models():

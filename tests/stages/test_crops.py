@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from repose.calibrate.parameter_space import range_of
+from repose.calibrate.parameter_space import find_range
 from repose.calibrate.responses import response
 from repose.cli import STAGES
 from repose.common import places
@@ -76,7 +76,7 @@ def test_a_crop_stands_on_its_own_numbers_and_so_does_its_card(name, monkeypatch
     expected = [target["value"] for target in config["targets"]]
     assert [test["measured"] for test in shown["tests"]] == expected
     for parameter, entry in config["parameters"].items():
-        low, high = range_of(parameter, entry)
+        low, high = find_range(parameter, entry)
         assert low <= shown["parameters"][parameter]["value"] <= high
     assert shown["grain"]["density_kg_m3"] == config["berry"]["density_kg_m3"]
     axes = dict(

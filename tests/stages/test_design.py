@@ -52,18 +52,18 @@ def test_an_exchange_gains_what_it_says():
         ]
         return sum(square ** -(2.0**doublings) for square in squares)
 
-    assert pairs.total() == pytest.approx(total(points))
+    assert pairs.sum_repulsions() == pytest.approx(total(points))
     assert pairs.squared.min() == pytest.approx(design.minimum_distance(points) ** 2)
     for _ in range(20):
         column = rng.integers(4)
         i, j = rng.choice(25, 2, replace=False)
-        (gain,) = pairs.gains(column, np.array([i]), np.array([j]))
+        (gain,) = pairs.compute_changes(column, np.array([i]), np.array([j]))
         before = total(points)
         pairs.exchange(column, i, j)
         after = total(points)
         rounding = 1e-9 * max(before, after)
         assert gain == pytest.approx(after - before, rel=1e-6, abs=rounding)
-        assert pairs.total() == pytest.approx(after)
+        assert pairs.sum_repulsions() == pytest.approx(after)
 
 
 @pytest.mark.slow
@@ -149,7 +149,7 @@ def test_a_fixed_parameter_is_a_column():
         "e_gp": {"fixed": 0.4},
         "mus_gg": {"prior": {"mean": 0.5, "sd": 0.02}},
     }
-    table, comparison = design.design(
+    table, comparison = design.make_designs(
         contact_space(section), DesignSettings(samples=12, method="optimal", seed=1)
     )
     assert table["e_gp"].tolist() == 12 * [0.4]

@@ -298,6 +298,6 @@ def test_a_study_without_published_intervals_has_its_own():
         {"e_gg": 0.2},
         names=PARAMETERS,
     )
-    table = invert.intervals(cloud.assign(e_gg=0.2), space)
+    table = invert.make_interval_table(cloud.assign(e_gg=0.2), space)
     assert table.columns.tolist() == ["variable", "low", "high", "dispersion_percent"]
     assert table["dispersion_percent"].tolist() == pytest.approx([0.0] + 5 * [10.0])

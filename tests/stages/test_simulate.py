@@ -12,7 +12,7 @@ import pytest
 from refusals import input_error
 from test_particles import RADIUS, SETTINGS, cone, dump_text
 
-from repose.calibrate.seeds import pour_seeds
+from repose.calibrate.seeds import draw_run_seeds
 from repose.common import ledger
 from repose.common.errors import InputError
 from repose.common.files import write_json
@@ -396,7 +396,7 @@ def test_seeds_differ_and_are_small_enough_for_lammps():
     }
     assert len(seeds) == 12
     assert all(1 <= seed <= 899_999_999 for seed in seeds)
-    first = pour_seeds(1, "design", 2, 3, apparatus="own")[2]
+    first = draw_run_seeds(1, "design", 2, 3, apparatus="own")[2]
     assert simulate.draw_seed(1, "design", 2, 3) == 1 + first % 899_999_999
 
 

@@ -16,11 +16,11 @@ from repose.bench.parameters import PARAMETERS
 from repose.calibrate import training as train
 from repose.calibrate.responses import response
 from repose.calibrate.surrogates import load
-from repose.calibrate.surrogates.accuracy import r2
+from repose.calibrate.surrogates.accuracy import compute_r2
 from repose.calibrate.surrogates.settings import NetworkSettings
 from repose.calibrate.targets import Targets
 
-SETTINGS = NetworkSettings.of({"hidden": 6, "epochs": 200, "starts": 3})
+SETTINGS = NetworkSettings.from_keys({"hidden": 6, "epochs": 200, "starts": 3})
 NOISE = np.array([[1.0, 1.8], [1.8, 4.0]])
 
 
@@ -40,7 +40,7 @@ def study(settings=SETTINGS, targets=TARGETS, **more):
     [(137, (95, 20, 22)), (150, (105, 22, 23)), (90, (63, 13, 14))],
 )
 def test_split_is_the_published_one_and_a_partition(samples, sizes):
-    rows = train.split(samples, [0.70, 0.15, 0.15], 2026)
+    rows = train.split_samples(samples, [0.70, 0.15, 0.15], 2026)
     assert tuple(len(rows[name]) for name in train.SPLITS) == sizes
     assert sorted(np.concatenate(list(rows.values()))) == list(range(samples))
 
@@ -48,7 +48,7 @@ def test_split_is_the_published_one_and_a_partition(samples, sizes):
 def test_a_part_without_samples_has_no_accuracy_and_gives_no_warning():
     """Surrogates that are no networks have no validation samples by default."""
     Y = np.arange(6.0)[:, np.newaxis]
-    rows = train.split(6, [0.85, 0.0, 0.15], 1)
+    rows = train.split_samples(6, [0.85, 0.0, 0.15], 1)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         accuracy = train._compute_accuracy(Y, Y + 0.5, ("y",), rows)
@@ -64,12 +64,12 @@ def test_noise_correction_recovers_r2():
     predicted = truth + random.normal(size=m) * 0.5
     errors = random.uniform(0.5, 1.5, m)
     y = truth + random.normal(size=m) * errors
-    assert train.r2_noise_corrected(y, predicted, errors) == pytest.approx(
-        r2(truth, predicted), abs=0.01
+    assert train.compute_corrected_r2(y, predicted, errors) == pytest.approx(
+        compute_r2(truth, predicted), abs=0.01
     )
-    assert r2(y, predicted) < 0.8
-    assert train.r2_noise_corrected(y, predicted, np.full(m, np.nan)) is None
-    assert train.r2_noise_corrected(y, predicted, np.full(m, 10.0)) is None
+    assert compute_r2(y, predicted) < 0.8
+    assert train.compute_corrected_r2(y, predicted, np.full(m, np.nan)) is None
+    assert train.compute_corrected_r2(y, predicted, np.full(m, 10.0)) is None
 
 
 def test_shared_noise_is_no_signal():
@@ -117,7 +117,9 @@ def test_run_writes_what_it_returns(tmp_path):
         test[["sample", "height_predicted_mm"]], on="sample"
     )
     assert len(runs) == 4 * metrics["n_test"]
-    single = r2(runs["height_mm"].to_numpy(), runs["height_predicted_mm"].to_numpy())
+    single = compute_r2(
+        runs["height_mm"].to_numpy(), runs["height_predicted_mm"].to_numpy()
+    )
     assert metrics["r2_three_ways"]["height_mm"]["single_runs"] == pytest.approx(single)
     starts = pd.read_csv(tmp_path / "out/starts.csv")
     expected = starts["log_evidence"].max()
@@ -167,7 +169,7 @@ SINGLE = but(hidden=12, starts=2, epochs=300, seed=2)
 
 def of_single_pours(signal, **settings):
     """The training, and the spread and the error of predictions at unseen points, both in sd of the noise."""
-    training = train.train(
+    training = train.train_surrogate(
         *single_pours(signal),
         TARGETS,
         SINGLE.model_copy(update=settings),
@@ -200,14 +202,14 @@ def test_the_covariance_of_errors_and_too_few_samples(tmp_path):
         [0, 0, 1],
     ]
     three = Targets.of([*shared.TARGETS, shared.SLIP])
-    covariance = train.error_covariance(errors, three, "my.csv")
+    covariance = train.estimate_error_covariance(errors, three, "my.csv")
     for i, j in np.ndindex(3, 3):
         apart = i != j and 2 in (i, j)
         expected = 0 if apart else np.mean(errors[:, i] * errors[:, j])
         assert covariance[i, j] == pytest.approx(expected)
     few = r"my\.csv: validation samples is \d; expected more than 3"
     for wrong in (errors[:3], np.zeros((5, 3)), errors[:0]):
-        input_error(few, train.error_covariance, wrong, three, "my.csv")
+        input_error(few, train.estimate_error_covariance, wrong, three, "my.csv")
     paths = write_tables(tmp_path, samples=12)
     input_error(
         r"usable samples is 11; expected at least 12",
@@ -238,7 +240,7 @@ def test_definitions_are_kept_and_others_are_refused(tmp_path):
         tmp_path / "out/predictions.csv",
         dataset_csv,
     )
-    train.restore(*files)
+    train.restore_surrogate(*files)
     (tmp_path / "dataset_summary.json").write_text(json.dumps({"definitions": secant}))
     input_error(
         r"dataset_summary\.json: definition of aor_deg is .*secant.*flank.*my\.yaml",
@@ -247,7 +249,7 @@ def test_definitions_are_kept_and_others_are_refused(tmp_path):
     )
     input_error(
         r"network\.json: definition of aor_deg .*as in .*dataset_summary\.json",
-        train.restore,
+        train.restore_surrogate,
         *files,
     )
     trained(dataset_csv, runs_csv, study(but(starts=1)), tmp_path / "out")
@@ -279,14 +281,14 @@ def test_the_split_is_reported_and_the_saved_model_knows_all_samples(tmp_path, n
         == (metrics["n_train"] if name == "network" else 39)
     )
     files = (out / "network.json", out / "predictions.csv", dataset_csv)
-    train.restore(*files)
+    train.restore_surrogate(*files)
     column = "height_predicted_mm" if name == "network" else "height_final_mm"
     table.assign(**{column: table[column] + 1}).to_csv(
         out / "predictions.csv", index=False
     )
     input_error(
         r"predictions is 'others'; expected those of .*network\.json",
-        train.restore,
+        train.restore_surrogate,
         *files,
     )
 
@@ -320,7 +322,7 @@ def test_a_parameter_of_the_law_is_an_input(tmp_path):
     dataset.to_csv(dataset_csv, index=False)
     trained(dataset_csv, runs_csv, study(), tmp_path / "out")
     assert load(tmp_path / "out/network.json").inputs == (*PARAMETERS, "gamma_gg")
-    assert train.restore(
+    assert train.restore_surrogate(
         *(
             tmp_path / name
             for name in ("out/network.json", "out/predictions.csv", "dataset.csv")

@@ -9,7 +9,7 @@ from stage_runs import compared
 
 from repose.bench.parameters import PARAMETERS
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.runs import error_of
+from repose.calibrate.runs import name_error_column
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
@@ -181,7 +181,7 @@ def test_table4_has_errors_as_published_and_every_definition_of_the_angle(study)
         for k, name in enumerate(MEAN_KEYS.values()):
             assert table[name].tolist() == pytest.approx([32.0 - 4 * k] * len(table))
             expected = [2 / np.sqrt(3)] * len(table)
-            assert table[error_of(name)].tolist() == pytest.approx(expected)
+            assert table[name_error_column(name)].tolist() == pytest.approx(expected)
         assert (table["line"] == "secant, foot to crest").all()
     lines = found["representative"].set_index("response")["line"]
     assert lines.to_dict() == {"aor_deg": "secant, foot to crest", "height_mm": ""}

@@ -30,7 +30,7 @@ from repose.stages import dataset, design, validate
 pytestmark = pytest.mark.slow
 
 MEASURE = MeasureSettings.model_validate(every_bench_test()["measure"])
-NETWORK = NetworkSettings.of(
+NETWORK = NetworkSettings.from_keys(
     {"hidden": 6, "epochs": 150, "goal": 0.0, "starts": 2, "seed": 1}
 )
 SMALL = {
@@ -109,7 +109,7 @@ def whole_chain(out: Path, targets, space, surrogate="network", replicates=False
         out,
     )
     metrics = trained(out / "dataset.csv", out / "runs.csv", study, out / "network")
-    support = Support.of_dataset(out / "dataset.csv", space)
+    support = Support.from_dataset(out / "dataset.csv", space)
     surrogate = out / "network/network.json"
     summary = searched(surrogate, study, None, out / "miga", support)
     again = validate.write_solutions(

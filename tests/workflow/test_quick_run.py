@@ -12,7 +12,7 @@ from plans import ROOT, declared
 from shared import says
 
 from repose.bench.parameters import PARAMETERS
-from repose.calibrate.seeds import pour_seeds
+from repose.calibrate.seeds import draw_run_seeds
 from repose.calibrate.surrogates import load
 from repose.common import ledger
 from repose.config.pipeline import PipelineConfig
@@ -55,7 +55,7 @@ def test_every_pour_has_all_berries(config, dataset):
     berries = config["funnel"]["berries"]
     for sample in dataset["sample"]:
         job = json.loads((RESULTS / "heaps" / f"{sample:03d}.json").read_text())
-        seeds = pour_seeds(
+        seeds = draw_run_seeds(
             config["design"]["seed"], "design", sample, config["funnel"]["seeds"]
         )
         assert [run["seed"] for run in job["runs"]] == seeds
@@ -145,7 +145,7 @@ def test_the_answers_of_the_search_are_simulated(config):
 def test_the_drum_slips(config):
     runs = pd.read_csv(RESULTS / "drum" / "runs.csv")
     expected = sorted(
-        pour_seeds(config["design"]["seed"], "drum", 1, config["drum"]["seeds"])
+        draw_run_seeds(config["design"]["seed"], "drum", 1, config["drum"]["seeds"])
     )
     assert sorted(runs["seed"]) == expected
     assert (runs["status"] == "ok").all()

@@ -34,8 +34,8 @@ from repose.stages.published import (
     read_column_names,
 )
 from repose.stages.settings import N_PLAUSIBLE_SETS, N_SEEDS_OF_PLAUSIBLE_SET
-from repose.calibrate.seeds import PURPOSES, pour_seeds
-from repose.calibrate.targets import OWN
+from repose.calibrate.seeds import PURPOSE_STREAMS, draw_run_seeds
+from repose.calibrate.targets import OWN_BENCH
 from repose.dem.sources import source_hash
 from repose.report import figures
 from repose.calibrate.surrogates import surrogate_class
@@ -83,7 +83,7 @@ MINUTES_OF_RUNS = 10
 if not IS_EXTERNAL:
     MINUTES_OF_RUNS += round(10 * cost.estimate_longest_job_s(config) / 60)
 # Folder of each bench test's runs. Wildcard `runs`: one of these.
-RUN_FOLDERS = {name: results_folder.name_run_folder(name) for name in (*names(), OWN)}
+RUN_FOLDERS = {name: results_folder.name_run_folder(name) for name in (*names(), OWN_BENCH)}
 APPARATUS_OF = {runs: name for name, runs in RUN_FOLDERS.items()}
 # Bench tests whose responses are targets, and the folders of their runs.
 BENCH_TESTS = STUDY.targets.apparatus

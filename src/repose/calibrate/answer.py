@@ -1,4 +1,4 @@
-"""The result of a calibration: parameters, and whether their responses meet targets."""
+"""The result of a calibration: the parameters, and whether they meet the targets."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -7,37 +7,40 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any, Self
 
-from repose.calibrate.chance import PERCENT, chance_in_range
-from repose.calibrate.responses import named as known_response
+from repose.calibrate.chance import REPORTED_PERCENTS, compute_range_probability
+from repose.calibrate.responses import find_response as known_response
 from repose.calibrate.targets import Target
 from repose.common.numbers import format_with_error, rounded
 from repose.common.statuses import describe_status
 
-# Remedy if only the prediction meets the targets.
-MORE_POURS = (
+# Advice for an answer whose prediction meets the targets while its simulation does not.
+MORE_POURS_ADVICE = (
     "`repose run refined`, which pours where the fit may meet the targets; or more "
     "samples, or more seeds for each"
 )
-CARD = "card.json"
-REPORT = "report.html"
+CARD_FILE = "card.json"
+REPORT_FILE = "report.html"
 # Columns of the probabilities that all means lie within some percent of the aims.
-WITHIN = {percent: f"within_{percent:g}_percent" for percent in PERCENT}
+WITHIN_COLUMNS = {
+    percent: f"within_{percent:g}_percent" for percent in REPORTED_PERCENTS
+}
 # Column of the probability that all means lie inside their ranges.
-INSIDE = "within_ranges"
-# Status of a check that was not made.
-NOT_AGAIN = "not simulated again"
-# Why an answer that misses the targets is no verdict that they are out of reach.
-NOT_SIMULATED = "ends_not_simulated"
-NEAR_BOUNDS = "At a bound of the ranges, as far as the fit can tell"
-# A check is decisive if the probability of lying inside the range is at least DECIDED, or
-# at most 1 - DECIDED.
-DECIDED = 0.95
+INSIDE_COLUMN = "within_ranges"
+# Status of a check whose answer has not been simulated again.
+NOT_SIMULATED_AGAIN = "not simulated again"
+# Value of the key `stop` in a summary. The answer misses the targets, but nothing was
+# simulated at the ends of the ranges where it lies, so the targets may be within reach.
+ENDS_NOT_SIMULATED = "ends_not_simulated"
+NEAR_BOUNDS_INTRODUCTION = "At a bound of the ranges, as far as the fit can tell"
+# A check is decisive if the probability of lying inside the range is at least this
+# number, or at most 1 minus this number.
+DECISIVE_PROBABILITY = 0.95
 # Largest number of further runs that a verdict asks for.
-MOST_FURTHER_RUNS = 1000
+MAX_FURTHER_RUNS = 1000
 
 
 class Verdict(StrEnum):
-    """Whether the targets are met, by the standard errors of the check itself."""
+    """Whether the targets are met, given the standard errors of the check."""
 
     MET = "met"
     NOT_MET = "NOT met"
@@ -46,7 +49,7 @@ class Verdict(StrEnum):
 
     @property
     def met(self) -> bool | None:
-        """The verdict as True or False; None while it is open."""
+        """The verdict as True or False; None if it is undecided or not checked yet."""
         return {Verdict.MET: True, Verdict.NOT_MET: False}.get(self)
 
 
@@ -55,16 +58,19 @@ def judge_probability(probability: float | None) -> Verdict:
 
     Without a probability (None), the verdict is undecided.
     """
-    if probability is None or 1 - DECIDED < probability < DECIDED:
+    if (
+        probability is None
+        or 1 - DECISIVE_PROBABILITY < probability < DECISIVE_PROBABILITY
+    ):
         return Verdict.UNDECIDED
-    return Verdict.MET if probability >= DECIDED else Verdict.NOT_MET
+    return Verdict.MET if probability >= DECISIVE_PROBABILITY else Verdict.NOT_MET
 
 
 @dataclass(frozen=True)
 class Check:
-    """A response of the representative solution, simulated with fresh seeds.
+    """Comparison of one simulated response of the answer with its target.
 
-    Most fields are keys of the card.
+    The answer is simulated with fresh seeds. Most fields are keys of the card.
 
     Attributes
     ----------
@@ -73,25 +79,27 @@ class Check:
     measured, sd : float
         Mean and standard deviation of the physical repetitions.
     repetitions : int
-        Their number.
+        Number of physical repetitions.
     low, high : float
-        The range of the target.
+        Ends of the range of the target.
     simulated : float or None
         Mean of the runs; None if they failed.
     standard_error : float or None
-        Of this mean; None if the runs failed, or after a single run.
+        Standard error of this mean; None if the runs failed, or after a single run.
     runs : int
+        Number of runs.
     status : str
-        "ok" if the runs can be measured; `NOT_AGAIN` without any.
+        "ok" if the runs can be measured; `NOT_SIMULATED_AGAIN` without any run.
     whole : float or None
-        What 100 % means, for the score of a profile.
+        For the score of a profile, the number that counts as 100 %; otherwise None.
     predicted : float or None
-        By the surrogate, before the runs.
-    optimism, optimism_error : float or None
-        How much too favourable the prediction is expected to be, prediction less truth,
-        and the standard error of this number; None if unknown.
+        Prediction of the surrogate before the runs.
+    optimism : float or None
+        Expected value of the prediction minus the true mean; None if unknown.
+    optimism_error : float or None
+        Standard error of `optimism`; None if unknown.
     line : str
-        Description of the line whose slope an angle of a pile is.
+        For the angle of a pile, the line whose slope it is; otherwise empty.
     """
 
     response: str
@@ -113,7 +121,7 @@ class Check:
     optimism_error: float | None = None
 
     @classmethod
-    def of(
+    def from_target(
         cls,
         target: Target,
         simulated: float | None,
@@ -125,7 +133,7 @@ class Check:
         optimism: float | None = None,
         optimism_error: float | None = None,
     ) -> Self:
-        """Make the check of a target."""
+        """Make the check of a target; the arguments are the attributes of the class."""
         return cls(
             response=target.name,
             apparatus=target.response.apparatus,
@@ -146,11 +154,11 @@ class Check:
             optimism_error=optimism_error,
         )
 
-    def row(self) -> dict[str, Any]:
+    def make_card_entry(self) -> dict[str, Any]:
         """Make the entry of this check in the material card.
 
-        The entry lacks the definition of the response, and its bench test. A key of the
-        surrogate's prediction is left out if its value is unknown.
+        The caller adds the definition of the response and its bench test. The keys of
+        the surrogate's prediction are left out if their values are unknown.
         """
         row: dict[str, Any] = {
             "response": self.response,
@@ -181,27 +189,28 @@ class Check:
 
     @property
     def error_percent(self) -> float | None:
-        """Relative error of the prediction, as in Table 4 of the article.
+        """Relative error of the prediction in percent, as in Table 4 of the article.
 
-        It is None without both numbers, and for the score of a profile.
+        It is None if the predicted or the simulated number is missing, and for the score
+        of a profile.
         """
         if self.predicted is None or not self.simulated or self.whole is not None:
             return None
         return 100 * abs(self.predicted / self.simulated - 1)
 
     @property
-    def prediction(self) -> str:
-        """The prediction with its expected optimism, a clause; empty without one."""
+    def prediction_clause(self) -> str:
+        """Clause with the prediction and its optimism; empty without a prediction."""
         if self.predicted is None:
             return ""
         text = f"{self.response} {rounded(self.predicted)} {self.unit}".rstrip()
-        if not self.expected_optimism:
+        if not self.optimism_clause:
             return text
-        return f"{text} ({self.expected_optimism})"
+        return f"{text} ({self.optimism_clause})"
 
     @property
-    def expected_optimism(self) -> str:
-        """The expected optimism of the prediction, a clause; empty where it is unknown."""
+    def optimism_clause(self) -> str:
+        """Clause with the expected optimism of the prediction; empty if unknown."""
         if self.optimism is None:
             return ""
         return describe_optimism(self.optimism, self.optimism_error)
@@ -209,7 +218,7 @@ class Check:
     @property
     def verdict(self) -> Verdict:
         """Whether the simulator's mean lies in the range of the target."""
-        if self.status == NOT_AGAIN:
+        if self.status == NOT_SIMULATED_AGAIN:
             return Verdict.UNCHECKED
         if self.simulated is None:
             return Verdict.NOT_MET
@@ -219,19 +228,19 @@ class Check:
     def probability(self) -> float | None:
         """Probability that the simulator's mean lies in the range of the target.
 
-        None where fewer than two runs gave a number.
+        It is None if fewer than two runs gave a number.
         """
         return self.probability_after(self.runs)
 
     def probability_after(self, runs: int) -> float | None:
         """Compute the probability as it would be after some number of runs.
 
-        The mean and the scatter of the runs are those of the runs that were made.
+        The mean and the scatter are assumed to stay those of the runs made so far.
 
         Parameters
         ----------
         runs : int
-            At least two.
+            Total number of runs, at least two.
 
         Returns
         -------
@@ -242,35 +251,38 @@ class Check:
             return None
         # The standard error of a mean falls with the root of the number of runs.
         error = self.standard_error * math.sqrt(self.runs / runs)
-        return chance_in_range(self.simulated, error, runs, self.low, self.high)
+        return compute_range_probability(
+            self.simulated, error, runs, self.low, self.high
+        )
 
     @property
     def label(self) -> str:
-        """The response in words; the name alone for a response of the user."""
+        """The response in words; its name if the user defined the response."""
         known = known_response(self.response)
         return self.response if known is None else known.label
 
     @property
     def margin(self) -> float:
-        """Distance to the nearer end of the range.
+        """Distance of the simulated mean from the nearer end of the range.
 
-        It is positive inside, negative outside, and NaN without a number.
+        It is positive inside the range, negative outside, and NaN without a simulated
+        mean.
         """
         if self.simulated is None:
             return math.nan
         return min(self.simulated - self.low, self.high - self.simulated)
 
     @property
-    def distance(self) -> str:
-        """Text on the difference between the simulated and the measured mean.
+    def difference_text(self) -> str:
+        """Text with the difference between the simulated and the measured mean.
 
-        It has the difference in percent with its standard error, and over the standard
-        deviation of single measurements.
+        The difference is in percent with its standard error, and in standard deviations
+        of a single measurement.
         """
         if self.simulated is None:
             return f"{self.response} unknown"
         difference = self.simulated - self.measured
-        percent_per_unit = 100 / self._whole_of_measured
+        percent_per_unit = 100 / self._hundred_percent
         # Adding 0.0 turns -0.0, a possible result of rounding, into 0.0.
         percent = round(percent_per_unit * difference, 1) + 0.0
         error_text = ""
@@ -285,16 +297,16 @@ class Check:
         return f"{self.response} {percent:+.1f}{error_text} %{deviations_text}"
 
     @property
-    def miss(self) -> str:
+    def miss_clause(self) -> str:
         """Clause that describes by how much the simulated mean misses its range."""
         if self.simulated is None:
-            return f"the {self.label} has no number{self._cause}"
+            return f"the {self.label} has no number{self._failure_clause}"
         side = "below" if self.simulated < self.low else "above"
         distance = f"{rounded(-self.margin, 2)} {self.unit}".rstrip()
         return f"the simulated {self.label} lies {distance} {side} its range"
 
     @property
-    def numbers(self) -> str:
+    def mean_text(self) -> str:
         """Text with the simulated mean beside the measured one.
 
         Without a simulated mean, the predicted one takes its place.
@@ -314,21 +326,23 @@ class Check:
         if value is None:
             return f"{label} without a number (measured {rounded(self.measured)}{line})"
         # Adding 0.0 turns -0.0, a possible result of rounding, into 0.0.
-        percent = 100 * (value - self.measured) / self._whole_of_measured
+        percent = 100 * (value - self.measured) / self._hundred_percent
         percent = round(percent, 1) + 0.0
         number = f"{kind}{format_with_error(value, self.standard_error)} {self.unit}".rstrip()
         measured = f"measured {rounded(self.measured)}, {percent:+.1f} %"
         return f"{label} {number} ({measured}{line})"
 
     @property
-    def _whole_of_measured(self) -> float:
-        """What 100 % of the measured mean means."""
+    def _hundred_percent(self) -> float:
+        """The number that counts as 100 % for differences from the measured mean."""
         return self.whole or abs(self.measured)
 
     def __str__(self) -> str:
         target = f"target {self.low:g} to {self.high:g} {self.unit}"
         if self.simulated is None:
-            return f"{self.response}: no number{self._cause}; {target}: NOT met"
+            return (
+                f"{self.response}: no number{self._failure_clause}; {target}: NOT met"
+            )
         side = "inside" if self.margin >= 0 else "outside"
         mean = format_with_error(self.simulated, self.standard_error)
         return (
@@ -338,9 +352,9 @@ class Check:
         )
 
     @property
-    def _cause(self) -> str:
-        """Why there is no number, after a comma; empty where the status does not tell."""
-        if self.status in ("ok", NOT_AGAIN):
+    def _failure_clause(self) -> str:
+        """Clause that explains a missing number, or empty if the status is no reason."""
+        if self.status in ("ok", NOT_SIMULATED_AGAIN):
             return ""
         return f", because {describe_status(self.status)}"
 
@@ -357,7 +371,7 @@ class Assessment:
         Whether the answer is predicted to meet all targets.
     inside : float or None
         Probability that all means lie inside their ranges, estimated from the runs of the
-        check. Without it the responses are treated as independent.
+        check. If it is None, the responses are treated as independent.
     out_of_reach : bool
         Whether no parameter set is predicted to meet the targets.
     """
@@ -381,8 +395,8 @@ class Assessment:
     def probability(self) -> float | None:
         """Probability that all means lie inside their ranges; None if it is unknown."""
         n_runs = min(check.runs for check in self.checks)
-        # `inside` accounts for the correlation of the responses, which a handful of runs
-        # cannot show. Otherwise the responses are treated as independent.
+        # `inside` accounts for the correlation of the responses. A few runs cannot show
+        # this correlation, so the responses are then treated as independent.
         is_correlation_known = n_runs > len(self.checks) + 1
         if self.inside is not None and is_correlation_known:
             return self.inside
@@ -392,10 +406,10 @@ class Assessment:
     def reason(self) -> str:
         """Sentence that explains why the targets are met or not.
 
-        It tells what was predicted for the answer, what its simulation gave, or both.
+        The sentence is about the prediction for the answer, its simulation, or both.
         """
         if self.verdict is Verdict.UNCHECKED:
-            sentence = f"{self._prediction}; the answer was {NOT_AGAIN}"
+            sentence = f"{self._prediction}; the answer was {NOT_SIMULATED_AGAIN}"
         elif self.verdict is Verdict.UNDECIDED:
             sentence = f"{self._simulation}. {describe_undecided(self.probability, self.checks)}"
         elif self.feasible:
@@ -421,8 +435,9 @@ class Assessment:
     @property
     def _simulation(self) -> str:
         """Clause about the outcome of the simulation."""
-        # A mean outside its range is a miss, whether or not its error decides that.
-        misses = [check.miss for check in self.checks if not check.margin >= 0]
+        # A mean outside its range is a miss, even if its standard error leaves a doubt.
+        # The margin of a check without a number is NaN, which is not `>= 0` either.
+        misses = [check.miss_clause for check in self.checks if not check.margin >= 0]
         if misses:
             return " and ".join(misses)
         if len(self.checks) == 1:
@@ -432,42 +447,43 @@ class Assessment:
 
 @dataclass(frozen=True)
 class Result:
-    """The result of a calibration, simulated again.
+    """The result of a calibration, with the checks of its answer.
 
     Attributes
     ----------
     label : str
-        Of the study.
+        Name of the material of the study.
     parameters : mapping
-        The representative solution.
+        The answer: the value of each parameter by name.
     feasible : bool
         Whether the search found a set whose prediction meets the targets.
     message : str
-        Of the search.
+        Sentence of the search about its result.
     checks : tuple of Check
         One for each target.
     folder : Path
-        Of the results.
+        Folder of the results.
     within : mapping
-        Probability, by percent of the aims, that all means lie so near to them. It comes
-        from the runs of the check alone; None means unknown.
+        For each tolerance in percent of the aims, the probability that all means lie
+        within it. The probabilities come from the runs of the check alone. They are
+        None if unknown.
     inside : float or None
-        Probability that all means lie inside their ranges, from the same runs. Without
-        it the responses count as independent.
+        Probability that all means lie inside their ranges, from the same runs. If it is
+        None, the responses are treated as independent.
     tables : Path
-        Folder of the check.
+        Folder of the tables of the check.
     solutions : Path
-        All parameter sets that were found.
+        Table of all parameter sets that were found.
     advice : str
-        Remedy if only the prediction meets the targets.
+        What to do if the prediction meets the targets and the simulation does not.
     why : str
-        Why a strategy with several batches ended.
+        Why a strategy with several batches ended; empty for other strategies.
     out_of_reach : bool
-        Result of `out_of_reach` for the summary.
+        Result of `is_out_of_reach` for the summary.
     small_run : bool
         Whether the study is too small for a calibration.
     labels : mapping
-        Meanings of the parameters.
+        Meaning of each parameter, by name.
     near_bounds : tuple of str
         A clause for each parameter that is within a standard error of the fit of a bound
         of its range (`repose.calibrate.bounds`).
@@ -482,7 +498,7 @@ class Result:
     within: Mapping[float, float | None]
     tables: Path = Path()
     solutions: Path = Path()
-    advice: str = MORE_POURS
+    advice: str = MORE_POURS_ADVICE
     why: str = ""
     out_of_reach: bool = False
     small_run: bool = False
@@ -526,16 +542,18 @@ class Result:
     def __str__(self) -> str:
         """Describe the result in several lines, which a run prints at its end."""
         lines = [self.headline, *self._list_parameters()]
-        predictions = [check.prediction for check in self.checks if check.prediction]
+        predictions = [
+            check.prediction_clause for check in self.checks if check.prediction_clause
+        ]
         if predictions:
             lines.append(f"Predicted: {'; '.join(predictions)}.")
         lines.append("Simulated again with fresh seeds:")
         lines += [f"  {check}" for check in self.checks]
-        lines += [f"  {nearness(self.checks)}", f"  {self._probability}"]
+        lines += [f"  {describe_differences(self.checks)}", f"  {self._probability}"]
         lines.append(
             f"Tables: {self.tables}; all solutions: {self.solutions}; after the whole "
-            f"study the report: {self.folder / REPORT}, and the material card: "
-            f"{self.folder / CARD}"
+            f"study the report: {self.folder / REPORT_FILE}, and the material card: "
+            f"{self.folder / CARD_FILE}"
         )
         if self.why:
             lines.append(f"No more batches: {self.why}.")
@@ -548,7 +566,7 @@ class Result:
         return "\n".join(lines)
 
     def _list_parameters(self) -> list[str]:
-        """Write each parameter of the answer in a line, and which are at a bound."""
+        """List the parameters of the answer in lines, and name those at a bound."""
         if self.feasible:
             lines = ["The calibrated parameters:"]
         else:
@@ -556,12 +574,12 @@ class Result:
         for name, value in self.parameters.items():
             lines.append(f"  {name:7} {rounded(value)}  {self.labels.get(name, name)}")
         if self.near_bounds:
-            lines.append(f"{NEAR_BOUNDS}: {'; '.join(self.near_bounds)}.")
+            lines.append(f"{NEAR_BOUNDS_INTRODUCTION}: {'; '.join(self.near_bounds)}.")
         return lines
 
     @property
     def _probability(self) -> str:
-        """The probability that all means are near their targets, a clause."""
+        """Clause with the probability that all means are near their targets."""
         if None in self.within.values():
             return "the distance of the means from their targets is unknown"
         probabilities = ", ".join(
@@ -574,12 +592,12 @@ class Result:
         )
 
 
-def out_of_reach(summary: Mapping[str, Any]) -> bool:
-    """Decide whether no parameter set is predicted to meet the targets.
+def is_out_of_reach(summary: Mapping[str, Any]) -> bool:
+    """Return whether no parameter set is predicted to meet the targets.
 
-    A strategy whose summary has the key `stop` decides it itself. A model without runs at
-    the ends where its answer lies has no such verdict, for the response may be steep
-    there: its key `stop` is `NOT_SIMULATED`.
+    If the summary of a strategy has the key `stop`, this key decides. Its value is
+    `ENDS_NOT_SIMULATED` if the answer lies at ends of ranges where nothing was simulated.
+    The response may be steep there, so the targets may still be within reach.
     """
     if summary["feasible"]:
         return False
@@ -603,11 +621,12 @@ def format_verdict_line(
     reason : str
         Sentence that explains the verdict.
     small_run : bool, optional
-        Whether the study is too small for a calibration, which the line then warns of.
+        Whether the study is too small for a calibration. The line then begins with a
+        warning.
     status : str, optional
         Wording of the verdict after "targets"; by default that of `verdict`.
     """
-    numbers = ", ".join(check.numbers for check in checks)
+    numbers = ", ".join(check.mean_text for check in checks)
     line = f"targets {status or verdict}. {numbers}."
     if small_run:
         line = f"a small run, its numbers are no calibration: {line}"
@@ -628,9 +647,9 @@ def describe_undecided(probability: float | None, checks: Sequence[Check]) -> st
     """
     if probability is None:
         return "Fewer than two runs gave a number, so that their mean has no error"
-    n_runs = further_runs(checks)
+    n_runs = count_further_runs(checks)
     if n_runs is None:
-        ending = f"more than {MOST_FURTHER_RUNS} further runs would decide"
+        ending = f"more than {MAX_FURTHER_RUNS} further runs would decide"
     else:
         noun = "run" if n_runs == 1 else "runs"
         ending = f"about {n_runs} further {noun} would decide, if the means stay"
@@ -640,7 +659,7 @@ def describe_undecided(probability: float | None, checks: Sequence[Check]) -> st
     )
 
 
-def further_runs(checks: Sequence[Check]) -> int | None:
+def count_further_runs(checks: Sequence[Check]) -> int | None:
     """Find the number of further runs of the answer that would settle the verdict.
 
     The means and the scatter of the runs are assumed to stay as they are.
@@ -653,9 +672,9 @@ def further_runs(checks: Sequence[Check]) -> int | None:
     Returns
     -------
     int or None
-        None if more than `MOST_FURTHER_RUNS` runs are needed.
+        None if more than `MAX_FURTHER_RUNS` runs are needed.
     """
-    for further in range(1, MOST_FURTHER_RUNS + 1):
+    for further in range(1, MAX_FURTHER_RUNS + 1):
         probability = _probability_after(checks, further)
         if judge_probability(probability) is not Verdict.UNDECIDED:
             return further
@@ -665,8 +684,9 @@ def further_runs(checks: Sequence[Check]) -> int | None:
 def _probability_after(checks: Iterable[Check], further_runs: int) -> float | None:
     """Compute the probability that all means lie inside their ranges.
 
-    `further_runs` are assumed to be added to each check. The responses are treated as
-    independent. The result is None if the probability of any check is unknown.
+    Each check is assumed to have `further_runs` more runs with the same mean and scatter.
+    The responses are treated as independent. The result is None if the probability of
+    any check is unknown.
     """
     probability = 1.0
     for check in checks:
@@ -685,12 +705,13 @@ def describe_optimism(optimism: float, error: float | None) -> str:
     return text
 
 
-def nearness(checks: Iterable[Check]) -> str:
+def describe_differences(checks: Iterable[Check]) -> str:
     """Describe in a sentence how far the simulated means are from the measured ones."""
-    return f"Simulated minus measured: {', '.join(check.distance for check in checks)}."
+    differences = ", ".join(check.difference_text for check in checks)
+    return f"Simulated minus measured: {differences}."
 
 
-def describe_probability(chance: Mapping[str, float]) -> str:
+def describe_probabilities(chance: Mapping[str, float]) -> str:
     """Describe in a clause how probably the means of a simulator meet all targets."""
     return (
         f"within 1 % of all targets: {chance['within_1_percent']:.2f}; within 2 %: "

@@ -1,11 +1,11 @@
-"""Find the parameters of an answer that are at a bound of their range, within their error.
+"""Find the parameters of an answer that lie at a bound of their range, within an error.
 
-A parameter is at a bound if it is at most one standard error away from it. The standard
-error of a parameter follows from each response: it is the standard error of the predicted
-response at the answer, divided by the slope of the response along the parameter. The
-smallest of these errors counts. If it exceeds half the range, the parameter hardly
-changes any response, and its distance from a bound has no meaning. Distances and errors
-are along the scale of the parameter.
+A parameter is at a bound if it is at most one standard error away from the bound. Each
+response gives one estimate of this error: the standard error of the predicted response
+at the answer, divided by the slope of the response along the parameter. The smallest
+estimate is used. If it exceeds half the range, the parameter hardly changes any response,
+and its distance from a bound has no meaning. Distances and errors are measured along the
+scale of the parameter.
 """
 
 import math
@@ -19,15 +19,15 @@ from repose.calibrate.scales import LINEAR, LOG
 from repose.calibrate.surrogates.base import Predictor
 from repose.common.numbers import rounded
 
-# Largest standard error of a parameter, as a share of its range, for which its distance
-# from a bound is meaningful.
-LARGEST = 0.5
+# Largest standard error of a parameter, as a share of its range. With a larger error, its
+# distance from a bound has no meaning.
+MAX_RELATIVE_ERROR = 0.5
 # A slope is computed from two points at this distance on each side of the answer, as a
 # share of the range.
-REACH = 0.05
+SLOPE_DISTANCE = 0.05
 
 
-def near_bounds(
+def find_near_bounds(
     surrogate: Predictor, answer: Mapping[str, Any], space: ParameterSpace
 ) -> list[dict[str, Any]]:
     """List the parameters that are at most one standard error from a bound.
@@ -37,22 +37,24 @@ def near_bounds(
     surrogate : Predictor
         A surrogate with error estimates.
     answer : mapping
-        A parameter set by name.
+        The answer: the value of each parameter by name.
     space : ParameterSpace
 
     Returns
     -------
     list of dict
-        ``parameter``, ``value``, ``bound``, and its ``standard_error``, in the units of
-        the parameter. On a logarithmic scale this is the error of the logarithm times
-        the value, and ``factor`` is the factor that one standard error stands for.
+        ``parameter``, ``value``, ``bound`` and ``standard_error``, in the units of the
+        parameter. On a logarithmic scale, the standard error is that of the logarithm
+        times the value. The additional key ``factor`` is then exp of the error of the
+        logarithm.
     """
     point = np.array([[float(answer[name]) for name in space.names]])
     response_errors = np.sqrt(np.diagonal(surrogate.covariance(point)[0]))
     near = []
     for k, name in enumerate(space.free):
         # The error of a response, divided by its slope, is an error of the parameter.
-        # The smallest counts. Skip responses that do not depend on the parameter.
+        # Use the smallest one. Responses without a slope are left out, because they do
+        # not depend on the parameter.
         slopes = _compute_slopes(surrogate, point, space, name)
         has_slope = slopes > 0
         if not has_slope.any():
@@ -65,7 +67,7 @@ def near_bounds(
         value = float(space.coordinates(name, np.array(float(answer[name]))))
         is_lower = value - low <= high - value
         distance = value - low if is_lower else high - value
-        is_determined = standard_error <= LARGEST * (high - low)
+        is_determined = standard_error <= MAX_RELATIVE_ERROR * (high - low)
         if is_determined and distance <= standard_error:
             near.append(
                 _describe_parameter(
@@ -105,8 +107,10 @@ def _compute_slopes(
     column = space.names.index(name)
     coordinate = float(space.coordinates(name, np.array(point[0, column])))
 
-    # two points around the answer, which stay inside the range
-    ends = np.clip(coordinate + REACH * width * np.array([-1.0, 1.0]), low, high)
+    # Use two points around the answer, but do not leave the range.
+    ends = np.clip(
+        coordinate + SLOPE_DISTANCE * width * np.array([-1.0, 1.0]), low, high
+    )
     values = ends
     if name in space.scale:
         values = space.values_at(name, (ends - low) / width)
@@ -133,7 +137,7 @@ def _describe_parameter(
     Returns
     -------
     dict
-        An entry of `near_bounds`.
+        An entry of the result of `find_near_bounds`.
     """
     entry: dict[str, Any] = {"parameter": name, "value": value, "bound": bound}
     if scale != LOG:

@@ -1,4 +1,4 @@
-"""The calibration of any simulator from its runs: the answer and its certainty."""
+"""Calibrate any simulator from its runs: find the answer and its uncertainty."""
 
 from collections.abc import Mapping
 from html import escape
@@ -10,12 +10,12 @@ import pandas as pd
 
 from repose.calibrate import card as cards
 from repose.calibrate.answer import (
-    NOT_AGAIN,
-    WITHIN,
+    NOT_SIMULATED_AGAIN,
+    WITHIN_COLUMNS,
     Check,
     Result,
-    describe_probability,
-    out_of_reach,
+    describe_probabilities,
+    is_out_of_reach,
 )
 from repose.calibrate.progress import announce
 from repose.calibrate.strategies import answer as answers
@@ -28,23 +28,23 @@ from repose.calibrate.strategies.sequential.strategy import arrange_runs, estima
 from repose.calibrate.study import Study
 from repose.calibrate.surrogates.base import Predictor
 from repose.calibrate.surrogates.support import Support
-from repose.calibrate.training import message as describe_training
+from repose.calibrate.training import describe_training
 from repose.calibrate.uncertainty.posterior import (
     SPARE_FREEDOM,
     Posterior,
-    infer,
-    measurement_of,
+    infer_posterior,
+    make_measurement,
 )
 from repose.calibrate.uncertainty.settings import PosteriorSettings
 from repose.common.errors import require
 from repose.common.files import Path_, convert_to_path, write_json, write_table
 from repose.common.numbers import format_with_error, rounded
 
-# Files of `save`.
-TABLES = ("samples.csv", "solutions.csv", "posterior.csv", "draws.csv")
-RECORDS = ("posterior.json", "summary.json", "card.json")
-# Note of an answer on the training of its model.
-METRICS = "metrics"
+# Files that `Calibration.save` writes.
+TABLE_FILES = ("samples.csv", "solutions.csv", "posterior.csv", "draws.csv")
+RECORD_FILES = ("posterior.json", "summary.json", "card.json")
+# Key of the note of an answer that describes the training of its model.
+METRICS_NOTE = "metrics"
 
 
 class Calibration(NamedTuple):
@@ -84,10 +84,10 @@ class Calibration(NamedTuple):
 
     @property
     def probability(self) -> dict[str, float]:
-        """Probability that the simulator's means lie near the targets.
+        """Probabilities that the simulator's means meet all targets.
 
-        ``within_1_percent`` and ``within_2_percent`` of all targets, and ``inside`` all
-        ranges.
+        The keys ``within_1_percent`` and ``within_2_percent`` are for a tolerance in
+        percent of the aims. The key ``inside`` is for the ranges of the targets.
         """
         return self.answer.probability
 
@@ -120,7 +120,8 @@ class Calibration(NamedTuple):
     def card(self) -> dict[str, Any]:
         """The material card, as `save` writes it."""
         settings = self.study.settings
-        # The bench tests of the user's own simulator are unknown, only definitions are.
+        # Of the user's own simulator only the definitions of the responses are known,
+        # not the bench tests.
         tests = {}
         for name in self.study.targets.names:
             definition: dict[str, Any] = {
@@ -128,7 +129,7 @@ class Calibration(NamedTuple):
                 "settings": {},
             }
             tests[name] = {"definition": definition, "bench": None}
-        card = cards.assemble(
+        card = cards.assemble_card(
             about={"simulator": settings.simulator, "probability": self.probability},
             tests=tests,
             answer=self.as_answer(),
@@ -140,13 +141,13 @@ class Calibration(NamedTuple):
         return card
 
     @property
-    def _posterior_tables(self) -> cards.Tables:
+    def _posterior_tables(self) -> cards.PosteriorTables:
         """Intervals of the parameters, and draws."""
         return self.posterior.parameters, self.posterior.draws
 
     @property
     def files_of_strategy(self) -> list[str]:
-        """Files of the strategy's own that `save` writes."""
+        """Additional files of the strategy that `save` writes."""
         notes = self.answer.notes
         files = strategy(self.study.settings.strategy).files
         return [file for file in files if Path(file).stem in notes]
@@ -174,24 +175,24 @@ class Calibration(NamedTuple):
             self.posterior.parameters,
             self.posterior.draws,
         )
-        for name, table in zip(TABLES, tables, strict=True):
+        for name, table in zip(TABLE_FILES, tables, strict=True):
             write_table(out / name, table)
         records = (self.posterior.summary, self.summary, self.card)
-        for name, content in zip(RECORDS, records, strict=True):
+        for name, content in zip(RECORD_FILES, records, strict=True):
             write_json(out / name, content)
         answers.write_notes(self.answer.notes, self.files_of_strategy, out)
 
     def as_answer(self) -> Result:
-        """Put the answer in the form for the card; it was not simulated again."""
+        """Make the `Result` for the card; its checks are not simulated again."""
         targets = self.study.targets
         checks = []
         for target, mean in zip(targets, self.answer.mean.tolist(), strict=True):
-            check = Check.of(
+            check = Check.from_target(
                 target,
                 simulated=None,
                 standard_error=None,
                 runs=0,
-                status=NOT_AGAIN,
+                status=NOT_SIMULATED_AGAIN,
                 predicted=mean,
             )
             checks.append(check)
@@ -202,9 +203,10 @@ class Calibration(NamedTuple):
             message=self.summary["message"],
             checks=tuple(checks),
             folder=Path(),
-            out_of_reach=out_of_reach(self.summary),
+            out_of_reach=is_out_of_reach(self.summary),
             within={
-                percent: self.probability[column] for percent, column in WITHIN.items()
+                percent: self.probability[column]
+                for percent, column in WITHIN_COLUMNS.items()
             },
         )
 
@@ -219,20 +221,20 @@ class Calibration(NamedTuple):
             if row["low"] is not None:
                 interval = f"[{rounded(row['low'])}, {rounded(row['high'])}]"
             text = f"  {name} {rounded(row['value'])} {interval}"
-            lines.append(cards.with_remark(text, row))
+            lines.append(cards.add_remark(text, row))
         model_name = self.model.name.replace("_", " ")
         lines.append(f"Predicted by {model_name}, not simulated again:")
         lines += self._describe_predictions()
         lines.append(
             "Probability that the simulator's means there lie "
-            f"{describe_probability(self.probability)}."
+            f"{describe_probabilities(self.probability)}."
         )
-        if METRICS in self.answer.notes:
-            lines.append(describe_training(self.answer.notes[METRICS]))
+        if METRICS_NOTE in self.answer.notes:
+            lines.append(describe_training(self.answer.notes[METRICS_NOTE]))
         return "\n".join(lines)
 
     def _describe_predictions(self) -> list[str]:
-        """Compare each predicted response with its target, in a line."""
+        """Write a line for each response that compares its prediction with the target."""
         lines = []
         for target, mean, error in zip(
             self.study.targets, self.answer.mean, self.answer.error, strict=True
@@ -274,8 +276,8 @@ def calibrate(
         Result of `repose.calibrate.strategies.runs.checked_runs`. The runs need not be
         those that the strategy asked for.
     proposal : Batch or Answer, optional
-        What the strategy proposed after these runs. An answer is used as it is. After a
-        batch, or None, the strategy is asked for the best answer that these runs allow.
+        Proposal of the strategy after these runs. If it is an answer, the answer is used
+        unchanged. Otherwise the strategy gives the best answer that these runs allow.
 
     Returns
     -------
@@ -302,26 +304,28 @@ def calibrate(
     # Without a model from the strategy, fit one over the whole ranges.
     model = answer.model or SpaceKriging(Kriging(observed, noise.covariance), space)
     samples = _average_samples(study, runs)
-    support = Support.of(space.values(observed.unit), space)
+    support = Support.from_space(space.values(observed.unit), space)
 
-    # Draw the posterior. Only replicates show how the responses are correlated, so
-    # without them the correlation has no degrees of freedom.
+    # Draw the posterior. The correlation of the responses can only be estimated from
+    # replicates. Without replicates it has no degrees of freedom.
     has_replicates = REPLICATES in noise.sources.values()
     freedom = observed.freedom if has_replicates else 0
-    inference_settings = posterior_settings(settings.posterior, freedom, len(targets))
+    inference_settings = adapt_posterior_settings(
+        settings.posterior, freedom, len(targets)
+    )
     announce("draw the posterior of the parameters", runs)
-    posterior = infer(
+    posterior = infer_posterior(
         model,
         support,
         parameters=space,
         targets=targets,
-        measurement=measurement_of(targets, runs, inference_settings),
+        measurement=make_measurement(targets, runs, inference_settings),
         settings=inference_settings,
         references={},
     )
 
     # Describe the answer and the way to it.
-    feasible, message = answers.verdict(answer, targets)
+    feasible, message = answers.judge_answer(answer, targets)
     summary = {
         **_summarise_answer(study, answer, feasible, message),
         **_summarise_runs(study, runs, samples, noise),
@@ -329,7 +333,7 @@ def calibrate(
             study, runs, len(samples), model, answer, noise.warning
         ),
     }
-    solutions = answers.solutions(answer, feasible, space, targets)
+    solutions = answers.tabulate_solutions(answer, feasible, space, targets)
     return Calibration(
         study=study,
         runs=runs,
@@ -354,7 +358,7 @@ def _summarise_answer(
     feasible : bool
         Whether the answer is predicted inside all ranges.
     message : str
-        The same in a sentence.
+        Sentence that says whether it is.
     """
     values = answer.values.tolist()
     summary: dict[str, Any] = {
@@ -376,32 +380,32 @@ def _summarise_runs(
     """Make the entries of summary.json on the runs and their noise."""
     settings = study.settings
     section = settings.sequential
-    goal = Goal.of(study.targets, section.tolerance_percent, study.parameters)
+    goal = Goal.from_targets(study.targets, section.tolerance_percent, study.parameters)
     return {
         "runs": len(runs),
         "failed_runs": int((runs["status"] != OK).sum()),
         "samples": len(samples),
-        "needed": goal.needed(noise.covariance, section.probability),
+        "needed": goal.count_needed_runs(noise.covariance, section.probability),
         "noise": _describe_noise(study, noise),
         "warning": noise.warning,
         "definitions": settings.definitions,
     }
 
 
-def posterior_settings(
+def adapt_posterior_settings(
     settings: PosteriorSettings, freedom: int, responses: int
 ) -> PosteriorSettings:
-    """Return the section `posterior` as the runs allow it.
+    """Adapt the section `posterior` to the number of repeated runs.
 
-    The correlation of measured responses cannot be that of simulated runs where too few
-    samples were run again.
+    The correlation of the measured responses is usually estimated from repeated runs. If
+    there are too few of them, it is set to 0.
 
     Parameters
     ----------
     settings : PosteriorSettings
         The section of the study.
     freedom : int
-        Degrees of freedom of the noise, from runs of samples that were run again.
+        Degrees of freedom of the noise: good runs minus samples.
     responses : int
         Number of targets.
     """
@@ -466,7 +470,7 @@ def _describe_steps(
     answer: Answer,
     warning: str | None,
 ) -> list[str]:
-    """Describe the way to the answer, in sentences.
+    """Describe in sentences the steps that led to the answer.
 
     Parameters
     ----------
@@ -474,11 +478,12 @@ def _describe_steps(
     runs : pandas.DataFrame
         All runs.
     n_samples : int
+        Number of samples.
     model : Predictor
         The model that predicts the responses.
     answer : Answer
     warning : str or None
-        On the noise of the model.
+        Warning about the noise of the runs.
     """
     settings = study.settings
     n_failed = int((runs["status"] != OK).sum())
@@ -507,9 +512,9 @@ def _describe_model(model: Predictor, warning: str | None) -> str:
 
 def _summarise_training(answer: Answer) -> list[str]:
     """Describe the accuracy of a trained model; empty for a model without test samples."""
-    if METRICS not in answer.notes:
+    if METRICS_NOTE not in answer.notes:
         return []
-    lines = describe_training(answer.notes[METRICS]).splitlines()
+    lines = describe_training(answer.notes[METRICS_NOTE]).splitlines()
     return [f"Training: {'; '.join(lines)}."]
 
 
@@ -527,5 +532,5 @@ def _describe_choice(study: Study, answer: Answer) -> str:
 
 
 def _describe_definitions(definitions: Mapping[str, str]) -> list[str]:
-    """Describe how each response is taken from a run."""
+    """Write a sentence for each response that defines it."""
     return [f"{name}: {text}." for name, text in definitions.items()]

@@ -1,6 +1,6 @@
 """The general part of a material card: parameters with their intervals, and the verdict.
 
-`repose.stages.card` adds what is known of the grain and of its bench tests.
+`repose.stages.card` adds the grain and the bench tests.
 """
 
 from collections.abc import Mapping
@@ -15,14 +15,14 @@ from repose.common import provenance
 if TYPE_CHECKING:
     import pandas as pd
 
-# What an interval of a card is.
-POSTERIOR: Final = "central 95 % of the posterior"
-RANGE: Final = "range of the parameter sets found"
-# Share of a range's width: nearer to an end, an answer lies at the bound of what was
-# searched.
-AT_BOUND = 1e-3
-# The record of provenance by the keys of a card.
-RECORDED = {
+# Descriptions of the intervals, as values of the card's key `interval`.
+POSTERIOR_INTERVAL: Final = "central 95 % of the posterior"
+SOLUTION_RANGE: Final = "range of the parameter sets found"
+# Share of the width of a range. An answer that is nearer to an end than this counts as
+# lying at the bound.
+BOUND_TOLERANCE = 1e-3
+# Keys of the card's entry `made_by`, with the keys of the record of provenance.
+PROVENANCE_KEYS = {
     "version": "repose",
     "commit": "commit",
     "configuration": "settings",
@@ -30,17 +30,17 @@ RECORDED = {
     "seed": "seed",
 }
 
-Ends = tuple[float | None, float | None]
-Tables: TypeAlias = "tuple[pd.DataFrame, pd.DataFrame]"
+IntervalEnds = tuple[float | None, float | None]
+PosteriorTables: TypeAlias = "tuple[pd.DataFrame, pd.DataFrame]"
 
 
-def assemble(
+def assemble_card(
     about: Mapping[str, Any],
     tests: Mapping[str, Mapping[str, Any]],
     answer: Result,
     space: ParameterSpace,
     solutions: "pd.DataFrame",
-    posterior: "Tables | None" = None,
+    posterior: "PosteriorTables | None" = None,
     labels: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
     """Assemble a card from its parts.
@@ -69,8 +69,9 @@ def assemble(
         The content of card.json.
     """
     parameter_sets = solutions if posterior is None else posterior[1]
-    # The correlation of a parameter that is the same in all sets is undefined: write 0.
-    # On a logarithmic scale, it is that of the logarithms.
+    # Correlate the parameters along their scales, so on a logarithmic scale correlate
+    # the logarithms. The correlation of a parameter that is the same in all sets is
+    # undefined, and the card has 0 for it.
     coordinates = parameter_sets[list(space.free)]
     for name in space.scale:
         logarithms = space.coordinates(name, coordinates[name])
@@ -96,9 +97,12 @@ def assemble(
     card: dict[str, Any] = {"card": 1, "material": answer.label, **about}
     card |= {
         "parameters": parameters,
-        "interval": RANGE if posterior is None else POSTERIOR,
+        "interval": SOLUTION_RANGE if posterior is None else POSTERIOR_INTERVAL,
         "correlations": correlations.to_dict("index"),
-        "tests": [check.row() | dict(tests[check.response]) for check in answer.checks],
+        "tests": [
+            check.make_card_entry() | dict(tests[check.response])
+            for check in answer.checks
+        ],
         "met": answer.verdict.met,
         "verdict": answer.verdict.value,
         "probability_inside": answer.probability,
@@ -117,8 +121,10 @@ def assemble(
 
 
 def find_intervals(
-    space: ParameterSpace, solutions: "pd.DataFrame", posterior: "Tables | None"
-) -> dict[str, Ends]:
+    space: ParameterSpace,
+    solutions: "pd.DataFrame",
+    posterior: "PosteriorTables | None",
+) -> dict[str, IntervalEnds]:
     """Find the ends of the interval of each parameter; (None, None) for a fixed one.
 
     They come from the posterior, or without it from the range of the solutions.
@@ -137,7 +143,7 @@ def find_intervals(
     else:
         table = posterior[0].set_index("parameter")
         low, high = table["credible_low"], table["credible_high"]
-    intervals: dict[str, Ends] = {}
+    intervals: dict[str, IntervalEnds] = {}
     for name in space.names:
         if name in space.free:
             intervals[name] = (float(low[name]), float(high[name]))
@@ -163,9 +169,9 @@ def widen_to_value(
     ----------
     space : ParameterSpace
     name : str
-        Of the parameter.
+        Name of the parameter.
     value : float
-        The parameter in the answer.
+        Value of the parameter in the answer.
     low, high : float or None
         Ends of the interval; None for a fixed parameter.
 
@@ -184,7 +190,7 @@ def widen_to_value(
     highest = float(space.coordinate_ends[1][k])
     coordinate = float(space.coordinates(name, np.array(value)))
     for side, bound in (("lower", lowest), ("upper", highest)):
-        if abs(coordinate - bound) <= AT_BOUND * (highest - lowest):
+        if abs(coordinate - bound) <= BOUND_TOLERANCE * (highest - lowest):
             return {"low": low, "high": high, "at_bound": side}
     interval: dict[str, Any] = {"low": min(low, value), "high": max(high, value)}
     if not low <= value <= high:
@@ -192,8 +198,8 @@ def widen_to_value(
     return interval
 
 
-def with_remark(text: str, interval: Mapping[str, Any]) -> str:
-    """Add to a text on a parameter what `widen_to_value` found of its interval."""
+def add_remark(text: str, interval: Mapping[str, Any]) -> str:
+    """Append a remark to a text if `widen_to_value` found a bound or widened."""
     if "at_bound" in interval:
         return f"{text}; at the {interval['at_bound']} bound of the range"
     if "widened" in interval:
@@ -211,7 +217,7 @@ def _describe_origin(name: str, space: ParameterSpace) -> str:
 def _describe_maker() -> dict[str, Any]:
     """Name the version, configuration, engine and seed that made the card."""
     record = provenance.get_current_record() or provenance.describe_machine()
-    made_by = {name: record.get(key) for name, key in RECORDED.items()}
+    made_by = {name: record.get(key) for name, key in PROVENANCE_KEYS.items()}
     settings = made_by["configuration"]
     if isinstance(settings, Mapping):
         made_by["configuration"] = provenance.hash_content(settings)

@@ -1,6 +1,6 @@
-"""Probability that the true means of a parameter set meet the targets, by its runs.
+"""Estimate from a few runs how probably their true means meet the targets.
 
-Student's t distribution describes a true mean, given few runs.
+Given a few runs, the true mean has Student's t distribution.
 """
 
 from collections.abc import Mapping, Sequence
@@ -10,16 +10,17 @@ import numpy as np
 
 from repose.calibrate.targets import Target, Targets
 
-# Percents of the aims that are reported with every answer.
-PERCENT = (1.0, 2.0)
-DRAWS = 200_000
-SEED = 2026
+# Tolerances in percent of the aims, for which every answer reports a probability.
+REPORTED_PERCENTS = (1.0, 2.0)
+# The standard error of an estimated probability is at most 0.5 / sqrt(N_DRAWS) = 0.0011.
+N_DRAWS = 200_000
+SEED = 2026  # fixed, so that the same runs always give the same probabilities
 # Runs of a parameter set by bench test.
-Runs = Mapping[str, Sequence[Mapping[str, Any]]]
+RunsByBench = Mapping[str, Sequence[Mapping[str, Any]]]
 
 
-def chance_of_meeting(
-    runs: Runs, targets: Targets, percent: float | None = None
+def compute_target_probabilities(
+    runs: RunsByBench, targets: Targets, percent: float | None = None
 ) -> dict[str, float | None]:
     """Compute how probably the true means of the simulator meet the targets.
 
@@ -43,9 +44,9 @@ def chance_of_meeting(
     """
     random = np.random.default_rng(SEED)
     probabilities: dict[str, float | None] = dict.fromkeys((*targets.names, "all"))
-    # Bench tests are independent. A draw of all means meets the targets if it does so
-    # in each of them.
-    are_all_met = np.ones(DRAWS, dtype=bool)
+    # Bench tests are independent, so their means are drawn separately. A draw meets all
+    # targets if it meets the targets of every bench test.
+    are_all_met = np.ones(N_DRAWS, dtype=bool)
     for bench in targets.apparatus:
         targets_of_bench = [
             target for target in targets if target.response.apparatus == bench
@@ -55,8 +56,8 @@ def chance_of_meeting(
         for run in runs.get(bench, ()):
             if run["status"] == "ok":
                 rows.append([run[target.name] for target in targets_of_bench])
-        # A single run does not show the scatter, so all probabilities not yet known
-        # stay None.
+        # A single run does not show the scatter. The probabilities of this bench test
+        # and of all following ones stay None.
         if len(rows) < 2:
             return probabilities
 
@@ -74,8 +75,8 @@ def chance_of_meeting(
 def _find_accepted_range(target: Target, percent: float | None) -> tuple[float, float]:
     """Return the lowest and the highest mean that meets a target.
 
-    These are the ends of its range. With a tolerance in percent, they are as far from
-    the aim on both sides.
+    Without `percent` these are the ends of the range of the target. Otherwise they lie
+    `percent` of the aim below and above the aim.
     """
     if percent is None:
         return target.low, target.high
@@ -83,20 +84,20 @@ def _find_accepted_range(target: Target, percent: float | None) -> tuple[float, 
     return target.aim - tolerance, target.aim + tolerance
 
 
-def chance_in_range(
+def compute_range_probability(
     mean: float, standard_error: float, runs: int, low: float, high: float
 ) -> float:
     """Compute how probably the true mean of one response lies in a range.
 
-    It has Student's t distribution about the mean of the runs. `chance_of_meeting` draws
-    from the same distribution of several responses.
+    The true mean has Student's t distribution about the mean of the runs.
+    `compute_target_probabilities` uses the same distribution for several responses.
 
     Parameters
     ----------
     mean : float
-        Of the runs.
+        Mean of the runs.
     standard_error : float
-        Of this mean.
+        Standard error of this mean.
     runs : int
         Number of the runs, at least two.
     low, high : float
@@ -119,9 +120,10 @@ def _draw_means(values: np.ndarray, random: np.random.Generator) -> np.ndarray:
     """
     n, k = values.shape
     covariance_of_mean = np.cov(values, rowvar=False).reshape(k, k) / n
-    # Take the root by eigenvalues, which also exists for a singular covariance.
+    # Compute the root from eigenvalues, because a Cholesky root does not exist for a
+    # singular covariance. Rounding may make an eigenvalue slightly negative.
     eigenvalues, eigenvectors = np.linalg.eigh(covariance_of_mean)
     root = eigenvectors * np.sqrt(np.maximum(eigenvalues, 0.0))
-    normal = random.normal(size=(DRAWS, k)) @ root.T
-    chi_square = random.chisquare(n - 1, size=(DRAWS, 1))
+    normal = random.normal(size=(N_DRAWS, k)) @ root.T
+    chi_square = random.chisquare(n - 1, size=(N_DRAWS, 1))
     return values.mean(axis=0) + normal / np.sqrt(chi_square / (n - 1))

@@ -12,15 +12,15 @@ import numpy as np
 
 from repose.common.errors import did_you_mean
 
-FORM = "two parameters with <= or >= between, each perhaps with a factor, as"
-EXAMPLE = "mur_gg <= 0.5 * mus_gg"
+CONSTRAINT_FORM = "two parameters with <= or >= between, each perhaps with a factor, as"
+CONSTRAINT_EXAMPLE = "mur_gg <= 0.5 * mus_gg"
 SIGNS = ("<=", ">=")
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
-_TIMES = re.compile(rf"(?P<factor>{_NUMBER})\s*\*\s*(?P<name>.*\S)")
+_PRODUCT = re.compile(rf"(?P<factor>{_NUMBER})\s*\*\s*(?P<name>.*\S)")
 
 
 class Term(NamedTuple):
-    """A side of a constraint: a factor times a parameter."""
+    """One side of a constraint: a factor times a parameter."""
 
     factor: float
     name: str
@@ -41,35 +41,38 @@ class Constraint(NamedTuple):
     larger: Term
 
     @classmethod
-    def of(cls, text: object, names: Sequence[str]) -> Self:
-        """Read a constraint.
+    def parse(cls, text: object, names: Sequence[str]) -> Self:
+        """Parse the text of a constraint.
 
         Parameters
         ----------
         text : object
-            Such as ``mur_gg <= mus_gg`` or ``a >= 2 * b``.
+            Text such as ``mur_gg <= mus_gg`` or ``a >= 2 * b``.
         names : sequence of str
-            All parameters of the study.
+            Names of all parameters of the study.
 
         Raises
         ------
         ValueError
-            For any other text; its message says what is allowed.
+            If the text is no constraint. The message describes the expected form.
         """
-        allowed = f"{FORM} {EXAMPLE!r}"
+        expected_form = f"{CONSTRAINT_FORM} {CONSTRAINT_EXAMPLE!r}"
         if not isinstance(text, str):
-            raise ValueError(allowed)
+            raise ValueError(expected_form)
+        # A constraint has exactly one sign.
         signs = [sign for sign in SIGNS if sign in text]
         if len(signs) != 1 or text.count(signs[0]) != 1:
-            raise ValueError(allowed)
-        left, right = (_term(side, names) for side in text.split(signs[0]))
+            raise ValueError(expected_form)
+        left, right = (_parse_term(side, names) for side in text.split(signs[0]))
         if left.name == right.name:
-            raise ValueError(f"{FORM} {EXAMPLE!r}; both sides have {left.name}")
+            raise ValueError(
+                f"{CONSTRAINT_FORM} {CONSTRAINT_EXAMPLE!r}; both sides have {left.name}"
+            )
         if signs[0] == "<=":
             return cls(text, left, right)
         return cls(text, right, left)
 
-    def excess(self, values: np.ndarray, names: Sequence[str]) -> np.ndarray:
+    def compute_excess(self, values: np.ndarray, names: Sequence[str]) -> np.ndarray:
         """Compute by how much the smaller side exceeds the larger one.
 
         Parameters
@@ -77,37 +80,45 @@ class Constraint(NamedTuple):
         values : numpy.ndarray, (n, p)
             Parameter sets.
         names : sequence of str
-            Of the columns.
+            Names of the columns.
 
         Returns
         -------
         numpy.ndarray, (n,)
-            Above 0 where the constraint is violated.
+            Positive where the constraint is violated.
         """
         smaller = self.smaller.factor * values[:, names.index(self.smaller.name)]
         larger = self.larger.factor * values[:, names.index(self.larger.name)]
         return smaller - larger
 
-    def size(self, values: np.ndarray, names: Sequence[str]) -> float:
-        """Return the largest size of an excess for the largest values (1, p)."""
+    def compute_largest_excess(self, values: np.ndarray, names: Sequence[str]) -> float:
+        """Compute an upper limit of the excess.
+
+        `values` (1, p) are the largest absolute values of the parameters, and `names`
+        are the names of their columns.
+        """
         terms = (self.smaller, self.larger)
         sizes = [abs(term.factor) * values[0, names.index(term.name)] for term in terms]
         return float(sum(sizes))
 
 
-def _term(side: str, names: Sequence[str]) -> Term:
-    """Read a side of a constraint; ValueError unless it is a term."""
+def _parse_term(side: str, names: Sequence[str]) -> Term:
+    """Parse one side of a constraint; raise ValueError if it is no term."""
     name = side.strip()
     if name in names:
         return Term(1.0, name)
-    match = _TIMES.fullmatch(name)
+    match = _PRODUCT.fullmatch(name)
     factor = 1.0
     if match:
         name = match["name"]
         factor = float(match["factor"])
     if name not in names:
         hint = did_you_mean(name, names) or f"; parameters: {', '.join(names)}"
-        raise ValueError(f"{FORM} {EXAMPLE!r}; {name!r} is no parameter{hint}")
+        raise ValueError(
+            f"{CONSTRAINT_FORM} {CONSTRAINT_EXAMPLE!r}; {name!r} is no parameter{hint}"
+        )
     if factor == 0 or not math.isfinite(factor):
-        raise ValueError(f"{FORM} {EXAMPLE!r}, with factors that are not 0")
+        raise ValueError(
+            f"{CONSTRAINT_FORM} {CONSTRAINT_EXAMPLE!r}, with factors that are not 0"
+        )
     return Term(factor, name)

@@ -1,4 +1,4 @@
-"""How the responses of a dataset are defined, by the summary beside its table."""
+"""Read the summary beside the table of a dataset, with the definitions of responses."""
 
 from pathlib import Path
 from typing import Any
@@ -6,25 +6,25 @@ from typing import Any
 from repose.calibrate.responses import Definitions
 from repose.common.files import Path_, read_json
 
-SUMMARY = "_summary.json"  # follows the stem of a dataset's name
+SUMMARY_SUFFIX = "_summary.json"  # follows the stem of a dataset's name
 
 
 def read_summary(dataset_csv: Path_) -> tuple[dict[str, Any], Path]:
-    """Read the summary beside a dataset; return it with its path.
+    """Read the summary beside a dataset, and return it with its path.
 
-    It is empty where there is none.
+    The summary is empty if the file does not exist.
     """
     path = Path(dataset_csv)
-    path = path.with_name(f"{path.stem}{SUMMARY}")
+    path = path.with_name(f"{path.stem}{SUMMARY_SUFFIX}")
     if not path.is_file():
         return {}, path
     return read_json(path, what="the summary of a dataset"), path
 
 
 def read_definitions(dataset_csv: Path_) -> tuple[Definitions, Path]:
-    """Read how the responses of a dataset are defined; return also the summary's path.
+    """Read the definitions of the responses of a dataset, from the summary beside it.
 
-    The definitions are empty where they are not known.
+    Return the definitions, which are empty if unknown, and the path of the summary.
     """
     summary, path = read_summary(dataset_csv)
     return summary.get("definitions", {}), path

@@ -5,9 +5,8 @@ Thousands of sets reach the same minimum, but the errors of the surrogate differ
 them. The loss is Eq. 11 of the true mean responses. Its expectation is small where the
 prediction is near the targets and the error of the surrogate is small, too.
 
-Of a target's range only the width enters, over which Eq. 11 takes the deviation from
-the aim. Whether the response lies in the range does not: the set of least loss may be
-infeasible.
+Eq. 11 divides the deviation from the aim by the width of the target's range. Otherwise
+the range has no influence, so the set of least expected loss may be infeasible.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -16,27 +15,31 @@ from typing import Any
 import numpy as np
 from scipy.special import erf
 
-from repose.calibrate.chance import PERCENT
-from repose.calibrate.designs.allowed import points_of_sequence
+from repose.calibrate.chance import REPORTED_PERCENTS
+from repose.calibrate.designs.allowed import take_allowed_points
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.probability import probability_in_box
+from repose.calibrate.probability import compute_box_probability
 from repose.calibrate.search.objective import Preference
 from repose.calibrate.surrogates.base import Surrogate
 from repose.calibrate.targets import Targets
 
-# Points of the Sobol sequence that are compared; a power of two.
-CANDIDATES = 1024
+# Points of the Sobol sequence that are compared. A power of two keeps it balanced.
+N_CANDIDATES = 1024
 # Number of the best candidates from which a local search starts.
-DESCENTS = 6
-# Step of the finite differences, as a share of each parameter's range.
-STEP = 1e-4
-# Share of the values by which a local search keeps away from a constraint.
-ROOM = 1e-6
-# Lower limit of a standard error by which a deviation is divided.
-TINY = 1e-12
+N_DESCENTS = 6
+# Step of the finite differences, as a share of each parameter's range. It is far above
+# the rounding errors of the loss.
+DIFFERENCE_STEP = 1e-4
+# Distance that a local search keeps from a constraint, as a share of the largest value,
+# because the search satisfies constraints only approximately.
+CONSTRAINT_MARGIN = 1e-6
+# Smallest standard error by which a deviation is divided, to avoid a division by 0.
+MIN_ERROR = 1e-12
 
 
-def expected_loss(surrogate: Surrogate, X: np.ndarray, targets: Targets) -> np.ndarray:
+def compute_expected_loss(
+    surrogate: Surrogate, X: np.ndarray, targets: Targets
+) -> np.ndarray:
     """Compute the expected deviation of parameter sets from the targets (Eq. 11).
 
     The result is the weighted sum of the deviations of the responses, in widths of their
@@ -58,7 +61,7 @@ def expected_loss(surrogate: Surrogate, X: np.ndarray, targets: Targets) -> np.n
     variance = np.diagonal(surrogate.covariance(X), axis1=1, axis2=2)
     error = np.sqrt(variance)
     deviation = surrogate.predict(X) - targets.aim
-    z = np.abs(deviation) / np.maximum(error, TINY)
+    z = np.abs(deviation) / np.maximum(error, MIN_ERROR)
     # The mean of the folded normal distribution, for each response.
     density_term = error * np.sqrt(2 / np.pi) * np.exp(-0.5 * z**2)
     mean_deviation = density_term + np.abs(deviation) * erf(z / np.sqrt(2))
@@ -93,10 +96,10 @@ def minimise_expected_loss(
 
     # Start the local searches from the best points of a space-filling sequence.
     sequence = qmc.Sobol(space.dimensions, scramble=False)
-    points = points_of_sequence(sequence, CANDIDATES, space, follows_prior=False)
-    starts = points[np.argsort(loss(points))[:DESCENTS]]
+    points = take_allowed_points(sequence, N_CANDIDATES, space, follows_prior=False)
+    starts = points[np.argsort(loss(points))[:N_DESCENTS]]
     # Leave room for the steps of finite differences at both bounds.
-    bounds = [(STEP, 1 - STEP)] * space.dimensions
+    bounds = [(DIFFERENCE_STEP, 1 - DIFFERENCE_STEP)] * space.dimensions
     # SLSQP takes constraints; without any, L-BFGS-B is as in published results.
     options: dict[str, Any] = {"method": "L-BFGS-B"}
     if space.constraints:
@@ -120,7 +123,7 @@ def minimise_expected_loss(
     end_points = np.array([minimum.x for minimum in minima])
     losses = np.array([minimum.fun for minimum in minima])
     if space.constraints:
-        # A local search may end beyond a constraint by its tolerance.
+        # A local search may violate a constraint by its tolerance. Drop such points.
         end_points = np.vstack([end_points, starts])
         losses = np.concatenate([losses, loss(starts)])
         # The starts obey all constraints, so one point is always left.
@@ -137,12 +140,13 @@ def minimise_expected_loss(
 
 
 def _compute_excesses(space: ParameterSpace, point: np.ndarray) -> np.ndarray:
-    """Compute the excesses of a point (d,) over all constraints, with some room."""
+    """Compute the excesses of a point (d,) over all constraints, plus a margin."""
     values = space.values(point[None])
     excesses = [
-        constraint.excess(values, space.names)[0] for constraint in space.constraints
+        constraint.compute_excess(values, space.names)[0]
+        for constraint in space.constraints
     ]
-    return np.array(excesses) + ROOM * np.abs(values).max()
+    return np.array(excesses) + CONSTRAINT_MARGIN * np.abs(values).max()
 
 
 def _make_loss(
@@ -153,12 +157,12 @@ def _make_loss(
     Returns
     -------
     callable
-        From points (n, d) of the unit cube to numbers (n,).
+        Function of points (n, d) of the unit cube that returns numbers (n,).
     """
     preference = Preference.from_priors(space)
 
     def loss(unit: np.ndarray) -> np.ndarray:
-        expected = expected_loss(surrogate, space.values(unit), targets)
+        expected = compute_expected_loss(surrogate, space.values(unit), targets)
         if preference is None:
             return expected
         return expected + preference(2 * unit - 1)
@@ -170,11 +174,11 @@ def _compute_loss_and_gradient(
     point: np.ndarray, loss: Callable[[np.ndarray], np.ndarray]
 ) -> tuple[float, np.ndarray]:
     """Return the loss at a point (d,) and its gradient by central differences."""
-    steps = STEP * np.eye(len(point))
+    steps = DIFFERENCE_STEP * np.eye(len(point))
     # Evaluate the point and its 2 d neighbours in one call.
     losses = loss(np.concatenate([point[None], point + steps, point - steps]))
     upper, lower = np.split(losses[1:], 2)
-    return losses[0], (upper - lower) / (2 * STEP)
+    return losses[0], (upper - lower) / (2 * DIFFERENCE_STEP)
 
 
 def assess_by_errors(
@@ -193,7 +197,7 @@ def assess_by_errors(
         The parameter set by name.
     targets : Targets
     names : sequence of str
-        Names of the inputs, for a surrogate that does not name them itself.
+        Names of the inputs. They are used if the surrogate has no names of its own.
 
     Returns
     -------
@@ -216,10 +220,10 @@ def assess_by_errors(
 
     one_percent = targets.whole / 100
     probabilities = {}
-    for percent in PERCENT:
+    for percent in REPORTED_PERCENTS:
         low = aim - percent * one_percent
         high = aim + percent * one_percent
-        probability = probability_in_box(mean, covariance, low, high)
+        probability = compute_box_probability(mean, covariance, low, high)
         probabilities[f"{percent:g} %"] = float(probability[0])
     return {
         "predicted_se": dict(zip(targets.names, error.tolist(), strict=True)),

@@ -1,7 +1,7 @@
 """Search for parameter sets whose predicted responses match the measured ones.
 
-It is section 3.3 of the paper, with its Table 3. The search is the multi-island genetic
-algorithm (`repose.calibrate.search`) on the surrogate.
+The method is that of section 3.3 of the paper, with its Table 3. The multi-island genetic
+algorithm (`repose.calibrate.search`) searches on the surrogate.
 """
 
 from collections.abc import Callable, Iterable, Mapping
@@ -11,15 +11,15 @@ import numpy as np
 import pandas as pd
 
 from repose.calibrate import expected_loss
-from repose.calibrate.answer import NOT_SIMULATED
+from repose.calibrate.answer import ENDS_NOT_SIMULATED
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.scales import to_coordinates
 from repose.calibrate.search.objective import (
-    HISTORY,
+    HISTORY_COLUMNS,
     Objective,
     Preference,
-    Search,
-    search,
+    SearchResult,
+    search_points,
 )
 from repose.calibrate.search.settings import LEAST_LOSS, MigaSettings
 from repose.calibrate.surrogates import Surrogate
@@ -27,8 +27,8 @@ from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 
-# Fewest rows of the solutions, so that the validation always has points to choose from.
-FEWEST_ROWS = 10
+# Smallest number of solutions, so that the validation always has points to choose from.
+MIN_ROWS = 10
 
 
 class Inversion(NamedTuple):
@@ -78,21 +78,26 @@ def invert(
     Returns
     -------
     Inversion
-        The best distinct feasible solutions. If there are fewer than `FEWEST_ROWS`, the
-        nearest infeasible ones follow. Without any feasible solution near samples, the
-        sets with the lowest objective in the region of the samples.
+        The best distinct feasible solutions. If there are fewer than `MIN_ROWS`, the
+        nearest infeasible ones follow. If no feasible solution is near samples, the
+        solutions are the sets with the lowest objective in the region of the samples.
+
+    Raises
+    ------
+    InputError
+        If the aim of a target lies outside its range.
     """
     _require_aims_in_ranges(targets)
     # Search for points whose predictions meet the targets.
-    respond = on_free_parameters(model, space)
+    respond = restrict_to_free_parameters(model, space)
     preference = Preference.from_priors(space)
-    result = _search(respond, space, targets, settings, preference, support)
+    result = _search_parameters(respond, space, targets, settings, preference, support)
 
-    # Put the representative first, feasible or not.
+    # Put the representative first, whether it is feasible or not.
     points = result.points
     if settings.answer == LEAST_LOSS and model.knows_its_errors:
         if result.is_supported:
-            points = _least_loss_first(points, model, space, targets, preference)
+            points = _put_least_loss_first(points, model, space, targets, preference)
         else:
             best = expected_loss.minimise_expected_loss(model, space, targets)
             points = _put_first(best, points, space, settings.distance)
@@ -124,8 +129,10 @@ def invert(
     }
     return Inversion(
         solutions=table,
-        intervals=intervals(feasible_rows if len(feasible_rows) else table, space),
-        history=pd.DataFrame(result.history, columns=list(HISTORY)),
+        intervals=make_interval_table(
+            feasible_rows if len(feasible_rows) else table, space
+        ),
+        history=pd.DataFrame(result.history, columns=list(HISTORY_COLUMNS)),
         summary=_make_summary(table, space, targets, settings, counts)
         | _find_missing_simulation(table, space, support, result.nearest_to_ranges),
     )
@@ -136,14 +143,14 @@ class _SearchResult(NamedTuple):
 
     points: np.ndarray  # (n, d) in [-1, 1], the best distinct points, best first
     objective: Objective  # that they minimise
-    history: list[tuple]  # a row with the columns `HISTORY` for each round
+    history: list[tuple]  # a row with the columns `HISTORY_COLUMNS` for each round
     n_feasible: int  # number of feasible points that the search met
     evaluations: int  # number of points that were evaluated
     nearest_to_ranges: np.ndarray  # (d,), the best point of the first search
     is_supported: bool  # whether all points lie in the region of the samples
 
 
-def _search(
+def _search_parameters(
     respond: Callable[[np.ndarray], np.ndarray],
     space: ParameterSpace,
     targets: Targets,
@@ -151,15 +158,15 @@ def _search(
     preference: Preference | None,
     support: Support | None,
 ) -> _SearchResult:
-    """Search inside the ranges of the targets; without success, near the targets.
+    """Search inside the ranges of the targets. If this fails, search near the targets.
 
-    Beyond the samples a surrogate extrapolates, so that any place may seem to meet
-    targets that no place meets. So the second search stays in their region.
+    Outside the region of the samples a surrogate extrapolates. Any set may then seem to
+    meet the targets, even if none does. So the second search stays in this region.
 
     Parameters
     ----------
     respond : callable
-        From points (n, d) in [-1, 1] to responses (n, k).
+        Function of points (n, d) in [-1, 1] that returns responses (n, k).
     space : ParameterSpace
     targets : Targets
     settings : MigaSettings
@@ -171,14 +178,14 @@ def _search(
     largest_preference = preference.largest if preference else 0.0
     objective = Objective(targets, largest_preference)
 
-    def search_in(region: Support | None) -> Search:
-        return search(
+    def search_in(region: Support | None) -> SearchResult:
+        return search_points(
             respond,
             objective,
             space.dimensions,
             settings,
             preference,
-            violation=_make_violation(space, region),
+            violation=_make_violation_function(space, region),
         )
 
     found = search_in(None)
@@ -194,7 +201,8 @@ def _search(
         region = support
         found = search_in(region)
         evaluations += _count_evaluations(found)
-        # The constraints may leave no place among the samples.
+        # The constraints may exclude the whole region of the samples. Then search the
+        # whole ranges.
         if not len(found.archive.points):
             region = None
             found = search_in(region)
@@ -213,27 +221,29 @@ def _search(
 def _is_near_samples(
     points: np.ndarray, space: ParameterSpace, support: Support | None
 ) -> np.ndarray:
-    """Mark the points (n, d) in [-1, 1] near samples; all without a support.
+    """Mark the points (n, d) in [-1, 1] that are near samples; all without a support.
 
-    Elsewhere the prediction is no evidence, whatever its error: the errors that a
-    surrogate states have been too small by several times far from its samples.
+    Far from its samples, a surrogate states errors that are several times too small. A
+    prediction there is no evidence, even if its stated error is small.
     """
     if support is None or not len(points):
         return np.ones(len(points), bool)
     return ~support.is_thin(space.values((points + 1) / 2))
 
 
-def _count_evaluations(found: Search) -> int:
+def _count_evaluations(found: SearchResult) -> int:
     """Return the number of points that a search evaluated."""
-    return int(found.history[-1][HISTORY.index("evaluations")])
+    return int(found.history[-1][HISTORY_COLUMNS.index("evaluations")])
 
 
-def _make_violation(
+def _make_violation_function(
     space: ParameterSpace, support: Support | None = None
 ) -> Callable[[np.ndarray], np.ndarray] | None:
-    """Make the function of points in [-1, 1] that measures violated constraints.
+    """Make a function that measures by how much points violate the constraints.
 
-    With a support, to lie in its region is one of them.
+    It takes points (n, d) in [-1, 1] and returns numbers (n,), which are 0 where all
+    constraints are obeyed. With a support, staying in its region is a constraint as well.
+    The result is None if there is nothing to violate.
     """
     if support is None and not space.constraints:
         return None
@@ -257,19 +267,26 @@ def _require_aims_in_ranges(targets: Targets) -> None:
 
 
 def _count_rows(violations: np.ndarray, most: int) -> int:
-    """Return how many of the points, the best first, become solutions.
+    """Count the points that become solutions.
 
-    They are the feasible ones, at most `most`, and the representative; at least
-    `FEWEST_ROWS`. Without any feasible point they are `most`.
+    The solutions are the feasible points and the representative, but at least `MIN_ROWS`
+    and at most `most`. Without any feasible point there are `most` solutions.
+
+    Parameters
+    ----------
+    violations : numpy.ndarray, (n,)
+        Violations of the points, the representative first and then the best first.
+    most : int
+        Largest number of solutions.
     """
     n_feasible = int(np.count_nonzero(violations == 0))
     if n_feasible == 0:
         return most
     is_first_infeasible = bool(violations[0] > 0)
-    return max(FEWEST_ROWS, min(n_feasible + is_first_infeasible, most))
+    return max(MIN_ROWS, min(n_feasible + is_first_infeasible, most))
 
 
-def on_free_parameters(
+def restrict_to_free_parameters(
     surrogate: Surrogate, space: ParameterSpace
 ) -> Callable[[np.ndarray], np.ndarray]:
     """Turn the surrogate into a function of only the free parameters.
@@ -283,12 +300,12 @@ def on_free_parameters(
     Returns
     -------
     callable
-        From points (n, d) in [-1, 1], the scaled ranges of the d free parameters, to
-        predicted responses (n, k).
+        Function of points (n, d) in [-1, 1], the scaled ranges of the d free parameters.
+        It returns the predicted responses (n, k).
     """
     if space.scale and dict(surrogate.scale) != space.scale:
-        # The response function of this surrogate is even along other scales, so predict
-        # from the values of the parameters.
+        # The response function of this surrogate takes coordinates along other scales
+        # than those of the space, so predict from the values of the parameters.
         return lambda points: surrogate.predict(space.values((points + 1) / 2))
     low = space.complete(space.low)[0]
     high = space.complete(space.high)[0]
@@ -307,8 +324,8 @@ def on_free_parameters(
     return respond_to_free
 
 
-def intervals(solutions: pd.DataFrame, space: ParameterSpace) -> pd.DataFrame:
-    """Make Table 3: interval and dispersion of each parameter.
+def make_interval_table(solutions: pd.DataFrame, space: ParameterSpace) -> pd.DataFrame:
+    """Make Table 3 of the paper: the interval and the dispersion of each parameter.
 
     Parameters
     ----------
@@ -336,15 +353,15 @@ def intervals(solutions: pd.DataFrame, space: ParameterSpace) -> pd.DataFrame:
     return table.assign(dispersion_percent=dispersion_percent)
 
 
-def message(
+def describe_result(
     responses: np.ndarray, targets: Targets, n_feasible: int, distance: float
 ) -> str:
-    """Describe the result of the search.
+    """Describe the result of the search in a sentence.
 
     Parameters
     ----------
     responses : numpy.ndarray, (k,)
-        Of the representative.
+        Predicted responses of the representative.
     targets : Targets
     n_feasible : int
         Number of feasible solutions.
@@ -400,7 +417,7 @@ def _make_summary(
     representative = {}
     for name in (*space.names, *targets.predicted, "objective"):
         representative[name] = float(best[name])
-    text = message(responses, targets, counts["n_solutions"], settings.distance)
+    text = describe_result(responses, targets, counts["n_solutions"], settings.distance)
     if "warning" in table and best["warning"]:
         text += f" Beyond the samples: {best['warning']}."
     return {
@@ -420,9 +437,10 @@ def _find_missing_simulation(
     support: Support | None,
     nearest_to_ranges: np.ndarray,
 ) -> dict[str, Any]:
-    """Return the key `stop` if the nearest set lies at an end without samples.
+    """Return the entry `stop` of the summary if the nearest set lies beyond the samples.
 
-    The response may be steep there, so the targets are not known to be out of reach.
+    The response may be steep at an end of a range. Without samples there, the targets are
+    not known to be out of reach.
 
     Parameters
     ----------
@@ -438,18 +456,18 @@ def _find_missing_simulation(
     Returns
     -------
     dict
-        It is empty if a solution is feasible, if samples are near all these ends, or
-        without a support.
+        The entry `stop`. The dict is empty if a solution is feasible, if samples are near
+        all these ends, or if there is no support.
     """
     if support is None or table["feasible"].any():
         return {}
     representative = table[list(space.names)].to_numpy(float)[:1]
     anywhere = space.values((nearest_to_ranges[None] + 1) / 2)
     is_beyond = support.is_beyond_ends(np.vstack([representative, anywhere]))
-    return {"stop": NOT_SIMULATED} if is_beyond.any() else {}
+    return {"stop": ENDS_NOT_SIMULATED} if is_beyond.any() else {}
 
 
-def _least_loss_first(
+def _put_least_loss_first(
     points: np.ndarray,
     model: Surrogate,
     space: ParameterSpace,
@@ -458,7 +476,7 @@ def _least_loss_first(
 ) -> np.ndarray:
     """Put the point (d,) of least expected loss before the other points (n, d)."""
     values = space.values((points + 1) / 2)
-    loss = expected_loss.expected_loss(model, values, targets)
+    loss = expected_loss.compute_expected_loss(model, values, targets)
     if preference is not None:
         loss += preference(points)
     best = int(np.argmin(loss))
@@ -471,11 +489,10 @@ def _put_first(
     space: ParameterSpace,
     distance: float,
 ) -> np.ndarray:
-    """Put a parameter set first, and drop those of the points (n, d) too near to it.
+    """Put a parameter set before the points (n, d), and drop points too near to it.
 
-    The first of the points always stays, however near it is: it is the set of least
-    objective, which is poured as one of the checks
-    (`repose.stages.validate.select_for_validation`).
+    The first point always stays. It is the set of least objective, which is poured as one
+    of the checks (`repose.stages.validate.select_for_validation`).
     """
     values = np.array([[best[name] for name in space.names]])
     point = 2 * space.unit(values) - 1

@@ -2,15 +2,15 @@
 
 This bias is called optimism.
 
-A fit of noisy pours is too high at some places and too low at others. The search takes
-places where the fit meets the targets. Where the targets are near the edge of what is
-possible, these are mostly places where the error of the fit helps. So the prediction is
-too favourable there on average: the winner's curse.
+A fit of noisy pours is too high at some places and too low at others. The search chooses
+places where the fit meets the targets. If the targets are near the edge of what is
+possible, these are mostly places where the error of the fit helps. So the predictions
+there are too favourable on average. This is the winner's curse.
 
-The bootstrap (E79) shows by how much. The pours of each sample are drawn again, the
-surrogate is fitted again and searched again. To a replicate, the original fit is the
-truth: prediction of the replicate less that of the original fit, at the sets that the
-replicate found, is the optimism of this replicate.
+The bootstrap (E79) shows by how much. For each replicate, the pours of each sample are
+drawn again, the surrogate is fitted again, and the search is repeated. The original fit
+takes the place of the unknown truth. The optimism of a replicate is its prediction minus
+that of the original fit, at the parameter sets that the replicate found.
 
   (E79)  Efron 1979, Bootstrap methods: another look at the jackknife, Annals of
          Statistics 7
@@ -24,19 +24,19 @@ import pandas as pd
 
 from repose.calibrate.inversion import invert
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.runs import of_bench
+from repose.calibrate.runs import select_bench_runs
 from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.surrogates.base import Surrogate
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
 from repose.calibrate.training import Replicates
 
-# A search: from a surrogate to the parameter sets (n, d) that it finds, and their roles.
-Search = Callable[[Surrogate], tuple[np.ndarray, Sequence[str]]]
-REPRESENTATIVE = "representative"
-# Rounds of the search in a replicate.
-ROUNDS = 20
-COLUMNS = ("role", "response", "optimism", "optimism_se", "replicates")
+# Function of a surrogate that returns the parameter sets (n, d) found and their roles.
+SearchFunction = Callable[[Surrogate], tuple[np.ndarray, Sequence[str]]]
+REPRESENTATIVE_ROLE = "representative"
+# Largest number of rounds of the search in a replicate, which saves time.
+MAX_ROUNDS = 20
+OPTIMISM_COLUMNS = ("role", "response", "optimism", "optimism_se", "replicates")
 
 
 class Pours(NamedTuple):
@@ -47,16 +47,16 @@ class Pours(NamedTuple):
     X : numpy.ndarray, (n, d)
         The parameter sets.
     means : numpy.ndarray, (n, k)
-        Mean responses of each.
+        Mean responses of each sample.
     counts : list of numpy.ndarray, (n,)
-        For each bench test the pours of each sample.
+        For each bench test the number of pours of each sample.
     deviations : list of list of numpy.ndarray
         For each bench test and each sample the deviations (pours, responses of the bench
         test) from which its pours are drawn, enlarged to the scatter of a single pour.
     columns : list of list of int
-        The responses of each bench test.
+        For each bench test the columns of its responses in `means`.
     noise : mapping
-        What the fit is told about the noise.
+        Arguments of `Surrogate.fit` about the noise.
     """
 
     X: np.ndarray
@@ -74,12 +74,14 @@ class Pours(NamedTuple):
         runs: pd.DataFrame,
         targets: Targets,
     ) -> Self | None:
-        """Collect the pours of the samples of a fit; None if none was poured twice.
+        """Collect the pours of the samples of a fit.
+
+        The result is None if the noise cannot be estimated (`Replicates.estimate`).
 
         Parameters
         ----------
         surrogate : Surrogate
-            Its attributes name the samples of the fit and the parameters.
+            The fit; its attributes name the samples and the parameters.
         dataset : pandas.DataFrame
             A row for each sample: ``sample``, parameters, mean responses.
         runs : pandas.DataFrame
@@ -98,7 +100,9 @@ class Pours(NamedTuple):
         # Each bench test has separate runs, so collect them one test at a time.
         for bench, columns_of_bench in targets.benches.items():
             names = [targets.names[k] for k in columns_of_bench]
-            runs_by_sample = dict(list(of_bench(good, bench).groupby("sample")[names]))
+            runs_by_sample = dict(
+                list(select_bench_runs(good, bench).groupby("sample")[names])
+            )
             pours_of_samples = [
                 runs_by_sample[sample].to_numpy(float) for sample in samples
             ]
@@ -114,7 +118,7 @@ class Pours(NamedTuple):
             noise=noise._asdict(),
         )
 
-    def draw(self, random: np.random.Generator) -> np.ndarray:
+    def draw_means(self, random: np.random.Generator) -> np.ndarray:
         """Draw the pours of each sample again; return their means (n, k)."""
         means = self.means.copy()
         for columns, counts, deviations in zip(
@@ -134,8 +138,8 @@ def _compute_deviations(values: Sequence[np.ndarray]) -> list[np.ndarray]:
     """Compute the deviations of the pours of each sample from its mean.
 
     The mean square of n pours about their own mean is on average (n - 1) / n of the
-    variance of a pour, so the deviations are scaled up. A single pour has no scatter: its
-    sample gets the deviations of all other samples.
+    variance of a pour, so the deviations are multiplied by sqrt(n / (n - 1)). A sample
+    with a single pour shows no scatter, so it gets the deviations of all other samples.
 
     Parameters
     ----------
@@ -156,10 +160,10 @@ def _compute_deviations(values: Sequence[np.ndarray]) -> list[np.ndarray]:
     return [sample if len(sample) > 1 else pooled for sample in deviations]
 
 
-def expected_optimism(
+def estimate_optimism(
     surrogate: Surrogate,
     pours: Pours,
-    search: Search,
+    search: SearchFunction,
     targets: Targets,
     *,
     replicates: int,
@@ -186,14 +190,14 @@ def expected_optimism(
     Returns
     -------
     pandas.DataFrame
-        `COLUMNS`: for each role and response the mean over the replicates of
+        `OPTIMISM_COLUMNS`: for each role and response the mean over the replicates of
         prediction less original fit, in the units of the response, and the standard
         error of this mean.
     """
     differences_by_role: dict[str, list[np.ndarray]] = {}
     for k in range(replicates):
         random = np.random.default_rng([seed, k])
-        replicate = surrogate.refit(pours.X, pours.draw(random), **pours.noise)
+        replicate = surrogate.refit(pours.X, pours.draw_means(random), **pours.noise)
         sets, roles = search(replicate)
         differences = replicate.predict(sets) - surrogate.predict(sets)
         # Average over the sets with the same role; there may be many feasible ones.
@@ -204,13 +208,16 @@ def expected_optimism(
     rows = []
     for role, differences_of_replicates in differences_by_role.items():
         rows += _make_rows(role, np.array(differences_of_replicates), targets)
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+    return pd.DataFrame(rows, columns=list(OPTIMISM_COLUMNS))
 
 
 def _make_rows(
     role: str, differences: np.ndarray, targets: Targets
 ) -> list[tuple[str, str, float, float, int]]:
-    """Make a row of `COLUMNS` for each response, from differences (replicates, k)."""
+    """Make a row for each response, from the differences (replicates, k) of a role.
+
+    The fields of a row are `OPTIMISM_COLUMNS`.
+    """
     n_replicates, n_responses = differences.shape
     errors = np.full(n_responses, np.nan)
     if n_replicates > 1:
@@ -222,27 +229,27 @@ def _make_rows(
     ]
 
 
-def shorten(settings: MigaSettings) -> MigaSettings:
-    """Limit a search to the `ROUNDS` that a replicate makes."""
-    rounds = min(ROUNDS, settings.rounds)
+def shorten_search(settings: MigaSettings) -> MigaSettings:
+    """Return settings of a search with at most `MAX_ROUNDS` rounds."""
+    rounds = min(MAX_ROUNDS, settings.rounds)
     return settings.model_copy(update={"rounds": rounds})
 
 
-def representative_again(
+def make_representative_search(
     space: ParameterSpace,
     targets: Targets,
     settings: MigaSettings,
     support: Support | None = None,
-) -> Search:
-    """Make a short search that ends with the representative set alone.
+) -> SearchFunction:
+    """Make a function that searches briefly and returns only the representative set.
 
-    `support` is the region of the samples, as in the search.
+    `support` is the region of the samples, as in `invert`.
     """
 
     def search(surrogate: Surrogate) -> tuple[np.ndarray, Sequence[str]]:
-        found = invert(surrogate, space, targets, shorten(settings), support)
+        found = invert(surrogate, space, targets, shorten_search(settings), support)
         solutions = found.solutions
         chosen = solutions[solutions["representative"]]
-        return chosen[list(space.names)].to_numpy(float), [REPRESENTATIVE]
+        return chosen[list(space.names)].to_numpy(float), [REPRESENTATIVE_ROLE]
 
     return search

@@ -15,11 +15,11 @@ import numpy as np
 from repose.calibrate.constraints import Constraint
 from repose.calibrate.scales import LINEAR, LOG, SCALES, to_coordinates, to_values
 
-# Without a range, a parameter reaches so many standard deviations of its prior to each
-# side of the mean.
-PRIOR_WIDTHS = 3.0
-# Points of the prior that show which share of it constraints allow.
-SPREAD_POINTS = 2**13
+# If a parameter has a prior without a range, its range reaches this many standard
+# deviations of the prior to each side of the mean.
+PRIOR_HALF_WIDTH_SDS = 3.0
+# Number of points with which the allowed share of the ranges or the prior is estimated.
+N_SPREAD_POINTS = 2**13
 
 Limits = Mapping[str, tuple[float, float]]
 
@@ -101,9 +101,9 @@ class ParameterSpace:
             if isinstance(entry, Mapping) and "fixed" in entry:
                 fixed[name] = float(entry["fixed"])
                 continue
-            ranges[name] = range_of(name, entry, limits)
-            if scale_of(entry) != LINEAR:
-                scale[name] = scale_of(entry)
+            ranges[name] = find_range(name, entry, limits)
+            if get_scale(entry) != LINEAR:
+                scale[name] = get_scale(entry)
             if isinstance(entry, Mapping) and "prior" in entry:
                 mean = float(entry["prior"]["mean"])
                 sd = float(entry["prior"]["sd"])
@@ -118,11 +118,14 @@ class ParameterSpace:
             prior=prior,
             names=tuple(names),
             scale=scale,
-        ).constrained_by(constraints)
+        ).with_constraints(constraints)
 
-    def constrained_by(self, texts: Sequence[str] | None) -> "ParameterSpace":
-        """Add constraints, as the key `constraints` of the configuration writes them."""
-        constraints = tuple(Constraint.of(text, self.names) for text in texts or ())
+    def with_constraints(self, texts: Sequence[str] | None) -> "ParameterSpace":
+        """Return a copy with the constraints of the key `constraints`.
+
+        `texts` are the constraints as the user wrote them, or None without any.
+        """
+        constraints = tuple(Constraint.parse(text, self.names) for text in texts or ())
         return replace(self, constraints=constraints)
 
     @property
@@ -153,21 +156,22 @@ class ParameterSpace:
         return low, high
 
     def coordinates(self, name: str, values: np.ndarray) -> np.ndarray:
-        """Turn values of a free parameter into coordinates of its scale."""
+        """Convert values of a free parameter to coordinates along its scale."""
         return SCALES[self.scale.get(name, LINEAR)].forward(np.asarray(values))
 
     def shares(self, name: str, values: np.ndarray) -> np.ndarray:
-        """Compute where values of a free parameter lie in its range.
+        """Compute the positions of values of a free parameter within its range.
 
-        0 is the lower end, 1 the upper, evenly along the scale.
+        A share is 0 at the lower end and 1 at the upper end, and linear in between along
+        the scale.
         """
         low, high = self._coordinate_ends_of(name)
         return (self.coordinates(name, values) - low) / (high - low)
 
     def values_at(self, name: str, shares: np.ndarray) -> np.ndarray:
-        """Compute the values of a free parameter at shares of its range.
+        """Compute the values of a free parameter at shares of its range, from 0 to 1.
 
-        It is the inverse of `shares`.
+        This is the inverse of `shares`.
         """
         low, high = self._coordinate_ends_of(name)
         coordinates = low + shares * (high - low)
@@ -259,24 +263,24 @@ class ParameterSpace:
         if not self.constraints:
             return np.zeros((len(unit), 0))
         values = self.values(unit)
-        # Excesses of different constraints are compared by the largest values of their
-        # parameters.
+        # Divide each excess by its upper limit, so that the excesses of constraints with
+        # different units can be compared.
         low, high = self.complete(np.array([self.low, self.high]))
         largest_values = np.maximum(np.abs(low), np.abs(high))[None]
         columns = []
         for constraint in self.constraints:
-            excess = constraint.excess(values, self.names)
-            size = constraint.size(largest_values, self.names)
+            excess = constraint.compute_excess(values, self.names)
+            size = constraint.compute_largest_excess(largest_values, self.names)
             columns.append(excess / size)
         return np.column_stack(columns)
 
     @cached_property
     def _spread(self) -> np.ndarray:
-        """Points (n, d) evenly over the unit cube."""
+        """Points (n, d) that are evenly spread over the unit cube."""
         from scipy.stats import qmc
 
         sequence = qmc.Sobol(self.dimensions, scramble=False)
-        return sequence.random(SPREAD_POINTS) + 0.5 / SPREAD_POINTS
+        return sequence.random(N_SPREAD_POINTS) + 0.5 / N_SPREAD_POINTS
 
     @cached_property
     def _allowed_prior(self) -> np.ndarray:
@@ -286,18 +290,21 @@ class ParameterSpace:
 
     @cached_property
     def allowed_share(self) -> float:
-        """Share that the constraints allow of the ranges, or of the prior if it is less."""
+        """Share of the ranges or of the prior that the constraints allow.
+
+        It is the smaller of the two shares.
+        """
         if not self.constraints:
             return 1.0
         share_of_ranges = float(self.is_allowed(self._spread).mean())
-        return min(share_of_ranges, len(self._allowed_prior) / SPREAD_POINTS)
+        return min(share_of_ranges, len(self._allowed_prior) / N_SPREAD_POINTS)
 
     def log_prior(self, unit: np.ndarray) -> np.ndarray:
         """Compute the logarithm of the prior density at points of the unit cube.
 
-        It is known up to a constant, and 0 without priors. A prior is a normal density
-        of the value. On a logarithmic scale, the density in the coordinate is this
-        density times the value.
+        The constant of normalisation is left out, so without priors the result is 0. A
+        prior is a normal density of the value. On a logarithmic scale, the density of the
+        coordinate is this density times the value.
 
         Parameters
         ----------
@@ -367,7 +374,7 @@ class ParameterSpace:
         return shares
 
     def marginal_quantiles(self, shares: np.ndarray) -> np.ndarray:
-        """Compute the values (n, d) with shares (n,) of the allowed prior below them."""
+        """Compute the quantiles (n, d) of the allowed prior at probabilities (n,)."""
         values = self.free_values(self._allowed_prior)
         return np.quantile(values, shares, axis=0)
 
@@ -385,7 +392,7 @@ class ParameterSpace:
         return unit
 
 
-def scale_of(entry: Any) -> str:
+def get_scale(entry: Any) -> str:
     """Return the name of the scale of an entry in the section `parameters`."""
     if not isinstance(entry, Mapping):
         return LINEAR
@@ -393,7 +400,7 @@ def scale_of(entry: Any) -> str:
     return name
 
 
-def range_of(
+def find_range(
     name: str, entry: Any, limits: Limits | None = None
 ) -> tuple[float, float]:
     """Return the lowest and the highest value of a parameter.
@@ -420,8 +427,8 @@ def range_of(
     if "range" in entry:
         return float(entry["range"][0]), float(entry["range"][1])
 
-    # Without a range, use some standard deviations of the prior on each side of its mean.
+    # The entry is a prior without a range.
     mean = entry["prior"]["mean"]
-    half = PRIOR_WIDTHS * entry["prior"]["sd"]
+    half = PRIOR_HALF_WIDTH_SDS * entry["prior"]["sd"]
     lowest, highest = (limits or {}).get(name, (-math.inf, math.inf))
     return float(max(lowest, mean - half)), float(min(highest, mean + half))

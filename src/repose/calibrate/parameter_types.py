@@ -7,27 +7,37 @@ from typing import Annotated, Any
 
 from pydantic import AfterValidator, Field
 
-from repose.calibrate.constraints import EXAMPLE, FORM, Constraint
+from repose.calibrate.constraints import CONSTRAINT_EXAMPLE, CONSTRAINT_FORM, Constraint
 from repose.calibrate.parameter_space import (
-    PRIOR_WIDTHS,
+    PRIOR_HALF_WIDTH_SDS,
     Limits,
     ParameterSpace,
-    range_of,
+    find_range,
 )
 from repose.calibrate.scales import LINEAR, LOG, SCALES
 from repose.common.errors import did_you_mean
 from repose.common.section import Allowed, Contradictions, refuse
 
-KEYS = ("fixed", "prior", "range", "scale")
-# Share of the ranges that constraints allow at least: a design of more points is made,
-# and those that are allowed are kept.
-LEAST_ALLOWED = 0.05
-# A range of more decades is too wide for a linear scale.
-MOST_DECADES = 2.0
+ENTRY_KEYS = ("fixed", "prior", "range", "scale")
+# Smallest share of the ranges that constraints may allow. A design is made of all points
+# of a larger design that are allowed, so a smaller share would make it too slow.
+MIN_ALLOWED_SHARE = 0.05
+# A range with more decades is too wide for a linear scale.
+MAX_LINEAR_DECADES = 2.0
 
 
-class _Bounds:
-    """The allowed entries of a parameter whose values lie between two bounds."""
+class _ParameterBounds:
+    """Check of the entries of a parameter whose values lie between two bounds.
+
+    Attributes
+    ----------
+    low, high : float
+        The bounds.
+    is_bounded : bool
+        Whether the upper bound is smaller than the largest float.
+    number, allowed : str
+        Description of an allowed number, and of an allowed entry.
+    """
 
     def __init__(self, low: float, high: float) -> None:
         self.low = low
@@ -41,7 +51,7 @@ class _Bounds:
         )
 
     def check(self, entry: Any) -> Any:
-        """Return an entry of the section; raise the error of a validator for a bad one."""
+        """Return an entry of the section unchanged, or refuse it if it has faults."""
         if isinstance(entry, Mapping):
             refuse(self._find_faults(entry))
         elif not self._is_range(entry):
@@ -53,7 +63,10 @@ class _Bounds:
         return _is_number(value) and bool(self.low <= value <= self.high)
 
     def _is_range(self, value: Any) -> bool:
-        """Return whether a value is a pair of rising numbers within the bounds."""
+        """Return whether a value is a pair of rising numbers within the bounds.
+
+        The numbers must differ by more than rounding errors.
+        """
         if not isinstance(value, list | tuple) or len(value) != 2:
             return False
         first, last = value
@@ -78,9 +91,11 @@ class _Bounds:
             The wrong key, and what is allowed. The key is empty if the entry as a whole
             is wrong.
         """
-        unknown = [str(key) for key in entry if key not in KEYS]
+        unknown = [str(key) for key in entry if key not in ENTRY_KEYS]
         for key in unknown:
-            hint = did_you_mean(key, KEYS) or f"; keys here: {', '.join(KEYS)}"
+            hint = (
+                did_you_mean(key, ENTRY_KEYS) or f"; keys here: {', '.join(ENTRY_KEYS)}"
+            )
             yield key, f"a known key{hint}"
 
         # A fixed value stands alone.
@@ -131,22 +146,24 @@ class _Bounds:
 
 
 def _is_number(value: object) -> bool:
-    """Return whether a value is a number; true and false are none."""
+    """Return whether a value is a number; the values true and false are not."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-# One text with a sign between two sides; `Constraint.of` reads the sides.
+# One text with a sign between two sides; `Constraint.parse` reads the sides.
 _ConstraintText = Annotated[
-    str, Field(pattern=r"^[^<>=]+[<>]=[^<>=]+$"), Allowed(f"{FORM} {EXAMPLE}")
+    str,
+    Field(pattern=r"^[^<>=]+[<>]=[^<>=]+$"),
+    Allowed(f"{CONSTRAINT_FORM} {CONSTRAINT_EXAMPLE}"),
 ]
 Constraints = Annotated[
     tuple[_ConstraintText, ...],
     Field(strict=False, min_length=1),
-    Allowed(f"a list: {FORM} {EXAMPLE}"),
+    Allowed(f"a list: {CONSTRAINT_FORM} {CONSTRAINT_EXAMPLE}"),
 ]
 
 
-def parameter(low: float, high: float) -> Any:
+def make_parameter_type(low: float, high: float) -> Any:
     """Make the type of a parameter: a range, a fixed value, or a prior.
 
     Parameters
@@ -154,7 +171,7 @@ def parameter(low: float, high: float) -> Any:
     low, high : float
         Bounds of all its values.
     """
-    bounds = _Bounds(low, high)
+    bounds = _ParameterBounds(low, high)
     kinds: Any = {"anyOf": [{"type": "array"}, {"type": "object"}]}
     return Annotated[
         Any,
@@ -164,10 +181,10 @@ def parameter(low: float, high: float) -> Any:
     ]
 
 
-def far_priors(parameters: Mapping[str, Any]) -> Contradictions:
-    """Refuse parameters whose range lies outside the bulk of their prior.
+def find_far_priors(parameters: Mapping[str, Any]) -> Contradictions:
+    """Find parameters whose range lies outside the bulk of their prior.
 
-    The bulk is `PRIOR_WIDTHS` standard deviations on each side of the mean.
+    The bulk reaches `PRIOR_HALF_WIDTH_SDS` standard deviations to each side of the mean.
 
     Parameters
     ----------
@@ -183,21 +200,21 @@ def far_priors(parameters: Mapping[str, Any]) -> Contradictions:
         if not isinstance(entry, Mapping) or not {"prior", "range"} <= set(entry):
             continue
         mean = entry["prior"]["mean"]
-        half_width = PRIOR_WIDTHS * entry["prior"]["sd"]
+        half_width = PRIOR_HALF_WIDTH_SDS * entry["prior"]["sd"]
         low, high = mean - half_width, mean + half_width
         if high < entry["range"][0] or low > entry["range"][1]:
             yield (
                 name,
-                f"a range that meets {low:g} to {high:g}, {PRIOR_WIDTHS:g} sd about "
+                f"a range that meets {low:g} to {high:g}, {PRIOR_HALF_WIDTH_SDS:g} sd about "
                 "the mean of its prior",
             )
 
 
-def wide_ranges(parameters: Mapping[str, Any]) -> Iterator[str]:
+def describe_wide_ranges(parameters: Mapping[str, Any]) -> Iterator[str]:
     """Describe each parameter whose range is too wide for a linear scale.
 
-    A parameter whose entry names a scale has been decided by its user. A range that
-    begins at 0 has no number of decades, and a range below 0 no logarithm.
+    Parameters whose entry names a scale are left out, because their user has chosen it.
+    Ranges that begin at or below 0 are left out as well, because they have no logarithm.
 
     Parameters
     ----------
@@ -212,11 +229,11 @@ def wide_ranges(parameters: Mapping[str, Any]) -> Iterator[str]:
     for name, entry in parameters.items():
         if isinstance(entry, Mapping) and not {"scale", "fixed"}.isdisjoint(entry):
             continue
-        low, high = range_of(name, entry)
+        low, high = find_range(name, entry)
         if not low > 0:
             continue
         decades = math.log10(high / low)
-        if decades > MOST_DECADES:
+        if decades > MAX_LINEAR_DECADES:
             yield (
                 f"{name}: its range {low:g} to {high:g} spans {decades:.1f} decades, and "
                 f"most samples lie in the highest; write "
@@ -225,7 +242,7 @@ def wide_ranges(parameters: Mapping[str, Any]) -> Iterator[str]:
             )
 
 
-def constraint_faults(
+def find_constraint_faults(
     constraints: Sequence[str],
     parameters: Mapping[str, Any],
     limits: Limits | None = None,
@@ -239,13 +256,19 @@ def constraint_faults(
         The section `parameters`, without faults.
     limits : mapping, optional
         As in `ParameterSpace.of`.
+
+    Yields
+    ------
+    pair of str
+        Number of the constraint, or an empty text for all of them together; and what is
+        allowed.
     """
     names = tuple(parameters)
     fixed = {name for name, entry in parameters.items() if "fixed" in entry}
     faults = []
     for k, text in enumerate(constraints):
         try:
-            constraint = Constraint.of(text, names)
+            constraint = Constraint.parse(text, names)
         except ValueError as error:
             faults.append((str(k), str(error)))
             continue
@@ -256,10 +279,10 @@ def constraint_faults(
         return
     space = ParameterSpace.of(parameters, limits=limits, constraints=constraints)
     share = space.allowed_share
-    if share < LEAST_ALLOWED:
+    if share < MIN_ALLOWED_SHARE:
         yield (
             "",
-            f"constraints that allow at least {100 * LEAST_ALLOWED:g} % of the ranges, "
+            f"constraints that allow at least {100 * MIN_ALLOWED_SHARE:g} % of the ranges, "
             f"and of their priors; these allow {100 * share:.2g} %: narrow the ranges to "
             "where they hold",
         )

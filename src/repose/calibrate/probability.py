@@ -7,26 +7,28 @@ Graph. Stat. 1, 141
 import numpy as np
 from scipy.special import ndtr, ndtri
 
-# Points of the integral over all responses but one.
-POINTS = 128
-# Lower limit of a probability whose logarithm is taken.
-LEAST = 1e-300
+# Number of points with which the integral over all responses but one is estimated.
+N_POINTS = 128
+# Lower limit of a probability, so that its logarithm is finite.
+MIN_PROBABILITY = 1e-300
 
 
-def probability_in_box(
+def compute_box_probability(
     mean: np.ndarray, covariance: np.ndarray, low: np.ndarray, high: np.ndarray
 ) -> np.ndarray:
     """Compute the probability that normal vectors lie in a box.
 
-    The result is exact for one response; for two its error is below 0.001. With the
-    Cholesky root L of the covariance, a vector is mean + L z, where the normal numbers z
-    are independent. The probability can thus be integrated one response at a time (G92).
-    The integral is estimated as a mean over a Sobol sequence.
+    The result is exact for one response. For two responses its error is below 0.001. With
+    the Cholesky root L of the covariance, a vector is mean + L z, where the numbers z are
+    independent standard normal numbers. So the probability can be integrated one response
+    at a time (G92). The integral is estimated as a mean over a Sobol sequence.
 
     Parameters
     ----------
     mean : numpy.ndarray, (m, k)
+        Means of m normal vectors.
     covariance : numpy.ndarray, (m, k, k)
+        Covariances of the vectors.
     low, high : numpy.ndarray, (k,)
         Ends of the box.
 
@@ -42,7 +44,7 @@ def probability_in_box(
     # by half a step, because the first point of the sequence is 0.
     uniform = np.zeros((1, 0))
     if k > 1:
-        uniform = qmc.Sobol(k - 1, scramble=False).random(POINTS) + 0.5 / POINTS
+        uniform = qmc.Sobol(k - 1, scramble=False).random(N_POINTS) + 0.5 / N_POINTS
     # Axes: vectors, points of the sequence, responses.
     z = np.zeros((len(mean), len(uniform), k))
     probability = np.ones((len(mean), len(uniform)))
@@ -55,7 +57,8 @@ def probability_in_box(
         below_low = ndtr((low[i] - mean[:, i, None] - shift) / sd)
         below_high = ndtr((high[i] - mean[:, i, None] - shift) / sd)
         probability *= below_high - below_low
-        # Draw z inside the box, as the later responses depend on it.
+        # Draw z inside the box, because the later responses depend on it. The clip keeps
+        # z finite where the share is 0 or 1.
         if i < k - 1:
             share = below_low + uniform[:, i] * (below_high - below_low)
             z[:, :, i] = ndtri(np.clip(share, 1e-16, 1 - 1e-16))

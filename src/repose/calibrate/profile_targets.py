@@ -1,6 +1,7 @@
-"""Targets that are measured profiles, each turned into a target for each of its scores.
+"""Targets that are measured profiles.
 
-A file of measured heights becomes a target for each score (`repose.calibrate.profiles`).
+A profile is a line of measured heights in a file. It becomes one target for each of its
+scores (`repose.calibrate.profiles`).
 """
 
 import math
@@ -11,13 +12,13 @@ from typing import Annotated, Any, Generic, NamedTuple, TypeVar
 from pydantic import Field
 
 from repose.calibrate.profiles import Profile
-from repose.calibrate.responses import derived, named
+from repose.calibrate.responses import find_response, name_derived_column
 from repose.calibrate.targets import compute_target_range
 from repose.common import faults, places, tables
 from repose.common.errors import InputError, raise_together
 from repose.common.section import ABSENT, Allowed, Section
 
-MOST_FUNCTIONS = 9
+MAX_FUNCTIONS = 9
 Column = Annotated[str, Field(min_length=1, max_length=60)]
 Length = Annotated[float, Field(gt=0, le=1e9)]
 
@@ -56,7 +57,7 @@ class MeasuredProfile(Section):
     functions: int = Field(
         default=5,
         ge=2,
-        le=MOST_FUNCTIONS,
+        le=MAX_FUNCTIONS,
         description="number of scores, fewer than rows",
     )
     within: Length = Field(
@@ -103,13 +104,13 @@ class OwnProfile(MeasuredProfile):
     noise_sd: Length = ABSENT
 
 
-Measured = TypeVar("Measured", bound=MeasuredProfile)
+ProfileType = TypeVar("ProfileType", bound=MeasuredProfile)
 
 
-class _Targets(Section, Generic[Measured]):
-    """A section of targets that are profiles, for their check."""
+class _ProfileTargets(Section, Generic[ProfileType]):
+    """A section of targets that are profiles; pydantic checks entries with it."""
 
-    targets: dict[str, Measured]
+    targets: dict[str, ProfileType]
 
 
 class _MeasuredLine(NamedTuple):
@@ -120,7 +121,14 @@ class _MeasuredLine(NamedTuple):
 
 
 def expand_profiles(targets: Any, source: Any) -> Any:
-    """Replace each profile of the list `targets` by an entry for each score.
+    """Replace each profile in the list `targets` by an entry for each of its scores.
+
+    Parameters
+    ----------
+    targets : iterable
+        The entries as the user wrote them.
+    source : object
+        File of the list, for an error.
 
     Raises
     ------
@@ -130,7 +138,9 @@ def expand_profiles(targets: Any, source: Any) -> Any:
     entries = []
     for k, entry in enumerate(targets):
         if _is_profile(entry):
-            measured = _validate_entry({str(k): entry}, _Targets[BenchProfile], source)
+            measured = _validate_entry(
+                {str(k): entry}, _ProfileTargets[BenchProfile], source
+            )
             entries += _make_bench_targets(measured, f"targets.{k}", source)
         else:
             entries.append(entry)
@@ -189,7 +199,7 @@ def _make_own_targets(
     dict
         An entry of the section `targets` for each score, by its name.
     """
-    measured = _validate_entry({name: entry}, _Targets[OwnProfile], source)
+    measured = _validate_entry({name: entry}, _ProfileTargets[OwnProfile], source)
     line = _read_profile(measured, name)
     profile = line.profile
     common_keys: dict[str, Any] = {}
@@ -212,14 +222,23 @@ def _is_profile(entry: Any) -> bool:
 
 
 def _validate_entry(
-    targets: Mapping[str, Any], model: type[_Targets[Measured]], source: Any
-) -> Measured:
-    """Make the only entry of `targets` an instance of its model.
+    targets: Mapping[str, Any], model: type[_ProfileTargets[ProfileType]], source: Any
+) -> ProfileType:
+    """Check a section with a single target, and return it as an instance of its model.
+
+    Parameters
+    ----------
+    targets : mapping
+        A single entry by its name.
+    model : type
+        Model of the section.
+    source : object
+        File of the section, for an error.
 
     Raises
     ------
     InputError
-        With all its faults.
+        If the entry has faults, or its file does not exist.
     """
     raise_together(faults.find_faults({"targets": targets}, source, model).faults)
     ((name, entry),) = model.model_validate({"targets": targets}).targets.items()
@@ -243,7 +262,7 @@ def _make_bench_targets(
         File of the configuration, for an error.
     """
     # Look up the bench test by the first score, which is a registered response.
-    first_response = named(derived(measured.response, "1"))
+    first_response = find_response(name_derived_column(measured.response, "1"))
     if first_response is None or first_response.profile != measured.response:
         allowed = "the profile of a bench test, such as turning_profile_mm"
         raise InputError(source, f"{key}.response", measured.response, allowed)

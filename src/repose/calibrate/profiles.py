@@ -18,12 +18,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 from pydantic import Field
 
-from repose.calibrate.responses import derived
+from repose.calibrate.responses import name_derived_column
 from repose.common.section import ABSENT, Section
 
 
-class OfProfile(Section):
-    """The record of a profile in its targets."""
+class ProfileSection(Section):
+    """The section `profile` of a target that is a score of a profile."""
 
     name: str
     x: Annotated[tuple[float, ...], Field(strict=False)]
@@ -33,7 +33,7 @@ class OfProfile(Section):
 
     @property
     def abscissae(self) -> dict[str, Any]:
-        """All of it but the heights, as a file has it."""
+        """All keys but the heights, as plain values for a file."""
         return self.model_dump(mode="json", exclude={"z"}, exclude_none=True)
 
 
@@ -84,9 +84,10 @@ class Profile:
             (x - middle) / half_width, degree
         )
 
-        # These are orthogonal over the interval; the columns of Q over the abscissae.
+        # The polynomials are orthogonal over the interval. The columns of Q are
+        # orthogonal over the abscissae, as required here.
         Q, R = np.linalg.qr(polynomials)
-        # The decomposition leaves the signs open: each function rises with its polynomial.
+        # The signs of the columns of Q are arbitrary. Choose those of the polynomials.
         return Q * np.sign(np.diagonal(R)) * math.sqrt(len(x))
 
     def scores(self, heights: ArrayLike) -> np.ndarray:
@@ -104,7 +105,9 @@ class Profile:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the scores."""
-        return tuple(derived(self.name, str(k)) for k in range(1, self.functions + 1))
+        return tuple(
+            name_derived_column(self.name, str(k)) for k in range(1, self.functions + 1)
+        )
 
     @property
     def height(self) -> float:
@@ -113,9 +116,10 @@ class Profile:
 
     @property
     def whole(self) -> float:
-        """What 100 % of a score means: the height over the root of the number of scores.
+        """The number that counts as 100 % of a score.
 
-        If each score deviates by at most p % of it, the smooth profiles are at most p %
-        of the height apart.
+        It is the height divided by the root of the number of scores. If each score
+        deviates by at most p % of this number, the root mean square distance of the
+        smooth profiles is at most p % of the height.
         """
         return self.height / math.sqrt(self.functions)

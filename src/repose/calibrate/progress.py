@@ -1,4 +1,4 @@
-"""Words on stderr where a step takes long."""
+"""Announce on stderr the steps that take long."""
 
 import sys
 from typing import TYPE_CHECKING
@@ -7,19 +7,19 @@ if TYPE_CHECKING:
     import pandas as pd
 
 # With at least this many samples a step takes many seconds, so its start is announced.
-MANY_SAMPLES = 200
+MIN_ANNOUNCED_SAMPLES = 200
 
 
 def announce(step: str, runs: "pd.DataFrame") -> None:
-    """Print what begins, where there are so many samples that it takes long.
+    """Print that a step begins, if there are so many samples that it takes long.
 
     Parameters
     ----------
     step : str
-        What begins, beginning with a verb.
+        Description of the step, which begins with a verb.
     runs : pandas.DataFrame
         All runs, with the column `sample`.
     """
     n_samples = 0 if runs.empty else runs["sample"].nunique()
-    if n_samples >= MANY_SAMPLES:
+    if n_samples >= MIN_ANNOUNCED_SAMPLES:
         print(f"repose: {n_samples} samples: {step}", file=sys.stderr, flush=True)

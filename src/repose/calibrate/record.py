@@ -18,19 +18,18 @@ from repose.calibrate.progress import announce
 from repose.calibrate.scales import LOG
 from repose.calibrate.strategies.base import Answer, Batch, strategy
 from repose.calibrate.strategies.runs import (
-    NUMBERS,
+    NUMBER_COLUMNS,
     TURN_COLUMN,
-    TURNS,
+    add_missing_columns,
     checked_runs,
-    columns_of,
+    describe_unread_columns,
+    find_next_sample,
     judge_runs,
-    needed_responses,
-    next_number,
+    list_columns,
+    list_needed_responses,
+    list_runs,
     read_rows,
-    runs_of,
-    unread_columns,
-    with_missing,
-    without_point,
+    strip_decimal_points,
 )
 from repose.common import ledger
 from repose.common.errors import InputError, require
@@ -47,15 +46,15 @@ from repose.common.tables import (
 if TYPE_CHECKING:
     from repose.calibrate.study import Study
 
-# Relative difference up to which two parameters are the same: a table may have been
-# rounded by a spreadsheet.
-SAME = 1e-6
-# Rounding changes a number by at most half a unit of its last digit; the rest is room for
-# the error of floating-point numbers.
-HALF_DIGIT = 0.501
+# Relative difference up to which two values of a parameter count as the same, because a
+# spreadsheet may have rounded the table.
+SAME_TOLERANCE = 1e-6
+# Rounding changes a number by at most half a unit of its last digit. The additional 0.001
+# allows for the error of floating-point numbers.
+ROUNDING_DIGITS = 0.501
 # Largest accepted rounding of a parameter, as a share of its range.
-LARGEST_ROUNDING = 0.05
-SOURCE = "the table of runs"
+MAX_ROUNDING_SHARE = 0.05
+TABLE_NAME = "the table of runs"
 
 Row = dict[str, Any]
 Point = tuple[float, ...]
@@ -69,7 +68,7 @@ class _Turn(NamedTuple):
 
 
 class _RunNumber(NamedTuple):
-    """The number of a run, and whether the strategy asked for it."""
+    """The sample and the number of a run, and whether the strategy asked for it."""
 
     sample: str
     run: str
@@ -79,10 +78,10 @@ class _RunNumber(NamedTuple):
 class Record:
     """All runs of a study so far, and the proposal of its strategy after them.
 
-    A turn is a proposal with its runs; it ends when all of them are in the record. A
-    proposal depends only on the study and on the runs of the turns before, so a study
-    that goes on from its file asks for the same samples as before. Several processes, and
-    several threads, may add parts of a turn, in any order.
+    A turn is a proposal with its runs. It ends when all of them are in the record. A
+    proposal depends only on the study and on the runs of earlier turns. So a study that
+    is resumed from its file asks for the same samples again. Several threads and several
+    processes may add parts of a turn, in any order.
 
     Parameters
     ----------
@@ -112,22 +111,28 @@ class Record:
         self.read()
 
     def __getstate__(self) -> dict[str, Any]:
-        """Return all but the lock, which belongs to the threads of one process."""
+        """Return the state for pickle, without the lock, which cannot be pickled."""
         return {key: value for key, value in vars(self).items() if key != "_lock"}
 
     def __setstate__(self, state: Mapping[str, Any]) -> None:
-        """Take a state, and make a lock."""
+        """Restore a state from pickle, with a new lock."""
         vars(self).update(state, _lock=threading.RLock())
 
     @contextmanager
-    def current(self) -> Iterator["Record"]:
-        """Lend the record, with all runs so far, to one thread at a time."""
+    def locked(self) -> Iterator["Record"]:
+        """Read the file and yield the record, with the lock held in the context.
+
+        Other threads wait until the context ends.
+        """
         with self._lock:
             self.read()
             yield self
 
     def read(self) -> None:
-        """Read the file, to which other processes may have added runs."""
+        """Replace the runs by those of the file, if it exists.
+
+        Other processes may have added runs to the file.
+        """
         if self.file is not None and self.file.exists():
             rows = read_rows(self.file, self.study)
             self._is_record = bool(rows) and TURN_COLUMN in rows[0]
@@ -135,29 +140,29 @@ class Record:
 
     @property
     def proposal(self) -> Batch | Answer:
-        """The proposal of the turn: samples or the answer."""
+        """The proposal of the present turn: samples to simulate, or the answer."""
         return self._turn.proposal
 
     @property
-    def asked(self) -> pd.DataFrame:
+    def requested_runs(self) -> pd.DataFrame:
         """The runs to make: `sample`, `run` and the parameters."""
         return self._missing_runs(self.proposal)
 
     @property
     def _turn_numbers(self) -> np.ndarray:
-        """The turn of each run; 0 for a run without one."""
+        """Number of the turn of each run; 0 for a run without a turn."""
         cells = [row.get(TURN_COLUMN) for row in self._rows]
-        numbers, _ = convert_columns({TURN_COLUMN: cells}, [TURNS])
+        numbers, _ = convert_columns({TURN_COLUMN: cells}, [TURN_COLUMN])
         return np.nan_to_num(numbers[TURN_COLUMN]).astype(int)
 
     @property
     def _last_turn(self) -> int:
-        """The last turn that has a run; 0 without any."""
+        """Number of the last turn that has a run; 0 if no turn has one."""
         return int(self._turn_numbers.max(initial=0))
 
     @property
     def _turn(self) -> _Turn:
-        """The present turn, determined anew after each change of the rows."""
+        """The present turn, which is kept until the rows change."""
         if self._cached_turn is None:
             self._cached_turn = self._find_turn()
         return self._cached_turn
@@ -165,8 +170,8 @@ class Record:
     def _find_turn(self) -> _Turn:
         """Find the present turn.
 
-        It is the last turn while some of its runs are missing. Otherwise a new turn
-        begins.
+        It is the last turn as long as some of its runs are missing. After that, a new
+        turn begins.
 
         Returns
         -------
@@ -186,9 +191,10 @@ class Record:
 
     @property
     def sorted_data(self) -> pd.DataFrame:
-        """The runs by turn, sample and run: in the order in which they were asked for.
+        """The runs, sorted by turn, sample and run.
 
-        So a proposal does not depend on which run ended first.
+        This is the order in which the strategy asked for them. So a proposal does not
+        depend on the order in which the runs ended.
         """
         if self.data.empty:
             return self.data
@@ -231,7 +237,7 @@ class Record:
     def _missing_runs(self, proposal: Batch | Answer) -> pd.DataFrame:
         """List the runs of a proposal that are not in the record yet."""
         columns = ["sample", *self.study.parameters.names, "seeds"]
-        asked = runs_of(proposal.samples[columns])
+        asked = list_runs(proposal.samples[columns])
         known = {(str(row.get("sample")), str(row.get("run"))) for row in self._rows}
         is_missing = [
             (str(run.sample), str(run.run)) not in known for run in asked.itertuples()
@@ -255,9 +261,9 @@ class Record:
         Raises
         ------
         InputError
-            If the table is not allowed. The record stays as it was.
+            If the table has faults. The record is not changed then.
         """
-        table = _check_table(table, columns_of(self.study))
+        table = _check_table(table, list_columns(self.study))
         # Other threads and other processes wait until the runs are added. They may have
         # added runs before, so read the file first.
         file_lock = nullcontext() if self.file is None else lock_file(self.file)
@@ -268,12 +274,12 @@ class Record:
             else:
                 runs = self._complete_earlier_runs(table)
             if "run" not in table and len(self.data):
-                _refuse_repeated_runs(runs, self.data, SOURCE)
+                _refuse_repeated_runs(runs, self.data, TABLE_NAME)
             # The file holds texts.
             rows = []
             for row in runs.to_dict("records"):
                 rows.append({key: _format_cell(value) for key, value in row.items()})
-            source = SOURCE if self.file is None else self.file
+            source = TABLE_NAME if self.file is None else self.file
             self._replace_rows([*self._rows, *rows], source, write=True)
             return self.new_unread_columns()
 
@@ -292,13 +298,13 @@ class Record:
         Raises
         ------
         InputError
-            If the table is not allowed. The record stays as it was.
+            If the table has faults. The record is not changed then.
         """
         assert self.file is not None
         rows = read_rows(path, self.study)
         runs = checked_runs(self.study, rows, path, enough=False)
         # Fill in what the table leaves out, such as fixed parameters.
-        rows = with_missing(rows, self.study)
+        rows = add_missing_columns(rows, self.study)
         self.file.parent.mkdir(parents=True, exist_ok=True)
         with self._lock, lock_file(self.file):
             self.read()
@@ -310,8 +316,11 @@ class Record:
             self._replace_rows([*self._rows, *numbered], source, write=True)
 
     def new_unread_columns(self) -> list[str]:
-        """Describe unread columns whose values vary, each only once."""
-        sentences = unread_columns(self.study, self._rows)
+        """Describe the unread columns whose values vary.
+
+        Each column is described only once, so a further call leaves it out.
+        """
+        sentences = describe_unread_columns(self.study, self._rows)
         new = [
             sentences[name] for name in sentences if name not in self._described_columns
         ]
@@ -321,10 +330,10 @@ class Record:
     def _assign_numbers(
         self, rows: Sequence[Mapping[str, Any]], sets: pd.DataFrame
     ) -> list[Row]:
-        """Assign a sample, a run and a turn to each row, and return the rows with them.
+        """Return the rows with a sample, a run and a turn for each.
 
-        A run that the strategy asked for gets the numbers it was asked for with. Any
-        other row gets the next run number of its sample, or starts a new sample.
+        A run that the strategy asked for gets the numbers of the request. Any other row
+        gets the next run number of its sample, or starts a new sample.
 
         Parameters
         ----------
@@ -409,7 +418,7 @@ class Record:
         The table is empty if the runs so far are too few for a proposal.
         """
         try:
-            return self.asked, self._turn.number
+            return self.requested_runs, self._turn.number
         except InputError:
             columns = ["sample", "run", *names]
             return pd.DataFrame(columns=columns, dtype=float), self._last_turn + 1
@@ -440,14 +449,14 @@ class Record:
         """Return the number of a sample that was neither asked for nor simulated."""
         if len(asked) + len(self.data) == 0:
             return 1
-        return next_number(pd.concat([self.data, asked]))
+        return find_next_sample(pd.concat([self.data, asked]))
 
     def _replace_rows(
         self, rows: Sequence[Mapping[str, Any]], source: object, write: bool = False
     ) -> None:
-        """Replace all runs of the record, after checking them together.
+        """Check all runs together, and replace those of the record by them.
 
-        On an InputError the record and its file stay as they were.
+        If the check raises an InputError, the record and its file are not changed.
 
         Parameters
         ----------
@@ -488,7 +497,7 @@ class Record:
         table : pandas.DataFrame
             `sample` and the responses; perhaps `run`, `status` and the parameters.
         """
-        asked = self.asked
+        asked = self.requested_runs
         if "run" not in table:
             table = table.assign(run=_number_next_runs(asked, table))
 
@@ -503,7 +512,7 @@ class Record:
                 f"one of the {len(asked)} runs that `ask` gave, each once; a failed run "
                 "has NaN as responses"
             )
-            raise InputError(SOURCE, "sample and run", list(first), allowed)
+            raise InputError(TABLE_NAME, "sample and run", list(first), allowed)
         rows = asked_numbers.get_indexer(numbers)
         runs = asked.iloc[rows].reset_index(drop=True)
 
@@ -532,7 +541,7 @@ class Record:
             rows = zip(_read_numbers(table, name), asked, sizes, strict=True)
             if not all(_is_rounded(*row) for row in rows):
                 allowed = "the parameters that `ask` gave, or no such column"
-                raise InputError(SOURCE, name, "changed", allowed)
+                raise InputError(TABLE_NAME, name, "changed", allowed)
 
     def _complete_earlier_runs(self, table: pd.DataFrame) -> pd.DataFrame:
         """Complete a table of earlier runs, which the strategy did not ask for.
@@ -545,11 +554,11 @@ class Record:
             A column for each free parameter and each response; perhaps `status`.
         """
         space = self.study.parameters
-        responses = needed_responses(self.study, table.get("status"))
+        responses = list_needed_responses(self.study, table.get("status"))
         missing = [name for name in (*space.free, *responses) if name not in table]
         if missing:
             allowed = f"sample; or also {', '.join(missing)}"
-            raise InputError(SOURCE, "columns", list(table), allowed)
+            raise InputError(TABLE_NAME, "columns", list(table), allowed)
 
         # A fixed parameter may be left out of the table.
         columns = {}
@@ -578,11 +587,11 @@ class Record:
         """
         cells = {str(name): column.tolist() for name, column in table.items()}
         require_columns(
-            SOURCE, cells, needed_responses(self.study, cells.get("status"))
+            TABLE_NAME, cells, list_needed_responses(self.study, cells.get("status"))
         )
         outcomes = judge_runs(cells, self.study.targets.names)
-        refuse(SOURCE, outcomes.faults)
-        known_names = columns_of(self.study)
+        refuse(TABLE_NAME, outcomes.faults)
+        known_names = list_columns(self.study)
         unread = {
             name: column
             for name, column in cells.items()
@@ -626,12 +635,14 @@ def _list_points(table: pd.DataFrame, names: Sequence[str]) -> list[Point]:
 def _find_match(
     asked: pd.DataFrame, row: Mapping[str, Any], point: Point, names: Sequence[str]
 ) -> Any:
-    """Return the index of the first requested run that matches a row; None without one.
+    """Find the index of the first requested run that matches a row; None if none does.
 
     A match has the parameters `point` of the row. It also has the sample and the run of
     the row, if the row names them.
     """
-    is_same = np.isclose(asked[list(names)], point, rtol=SAME, atol=0).all(axis=1)
+    is_same = np.isclose(asked[list(names)], point, rtol=SAME_TOLERANCE, atol=0).all(
+        axis=1
+    )
     for key in ("sample", "run"):
         if key in row:
             is_same &= (asked[key].astype(str) == str(row[key]).strip()).to_numpy()
@@ -640,17 +651,19 @@ def _find_match(
 
 
 def _is_rounded(value: float, asked: float, size: float) -> bool:
-    """Check whether `value` is `asked`, perhaps rounded to fewer digits.
+    """Return whether `value` is the requested number `asked`, or a rounding of it.
 
-    The difference may be half of the last digit of `value`, but at most
-    `LARGEST_ROUNDING` of `size`.
+    The difference may be half a unit of the last digit of `value`, but at most
+    `MAX_ROUNDING_SHARE` of `size`.
     """
-    if math.isclose(value, asked, rel_tol=SAME):
+    if math.isclose(value, asked, rel_tol=SAME_TOLERANCE):
         return True
     last_digit = 10.0 ** int(
         Decimal(repr(float(value))).normalize().as_tuple().exponent
     )
-    return abs(value - asked) <= min(HALF_DIGIT * last_digit, LARGEST_ROUNDING * size)
+    return abs(value - asked) <= min(
+        ROUNDING_DIGITS * last_digit, MAX_ROUNDING_SHARE * size
+    )
 
 
 def _compute_rounding_sizes(
@@ -692,7 +705,11 @@ def _find_free_run(sample: str, occupied: set[tuple[str, str]]) -> str:
 
 
 def _number_next_runs(asked: pd.DataFrame, table: pd.DataFrame) -> pd.Series:
-    """Assign consecutive run numbers, from the first run of each sample still to make."""
+    """Return a run number for each row of a table without run numbers.
+
+    The numbers of a sample are consecutive, beginning with its first requested run. They
+    begin with 1 for a sample that was not requested.
+    """
     first = asked.astype({"sample": str}).groupby("sample")["run"].min()
     before = table.groupby("sample").cumcount()
     return before + table["sample"].map(first).fillna(1).astype(int)
@@ -701,9 +718,10 @@ def _number_next_runs(asked: pd.DataFrame, table: pd.DataFrame) -> pd.Series:
 def _refuse_repeated_runs(
     new: pd.DataFrame, data: pd.DataFrame, source: object
 ) -> None:
-    """Refuse a run that is already in the record with all its values.
+    """Refuse new runs that equal a run of the record in all values.
 
-    The new runs have no numbers by which equal results could be told apart.
+    The new runs have no run numbers. So a row with equal values is taken for the same
+    run, which was added before.
     """
     names = [name for name in data if name != "sample"]
     known = set(_list_points(data, names))
@@ -736,28 +754,28 @@ def _check_table(table: Any, names: Sequence[str]) -> pd.DataFrame:
         If it is not a table of runs.
     """
     if not isinstance(table, pd.DataFrame):
-        raise InputError(SOURCE, "type", type(table).__name__, "a pandas.DataFrame")
+        raise InputError(TABLE_NAME, "type", type(table).__name__, "a pandas.DataFrame")
     repeated_columns = list(map(str, table.columns[table.columns.duplicated()]))
     if repeated_columns:
-        raise InputError(SOURCE, "column", repeated_columns[0], "each column once")
-    require(not table.empty, SOURCE, "rows", 0, "a row for each run")
+        raise InputError(TABLE_NAME, "column", repeated_columns[0], "each column once")
+    require(not table.empty, TABLE_NAME, "rows", 0, "a row for each run")
 
     table = table.rename(columns=match_column_names(table, names))
-    for key in NUMBERS:
+    for key in NUMBER_COLUMNS:
         if key not in table:
             continue
         if table[key].isna().any():
             allowed = "a number in each row, as `ask` gave it"
-            raise InputError(SOURCE, key, "missing", allowed)
+            raise InputError(TABLE_NAME, key, "missing", allowed)
         # Write 3.0 as 3, because numbers are compared as text.
-        table = table.assign(**{key: without_point(table[key])})
+        table = table.assign(**{key: strip_decimal_points(table[key])})
     return table.reset_index(drop=True)
 
 
 def _read_numbers(table: pd.DataFrame, name: str) -> np.ndarray:
     """Return a column of numbers (n,)."""
     values, faults = convert_columns({name: table[name].tolist()}, [Column(name)])
-    refuse(SOURCE, faults)
+    refuse(TABLE_NAME, faults)
     return np.array(values[name])
 
 

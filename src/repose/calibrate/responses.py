@@ -44,8 +44,9 @@ class Response:
         Dotted keys of the configuration that define the number. Tables made with
         different definitions must not be mixed.
     function : function, optional
-        ``function(run)`` is the number of a measured run, a mapping, or None where it
-        could not be measured. By default the run has it by the name of the response.
+        ``function(run)`` takes a measured run, a mapping, and returns its number, or None
+        if it could not be measured. By default the number is the value of the run under
+        the name of the response.
     computed_from : tuple of str
         Names of the measured numbers that `function` needs. Where one of them could not
         be measured, the response is None and `function` is not called.
@@ -69,7 +70,7 @@ class Response:
     profile: str = ""
 
     def of(self, run: Mapping[str, Any]) -> float | None:
-        """Find the number in a measured run; None where it could not be measured."""
+        """Return the number of a measured run; None if it could not be measured."""
         if self.function is None:
             return run.get(self.name)
         if any(run.get(name) is None for name in self.computed_from):
@@ -91,33 +92,33 @@ class Response:
     @property
     def predicted(self) -> str:
         """Column of a surrogate's prediction: ``aor_predicted_deg``."""
-        return derived(self.name, "predicted")
+        return name_derived_column(self.name, "predicted")
 
     @property
     def optimism(self) -> str:
         """Column of the expected optimism of a prediction: ``aor_optimism_deg``."""
-        return derived(self.name, "optimism")
+        return name_derived_column(self.name, "optimism")
 
     @property
     def optimism_error(self) -> str:
         """Column of its standard error: ``aor_optimism_se_deg``."""
-        return derived(self.name, "optimism_se")
+        return name_derived_column(self.name, "optimism_se")
 
     @property
     def simulated(self) -> str:
         """Column of the simulated response, beside its prediction: ``aor_simulated_deg``."""
-        return derived(self.name, "simulated")
+        return name_derived_column(self.name, "simulated")
 
     @property
     def standard_error(self) -> str:
         """Column of the standard error of a sample's mean: ``aor_se_deg``."""
-        return derived(self.name, "se")
+        return name_derived_column(self.name, "se")
 
     @property
     def deviation_percent(self) -> str:
         """Column of a prediction's deviation from the simulation: ``aor_error_percent``.
 
-        It has no sign, and is over the simulated response.
+        The deviation is an absolute value, in percent of the simulated response.
         """
         return f"{self.quantity}_error_percent"
 
@@ -127,24 +128,25 @@ class Response:
         return self.name.rsplit("_", 1)[0]
 
 
-def derived(name: str, what: str) -> str:
-    """Name a column that belongs to a response.
+def name_derived_column(name: str, what: str) -> str:
+    """Return the name of a column that is derived from a response.
 
-    It has `what` before the unit, as in ``aor_se_deg``.
+    The word `what` is inserted before the unit, so ``aor_deg`` and ``se`` give
+    ``aor_se_deg``. Without a unit, it is appended.
     """
     quantity, underscore, unit = name.rpartition("_")
     return f"{quantity}_{what}_{unit}" if underscore else f"{name}_{what}"
 
 
-# From a name to a response of a bench test that gives any number of them, such as the
-# scores of a profile.
+# A function of a name that returns the response with this name, or None. A bench test has
+# one if it gives any number of responses, such as the scores of a profile.
 Family = Callable[[str], Response | None]
 _REGISTRY: dict[str, Response] = {}
-# A mapping, so that a family that is registered twice is there once.
+# A dict keeps the order, and holds a family only once if it is registered again.
 _FAMILIES: dict[Family, None] = {}
 
 
-def deviation_percent(predicted: Number, simulated: Number) -> Number:
+def compute_deviation_percent(predicted: Number, simulated: Number) -> Number:
     """Compute the deviation of a prediction, without sign, in percent of the simulation.
 
     The arguments are two numbers, or two columns of a table.
@@ -153,7 +155,7 @@ def deviation_percent(predicted: Number, simulated: Number) -> Number:
 
 
 def register(*responses: Response, family: Family | None = None) -> None:
-    """Make responses of a bench test known by their names.
+    """Add responses of a bench test, or a family of them, to the registry.
 
     Raises
     ------
@@ -178,17 +180,17 @@ def response(name: str, source: object = "response") -> Response:
     InputError
         If there is none; it names `source`.
     """
-    known = named(name)
+    known = find_response(name)
     if known is None:
         allowed = f"one of {', '.join(sorted(_REGISTRY))}"
         raise InputError(source, "response", name, allowed)
     return known
 
 
-def named(name: str) -> Response | None:
-    """Find a response by its name, among the registered ones and then the families.
+def find_response(name: str) -> Response | None:
+    """Find a response by its name; None if there is no such response.
 
-    The result is None if there is no such response.
+    The registered responses are searched first, and then the families.
     """
     if name in _REGISTRY:
         return _REGISTRY[name]
@@ -199,14 +201,14 @@ def named(name: str) -> Response | None:
     return None
 
 
-def responses_of(apparatus: str) -> tuple[Response, ...]:
+def list_responses(apparatus: str) -> tuple[Response, ...]:
     """List the responses of a bench test, in the order of their registration."""
     return tuple(
         response for response in _REGISTRY.values() if response.apparatus == apparatus
     )
 
 
-def require_same_definitions(
+def refuse_other_definitions(
     definitions: Definitions, path: object, expected: Definitions, source: object
 ) -> None:
     """Refuse a file that defines a response differently from another file.

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from repose.calibrate.responses import derived
+from repose.calibrate.responses import name_derived_column
 from repose.common.statuses import describe_failure
 
 if TYPE_CHECKING:
@@ -18,24 +18,24 @@ if TYPE_CHECKING:
 OVERLAP_SHARE = "overlap_share"
 
 
-def error_of(column: str) -> str:
-    """Name the column of the standard error of a quantity.
+def name_error_column(column: str) -> str:
+    """Return the name of the column with the standard error of a quantity.
 
-    It has ``se`` before the unit, as in ``aor_se_deg``.
+    ``se`` is inserted before the unit, as in ``aor_se_deg``.
     """
-    return derived(column, "se")
+    return name_derived_column(column, "se")
 
 
 @dataclass(frozen=True)
 class Recorded:
-    """Columns that the runs of a bench test record.
+    """Names of the columns that the runs of a bench test record.
 
     Attributes
     ----------
     means : tuple of str
-        Averaged over the runs of a sample.
+        Quantities that are averaged over the runs of a sample.
     without_error : tuple of str
-        Means without a standard error.
+        Those of `means` without a column for the standard error.
     single : tuple of str
         Columns of the table of single runs.
     """
@@ -44,8 +44,8 @@ class Recorded:
     without_error: tuple[str, ...] = ()
     single: tuple[str, ...] = ()
 
-    def beginning_with(self, targets: Sequence[str]) -> "Recorded":
-        """Put these targets before the columns, each with its standard error."""
+    def put_targets_first(self, targets: Sequence[str]) -> "Recorded":
+        """Return a copy whose columns begin with the targets, each with an error."""
         return Recorded(
             means=tuple(dict.fromkeys((*targets, *self.means))),
             without_error=tuple(
@@ -61,11 +61,11 @@ class Recorded:
         for name in self.means:
             keys.append(name)
             if name not in self.without_error:
-                keys.append(error_of(name))
+                keys.append(name_error_column(name))
         return tuple(keys)
 
 
-def of_bench(runs: "pd.DataFrame", apparatus: str) -> "pd.DataFrame":
+def select_bench_runs(runs: "pd.DataFrame", apparatus: str) -> "pd.DataFrame":
     """Select the runs of a bench test.
 
     A table without the column `apparatus` has a single bench test.
@@ -102,7 +102,7 @@ def summarise_runs(
     is_usable = len(ok) > 0 and 2 * len(ok) >= len(runs)
     # All keys begin as None, and those of an unusable sample stay so.
     summary: dict[str, Any] = dict.fromkeys(recorded.summary)
-    texts = [reason(failed, len(runs)), overlap_warning(runs)]
+    texts = [describe_failures(failed, len(runs)), describe_overlaps(runs)]
     summary["reason"] = "; ".join(filter(None, texts))
     summary["n_seeds"] = len(ok)
     if not is_usable:
@@ -116,7 +116,7 @@ def summarise_runs(
         values = [run[name] for run in ok if run.get(name) is not None]
         summary[name], error = mean_and_error(values)
         if name not in recorded.without_error:
-            summary[error_of(name)] = error
+            summary[name_error_column(name)] = error
     return summary
 
 
@@ -144,7 +144,7 @@ def mean_and_error(values: Sequence[float]) -> tuple[float | None, float | None]
     return mean, float(numbers.std(ddof=1) / math.sqrt(n))
 
 
-def reason(failed: Sequence[Mapping[str, Any]], total: int) -> str:
+def describe_failures(failed: Sequence[Mapping[str, Any]], total: int) -> str:
     """Describe the failed runs by cause, as in ``2 of 8 runs jammed (no discharge)``.
 
     The text is empty if no run failed.
@@ -173,7 +173,7 @@ def reason(failed: Sequence[Mapping[str, Any]], total: int) -> str:
     return "; ".join(causes)
 
 
-def describe(run: Mapping[str, Any], template: str) -> str:
+def describe_run(run: Mapping[str, Any], template: str) -> str:
     """Describe a run in a line: its responses, or why it failed.
 
     Parameters
@@ -187,7 +187,7 @@ def describe(run: Mapping[str, Any], template: str) -> str:
         failure = describe_failure(run["status"], run["reason"])
         return f"seed {run['seed']}: {failure}"
     warning = ""
-    if overlaps := overlap_warning([run]):
+    if overlaps := describe_overlaps([run]):
         warning = f"; WARNING: {overlaps}"
     try:
         responses = template.format(**run)
@@ -197,11 +197,11 @@ def describe(run: Mapping[str, Any], template: str) -> str:
     return f"seed {run['seed']}: {responses}{warning}"
 
 
-def overlap_warning(runs: Sequence[Mapping[str, Any]]) -> str:
-    """Warn of ok runs whose bodies overlap deeply; empty without any.
+def describe_overlaps(runs: Sequence[Mapping[str, Any]]) -> str:
+    """Describe the deepest overlap in the ok runs; empty if no run overlaps deeply.
 
-    Such a run has an `OVERLAP_SHARE`, the largest overlap over the smallest extent of
-    its grain.
+    A run with deep overlaps has the key `OVERLAP_SHARE`: the largest overlap divided by
+    the smallest extent of the grain.
     """
     shares = [
         run[OVERLAP_SHARE]

@@ -21,12 +21,12 @@ class Scale(NamedTuple):
     backward: Callable[[np.ndarray], np.ndarray]
 
 
-def _same(values: np.ndarray) -> np.ndarray:
-    """Return the values: the coordinates of the linear scale."""
+def _identity(values: np.ndarray) -> np.ndarray:
+    """Return the values unchanged: on the linear scale they are the coordinates."""
     return values
 
 
-SCALES = {LINEAR: Scale(_same, _same), LOG: Scale(np.log, np.exp)}
+SCALES = {LINEAR: Scale(_identity, _identity), LOG: Scale(np.log, np.exp)}
 
 
 def to_coordinates(
@@ -43,7 +43,7 @@ def to_coordinates(
         Name of the scale by the name of the column. A column without one is linear.
     """
     functions = {name: SCALES[scale[name]].forward for name in scale}
-    return _by_column(values, names, functions)
+    return _apply_by_column(values, names, functions)
 
 
 def to_values(
@@ -51,18 +51,22 @@ def to_values(
 ) -> np.ndarray:
     """Turn coordinates (n, p) into values (n, p); the inverse of `to_coordinates`."""
     functions = {name: SCALES[scale[name]].backward for name in scale}
-    return _by_column(coordinates, names, functions)
+    return _apply_by_column(coordinates, names, functions)
 
 
-def _by_column(
+def _apply_by_column(
     table: np.ndarray,
     names: Sequence[str],
     functions: Mapping[str, Callable[[np.ndarray], np.ndarray]],
 ) -> np.ndarray:
-    """Apply a function to each column of a table (n, p) that has one, by its name."""
+    """Apply functions to columns of a table (n, p).
+
+    `functions` has a function for some of the column `names`. The other columns are
+    unchanged. Without functions, the table itself is returned, not a copy.
+    """
     if not functions:
         return table
     columns = []
     for name, column in zip(names, table.T, strict=True):
-        columns.append(functions.get(name, _same)(column))
+        columns.append(functions.get(name, _identity)(column))
     return np.column_stack(columns)

@@ -2,9 +2,10 @@
 
 import zlib
 
-# Streams of random numbers by purpose, so that no check uses the runs that it checks.
-# The missing numbers are of `research.streams`; a caller may give a number of its own.
-PURPOSES = {
+# Number of the stream of random numbers for each purpose. Different streams ensure that a
+# check never repeats the runs that it checks. The missing numbers belong to
+# `research.streams`, which passes them itself.
+PURPOSE_STREAMS = {
     "design": 0,
     "validation": 1,
     "drum": 2,
@@ -15,13 +16,14 @@ PURPOSES = {
     "batches": 16,  # of a strategy without a stream of its own
 }
 
-# The first bench test: its seeds and its files have no name of a bench test.
+# The first bench test of the project. It has no name in its seeds and its files, which
+# are older than the other bench tests.
 UNNAMED = "funnel"
-# The stream of the drum alone: its name implies the bench test.
-OF_THE_DRUM = "drum"
+# Only the drum uses this stream, so its seeds need no name of a bench test.
+DRUM_PURPOSE = "drum"
 
 
-def pour_seeds(
+def draw_run_seeds(
     study_seed: int,
     purpose: str | int,
     number: int,
@@ -36,7 +38,7 @@ def pour_seeds(
     ----------
     study_seed : int
     purpose : str or int
-        One of `PURPOSES`, or the number of another stream.
+        One of `PURPOSE_STREAMS`, or the number of another stream.
     number : int
         Of the sample.
     count : int
@@ -51,10 +53,10 @@ def pour_seeds(
     """
     import numpy as np
 
-    stream = purpose if isinstance(purpose, int) else PURPOSES[purpose]
+    stream = purpose if isinstance(purpose, int) else PURPOSE_STREAMS[purpose]
     entropy = [study_seed, stream, number]
     # A named bench test gets its own stream from a checksum of its name.
-    if apparatus != UNNAMED and purpose != OF_THE_DRUM:
+    if apparatus != UNNAMED and purpose != DRUM_PURPOSE:
         entropy.append(zlib.crc32(apparatus.encode()))
     seeds = np.random.SeedSequence(entropy).generate_state(count)
     return [int(seed) for seed in seeds]

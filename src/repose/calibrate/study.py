@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 Simulate = Callable[[dict[str, Any]], Mapping[str, Any] | None]
 Run = dict[str, Any]
 # Held while a study makes its record, so that its threads have the same.
-_MAKING_RECORD = threading.Lock()
+_RECORD_LOCK = threading.Lock()
 
 
 class Study:
@@ -97,7 +97,7 @@ class Study:
         **sections: Any,
     ) -> None:
         """Check and complete the settings, and save them next to the file of runs."""
-        from repose.calibrate.parameter_types import wide_ranges
+        from repose.calibrate.parameter_types import describe_wide_ranges
         from repose.calibrate.profile_targets import expand_own_profiles
         from repose.calibrate.study_file import complete_configuration
 
@@ -124,19 +124,19 @@ class Study:
         if file is not None:
             _save_settings(content, file)
         self._set_up(config, file)
-        for sentence in wide_ranges(config["parameters"]):
+        for sentence in describe_wide_ranges(config["parameters"]):
             warnings.warn(sentence, stacklevel=2)
 
     def _set_up(self, config: dict[str, Any], file: Path_ | None) -> None:
         """Set the attributes from a result of `complete_configuration`."""
-        from repose.calibrate.study_file import settings_of, targets_of
+        from repose.calibrate.study_file import make_settings, make_targets
 
         self.config = config
-        self.settings = settings_of(config)
+        self.settings = make_settings(config)
         self.parameters = ParameterSpace.of(
             config["parameters"], constraints=config.get("constraints")
         )
-        self.targets = targets_of(config["targets"])
+        self.targets = make_targets(config["targets"])
         self.file = None if file is None else Path(file)
 
     @classmethod
@@ -236,7 +236,7 @@ class Study:
         )
 
     @cached_property
-    def _made_record(self) -> "Record":
+    def _created_record(self) -> "Record":
         """The runs as this process knows them."""
         from repose.calibrate.record import Record
 
@@ -245,8 +245,8 @@ class Study:
     @property
     def _record(self) -> "Record":
         """The record, which several threads share; its lock is held to use it."""
-        with _MAKING_RECORD:
-            return self._made_record
+        with _RECORD_LOCK:
+            return self._created_record
 
     @property
     def runs(self) -> "pd.DataFrame":
@@ -254,13 +254,13 @@ class Study:
 
         The responses of a run that failed are NaN.
         """
-        with self._record.current() as record:
+        with self._record.locked() as record:
             return record.data
 
     @property
     def proposal(self) -> Batch | Answer:
         """The strategy's proposal after these runs: the next samples, or the answer."""
-        with self._record.current() as record, _limit_threads():
+        with self._record.locked() as record, _limit_threads():
             return record.proposal
 
     @property
@@ -285,8 +285,8 @@ class Study:
         InputError
             If the runs so far do not determine the model of the strategy.
         """
-        with self._record.current() as record, _limit_threads():
-            return record.asked
+        with self._record.locked() as record, _limit_threads():
+            return record.requested_runs
 
     def tell(self, runs: "pd.DataFrame") -> None:
         """Add results of runs.
@@ -376,7 +376,7 @@ class Study:
         """
         import pandas as pd
 
-        from repose.calibrate.strategies.runs import cells_of_result
+        from repose.calibrate.strategies.runs import make_cells
 
         try:
             content = {} if result is None else dict(result)  # type: ignore[call-overload]
@@ -384,7 +384,7 @@ class Study:
             names = ", ".join(self.targets.names)
             allowed = f"a function that returns a mapping with {names}"
             raise InputError("study", "simulate", [result], allowed) from None
-        cells, warning = cells_of_result(content, self.targets.names)
+        cells, warning = make_cells(content, self.targets.names)
         if warning:
             warnings.warn(warning, stacklevel=3)
         return pd.DataFrame([{**cells, **run}])
@@ -410,7 +410,7 @@ class Study:
         if self.runs.empty:
             allowed = "results of the runs that `ask` gave: `tell` adds them"
             raise InputError("study", "runs", 0, allowed)
-        with self._record.current() as record, _limit_threads():
+        with self._record.locked() as record, _limit_threads():
             return calibrate(self, record.sorted_data, record.proposal)
 
 

@@ -15,13 +15,13 @@ from pydantic import Field, ValidationInfo, create_model, field_validator
 from repose.calibrate.designs.settings import DesignSettings
 from repose.calibrate.parameter_types import (
     Constraints,
-    constraint_faults,
     count_free,
-    far_priors,
-    parameter,
+    find_constraint_faults,
+    find_far_priors,
+    make_parameter_type,
 )
 from repose.calibrate.profile_targets import expand_own_profiles
-from repose.calibrate.profiles import OfProfile, Profile
+from repose.calibrate.profiles import Profile, ProfileSection
 from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.settings import (
     CalibrationSettings,
@@ -33,7 +33,7 @@ from repose.calibrate.strategies.refined import RefineSettings
 from repose.calibrate.strategies.response_surface import ResponseSurfaceSettings
 from repose.calibrate.strategies.sequential import SequentialSettings
 from repose.calibrate.surrogates.settings import NetworkSettings
-from repose.calibrate.targets import Target, Targets, own_response
+from repose.calibrate.targets import Target, Targets, make_own_response
 from repose.calibrate.uncertainty.settings import PosteriorSettings
 from repose.common import faults, places
 from repose.common.errors import YamlError, raise_together
@@ -43,7 +43,7 @@ from repose.common.section import ABSENT, AUTO, Allowed, Contradictions, Section
 from repose.common.target_range import compute_target_range
 
 # Columns of tables that are neither a parameter nor a response.
-RESERVED = (
+RESERVED_NAMES = (
     "sample",
     "run",
     "status",
@@ -55,13 +55,13 @@ RESERVED = (
     "n_seeds",
 )
 # Sections in which the seed of the study stands in place of a seed of their own.
-SEEDED = ("design", "network", "miga", "posterior")
+SEEDED_SECTIONS = ("design", "network", "miga", "posterior")
 # Keys that are read with every surrogate.
-TRAINING = ("network.split", "network.replicates", "network.validation_noise")
+TRAINING_KEYS = ("network.split", "network.replicates", "network.validation_noise")
 # Keys that a strategy reads which begins with the article's design.
-DESIGNED = ("seeds", "design", "surrogate", "network", "miga", *TRAINING)
+DESIGN_KEYS = ("seeds", "design", "surrogate", "network", "miga", *TRAINING_KEYS)
 # Keys that are read with every strategy.
-READ_BY_ALL = (
+COMMON_KEYS = (
     "parameters",
     "targets",
     "posterior",
@@ -69,14 +69,14 @@ READ_BY_ALL = (
     "sequential.probability",
 )
 # The sampler of a posterior has more walkers and fewer steps than the pipeline's.
-WALKERS = 128
-STEPS = 400
-LARGEST = 1e12
+N_WALKERS = 128
+N_STEPS = 400
+MAX_SIZE = 1e12
 
 Line = Annotated[str, Field(pattern=r"^[^\n]*\S[^\n]*$"), Allowed("text of one line")]
-Size = Annotated[float, Field(ge=0, le=LARGEST)]
-Value = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
-Parameter = parameter(-1e30, 1e30)
+Size = Annotated[float, Field(ge=0, le=MAX_SIZE)]
+Value = Annotated[float, Field(ge=-MAX_SIZE, le=MAX_SIZE)]
+Parameter = make_parameter_type(-1e30, 1e30)
 
 
 class OwnTarget(Section):
@@ -93,9 +93,9 @@ class OwnTarget(Section):
     unit: Line = ""
     definition: Line = ABSENT
     aim: Value = ABSENT
-    noise_sd: Annotated[float, Field(gt=0, le=LARGEST)] = ABSENT
+    noise_sd: Annotated[float, Field(gt=0, le=MAX_SIZE)] = ABSENT
     # The profile of which this target is a score; `profile_targets` writes it.
-    profile: OfProfile = ABSENT
+    profile: ProfileSection = ABSENT
 
     def contradictions(self) -> Contradictions:
         """Find numbers of the target that contradict each other.
@@ -145,14 +145,14 @@ class OwnPosterior(Section):
 
 
 class StudyFile(Section):
-    """The configuration, without the sections of further strategies (`file_model`)."""
+    """The configuration, without the sections of further strategies (`make_configuration_model`)."""
 
     simulator: Line
     label: Line
     seed: int = Field(ge=0, le=2**31 - 1)
     parameters: Annotated[
         dict[str, Parameter],  # type: ignore[valid-type]
-        Allowed("a section with a range for each parameter"),
+        Allowed("a section with a range for each make_parameter_type"),
     ]
     constraints: Constraints = ABSENT
     targets: Annotated[
@@ -187,7 +187,7 @@ class StudyFile(Section):
     @classmethod
     def _check_parameters(cls, parameters: dict[str, Any]) -> dict[str, Any]:
         """Refuse bad names, ranges beyond their priors, and parameters all fixed."""
-        refuse([*_bad_columns(parameters), *far_priors(parameters)])
+        refuse([*_find_bad_columns(parameters), *find_far_priors(parameters)])
         if not count_free(parameters):
             refuse([("", "at least one range or prior")])
         return parameters
@@ -200,7 +200,7 @@ class StudyFile(Section):
         """Refuse constraints of unknown parameters, and those that allow too little."""
         # A fault of the parameters is reported by itself.
         if "parameters" in info.data:
-            refuse(constraint_faults(constraints, info.data["parameters"]))
+            refuse(find_constraint_faults(constraints, info.data["parameters"]))
         return constraints
 
     @field_validator("targets")
@@ -217,7 +217,7 @@ class StudyFile(Section):
         parameters = info.data.get("parameters", {})
         # A response must be named as no parameter, and as no standard error.
         columns = {*parameters, *(f"{name}_se" for name in targets)}
-        faults = list(_bad_columns(targets))
+        faults = list(_find_bad_columns(targets))
         for name in targets:
             if name in columns or f"{name}_se" in parameters:
                 allowed = (
@@ -231,20 +231,20 @@ class StudyFile(Section):
         return targets
 
 
-def _bad_columns(names: Iterable[str]) -> Iterator[tuple[str, str]]:
+def _find_bad_columns(names: Iterable[str]) -> Iterator[tuple[str, str]]:
     """Refuse names that no column of the table of runs may have."""
     for name in names:
         is_plain = bool(name) and name.isprintable() and name == name.strip()
-        if name in RESERVED or not is_plain:
+        if name in RESERVED_NAMES or not is_plain:
             yield (
                 name,
                 "another name: one line of text without spaces around it, and none of "
-                f"{', '.join(RESERVED)}",
+                f"{', '.join(RESERVED_NAMES)}",
             )
 
 
 @cache
-def file_model() -> type[StudyFile]:
+def make_configuration_model() -> type[StudyFile]:
     """Make the model with a section for each further strategy that has one."""
     sections: dict[str, Any] = {}
     for name in names():
@@ -254,7 +254,7 @@ def file_model() -> type[StudyFile]:
     return create_model("OwnConfiguration", __base__=StudyFile, **sections)
 
 
-def is_own(path: str | os.PathLike) -> bool:
+def has_own_simulator(path: str | os.PathLike) -> bool:
     """Return whether a configuration names a simulator whose runs its user makes.
 
     A section `simulator` has the command of a program that the workflow calls.
@@ -277,7 +277,7 @@ def complete_configuration(
     source : object, optional
         File that a fault names; an Origin has the file of each key.
     model : type of StudyFile, optional
-        What the configuration may hold; by default `file_model`.
+        What the configuration may hold; by default `make_configuration_model`.
 
     Returns
     -------
@@ -293,16 +293,18 @@ def complete_configuration(
     """
     from repose.calibrate.strategies import cost
 
-    model = model or file_model()
+    model = model or make_configuration_model()
     origin = source if isinstance(source, Origin) else str(source)
     config = _add_defaults(content, origin, model)
     config = faults.convert_whole_numbers(config, model)
     raise_together(faults.find_faults(config, origin, model).faults)
     # Each section with random numbers has the seed of the study.
-    for name in SEEDED:
+    for name in SEEDED_SECTIONS:
         config[name] = config[name] | {"seed": config["seed"]}
     if config["network"].get("split", AUTO) == AUTO:
-        config["network"] = config["network"] | {"split": split_of(config["surrogate"])}
+        config["network"] = config["network"] | {
+            "split": choose_split(config["surrogate"])
+        }
 
     # Check the rules of the strategy. Those of `sequential` do not apply here: its model
     # checks the budget, and `noise_sd` may replace repeated runs.
@@ -311,8 +313,8 @@ def complete_configuration(
         file = find_file_to_edit(origin, "strategy")
         raise YamlError(file, "strategy", name, obeying_strategies())
     if name != "sequential":
-        section = settings_of(config).of_strategy(name)
-        contradictions = cost.contradictions(
+        section = make_settings(config).of_strategy(name)
+        contradictions = cost.find_contradictions(
             name,
             section,
             free=count_free(config["parameters"]),
@@ -379,8 +381,8 @@ def _add_defaults(
     defaults["posterior"] = {
         "discrepancy_percent": posterior["discrepancy_percent"],
         "discrepancy_correlation": posterior["discrepancy_correlation"],
-        "walkers": WALKERS,
-        "steps": STEPS,
+        "walkers": N_WALKERS,
+        "steps": N_STEPS,
     }
 
     # Put the keys of the user over the defaults, section by section.
@@ -440,7 +442,7 @@ def _refuse_unusable_names(config: Mapping[str, Any], source: str | Origin) -> N
     raise_together(errors)
 
 
-def split_of(surrogate: str) -> list[float]:
+def choose_split(surrogate: str) -> list[float]:
     """Return the shares (training, validation, test) of the samples for a surrogate.
 
     Only a network has a use for validation samples.
@@ -454,7 +456,7 @@ def split_of(surrogate: str) -> list[float]:
     )
 
 
-def settings_of(config: Mapping[str, Any]) -> CalibrationSettings:
+def make_settings(config: Mapping[str, Any]) -> CalibrationSettings:
     """Return the typed sections of a complete configuration.
 
     Parameters
@@ -496,7 +498,7 @@ def settings_of(config: Mapping[str, Any]) -> CalibrationSettings:
     )
     return CalibrationSettings(
         label=config["label"],
-        simulator=name_of_simulator(config),
+        simulator=get_simulator_name(config),
         strategy=config["strategy"],
         surrogate=config["surrogate"],
         seeds=config["seeds"],
@@ -515,7 +517,7 @@ def settings_of(config: Mapping[str, Any]) -> CalibrationSettings:
     )
 
 
-def name_of_simulator(config: Mapping[str, Any]) -> str:
+def get_simulator_name(config: Mapping[str, Any]) -> str:
     """Return the name of the simulator, also of one that the workflow calls."""
     simulator = config["simulator"]
     name: str = simulator["name"] if isinstance(simulator, Mapping) else simulator
@@ -529,7 +531,7 @@ def _collect_from_targets(
     return {name: target[key] for name, target in targets.items() if key in target}
 
 
-def targets_of(section: Mapping[str, Mapping[str, Any]]) -> Targets:
+def make_targets(section: Mapping[str, Mapping[str, Any]]) -> Targets:
     """Make the targets of a checked configuration.
 
     A target without a range has that of `compute_target_range`.
@@ -543,7 +545,7 @@ def _read_target(name: str, entry: Mapping[str, Any]) -> Target:
     scatter = compute_target_range(value, entry["sd"], entry["repetitions"])
     low, high = entry.get("range", scatter)
     return Target(
-        response=own_response(name, entry.get("unit", "")),
+        response=make_own_response(name, entry.get("unit", "")),
         value=value,
         sd=entry["sd"],
         repetitions=entry["repetitions"],
@@ -554,7 +556,7 @@ def _read_target(name: str, entry: Mapping[str, Any]) -> Target:
     )
 
 
-def unread_keys(content: Mapping[str, Any]) -> list[str]:
+def list_unread_keys(content: Mapping[str, Any]) -> list[str]:
     """List the keys of a configuration that have no effect with its strategy.
 
     Parameters
@@ -567,7 +569,7 @@ def unread_keys(content: Mapping[str, Any]) -> list[str]:
 
     # List the keys that a strategy may ignore: two at the top level, and all in sections.
     keys = [key for key in ("seeds", "surrogate") if key in content]
-    for section in file_model().model_fields:
+    for section in make_configuration_model().model_fields:
         if isinstance(content.get(section), Mapping):
             keys += [f"{section}.{key}" for key in content[section]]
 
@@ -591,9 +593,9 @@ def _find_keys_read(name: str, content: Mapping[str, Any]) -> set[str]:
         The keys that the user set.
     """
     strategy_of_study = strategy(name)
-    keys = set(READ_BY_ALL)
+    keys = set(COMMON_KEYS)
     if strategy_of_study.begins_with_design:
-        keys.update(DESIGNED)
+        keys.update(DESIGN_KEYS)
     if strategy_of_study.seeds_key is not None:
         # The strategy has its own key for the number of runs of a sample.
         keys.discard("seeds")

@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 
 from repose.calibrate.profiles import Profile
-from repose.calibrate.responses import Response, named, response
+from repose.calibrate.responses import Response, find_response, response
 from repose.calibrate.seeds import UNNAMED
 from repose.common.target_range import compute_target_range
 
 # Largest value or standard deviation.
-LARGEST = 1e9
+MAX_SIZE = 1e9
 # The one bench test of all responses of a simulator of the user's own.
-OWN = "own"
+OWN_BENCH = "own"
 
 
-def with_defaults(entry: Any) -> Any:
+def complete_target(entry: Any) -> Any:
     """Complete an entry of the list `targets` by its bench test and its range.
 
     The default bench test is that of the response. The default range is `compute_target_range`
@@ -38,7 +38,7 @@ def with_defaults(entry: Any) -> Any:
     """
     if not isinstance(entry, Mapping):
         return entry
-    known_response = named(str(entry.get("response")))
+    known_response = find_response(str(entry.get("response")))
     apparatus = UNNAMED if known_response is None else known_response.apparatus
     complete = {"apparatus": apparatus} | dict(entry)
     if "range" in entry:
@@ -54,7 +54,7 @@ def with_defaults(entry: Any) -> Any:
 
 def _is_usable(number: Any) -> bool:
     """Return whether an entry is a number of a usable size, and no truth value."""
-    return type(number) in (int, float) and abs(number) <= LARGEST
+    return type(number) in (int, float) and abs(number) <= MAX_SIZE
 
 
 @dataclass(frozen=True)
@@ -241,18 +241,23 @@ class Targets(tuple[Target, ...]):
         return f"{', '.join(parts[:-1])} and {parts[-1]}"
 
 
-def own_response(name: str, unit: str = "") -> Response:
+def make_own_response(name: str, unit: str = "") -> Response:
     """Make a response of a simulator of the user's own, which has no limits."""
     return Response(
-        name=name, unit=unit, label=name, symbol=name, apparatus=OWN, low=-math.inf
+        name=name,
+        unit=unit,
+        label=name,
+        symbol=name,
+        apparatus=OWN_BENCH,
+        low=-math.inf,
     )
 
 
 def _read_target(entry: Mapping[str, Any]) -> Target:
     """Make a target of its entry in the configuration."""
     low, high = entry["range"]
-    if entry.get("apparatus") == OWN:
-        of_target = own_response(entry["response"], entry["unit"])
+    if entry.get("apparatus") == OWN_BENCH:
+        of_target = make_own_response(entry["response"], entry["unit"])
     else:
         of_target = response(entry["response"], "targets")
     return Target(

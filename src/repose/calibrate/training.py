@@ -13,26 +13,26 @@ import pandas as pd
 from repose.calibrate.dataset_files import read_definitions
 from repose.calibrate.responses import (
     Definitions,
-    derived,
-    require_same_definitions,
+    name_derived_column,
+    refuse_other_definitions,
 )
-from repose.calibrate.runs import of_bench
+from repose.calibrate.runs import select_bench_runs
 from repose.calibrate.surrogates import Surrogate, load, make, on_scale
-from repose.calibrate.surrogates.accuracy import r2
+from repose.calibrate.surrogates.accuracy import compute_r2
 from repose.calibrate.surrogates.settings import NetworkSettings
 from repose.calibrate.targets import Targets
-from repose.calibrate.variance import within_covariance
+from repose.calibrate.variance import estimate_within_covariance
 from repose.common.errors import InputError
 from repose.common.files import Path_, read_table
 from repose.common.numbers import rounded
 
 SPLITS = ("train", "validation", "test")
 # 8 samples to train, 1 to validate and 3 to test: with fewer no R2 means anything.
-FEWEST_SAMPLES = 12
+MIN_SAMPLES = 12
 
 
 class Training(NamedTuple):
-    """Result of `train`.
+    """Result of `train_surrogate`.
 
     Attributes
     ----------
@@ -100,9 +100,9 @@ class Replicates(NamedTuple):
         weights: list[np.ndarray] = []
         for bench, columns in targets.benches.items():
             # Estimate the covariance of the responses of this bench test.
-            runs_of_bench = of_bench(good, bench)
+            runs_of_bench = select_bench_runs(good, bench)
             names = [targets.names[k] for k in columns]
-            bench_covariance, bench_freedom = within_covariance(
+            bench_covariance, bench_freedom = estimate_within_covariance(
                 runs_of_bench[names], runs_of_bench["sample"]
             )
             has_few_runs = bench_freedom <= len(columns)
@@ -121,7 +121,7 @@ class Replicates(NamedTuple):
         return cls(np.mean(weights, axis=0), covariance, float(freedom))
 
 
-def train(
+def train_surrogate(
     dataset: pd.DataFrame,
     runs: pd.DataFrame,
     targets: Targets,
@@ -137,7 +137,7 @@ def train(
 
     With ``settings.replicates`` the runs of each sample give the noise (`Replicates`).
     With ``settings.validation_noise`` the errors of a first fit at the validation
-    samples give the correlation of the noises (`error_covariance`) for a second fit.
+    samples give the correlation of the noises (`estimate_error_covariance`) for a second fit.
 
     Parameters
     ----------
@@ -166,11 +166,11 @@ def train(
     Raises
     ------
     InputError
-        If fewer than `FEWEST_SAMPLES` samples are usable.
+        If fewer than `MIN_SAMPLES` samples are usable.
     """
     usable = dataset[dataset["status"] == "ok"].reset_index(drop=True)
-    if len(usable) < FEWEST_SAMPLES:
-        allowed = f"at least {FEWEST_SAMPLES} with status ok"
+    if len(usable) < MIN_SAMPLES:
+        allowed = f"at least {MIN_SAMPLES} with status ok"
         raise InputError(source, "usable samples", len(usable), allowed)
     X = usable[list(names)].to_numpy(float)
     Y = usable[list(targets.names)].to_numpy(float)
@@ -204,7 +204,7 @@ def train(
     if settings.validation_noise:
         unseen = rows["validation"]
         errors = Y[unseen] - model.predict(X[unseen])
-        covariance = error_covariance(errors, targets, source)
+        covariance = estimate_error_covariance(errors, targets, source)
         model, noise = fit(rows["train"], covariance)
     predicted = model.predict(X)
 
@@ -271,7 +271,7 @@ def _tabulate_predictions(
     return table
 
 
-def message(metrics: Mapping[str, Any]) -> str:
+def describe_training(metrics: Mapping[str, Any]) -> str:
     """Describe a training: the errors on unseen samples, and the starts of a network.
 
     Parameters
@@ -312,7 +312,7 @@ def message(metrics: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def restore(
+def restore_surrogate(
     surrogate_json: Path_, predictions_csv: Path_, dataset_csv: Path_
 ) -> Surrogate:
     """Load a trained surrogate, and check that its files belong to one training.
@@ -338,11 +338,11 @@ def restore(
     """
     model = load(surrogate_json)
     final_columns = _name_final_columns(model.outputs)
-    columns = [derived(name, "predicted") for name in model.outputs]
+    columns = [name_derived_column(name, "predicted") for name in model.outputs]
     predictions = read_table(predictions_csv, ("sample", "split", *columns))
     dataset = read_table(dataset_csv, ("sample", *model.inputs, "status"))
     definitions, summary_json = read_definitions(dataset_csv)
-    require_same_definitions(
+    refuse_other_definitions(
         model.definitions, surrogate_json, definitions, summary_json
     )
 
@@ -366,7 +366,7 @@ def restore(
     return model
 
 
-def require_targets(
+def refuse_other_targets(
     model: Surrogate,
     path: object,
     targets: Targets,
@@ -394,10 +394,12 @@ def require_targets(
     if model.outputs != targets.names:
         allowed = f"the responses of the targets, {', '.join(targets.names)}"
         raise InputError(path, "outputs", list(model.outputs), allowed)
-    require_same_definitions(model.definitions, path, definitions, source)
+    refuse_other_definitions(model.definitions, path, definitions, source)
 
 
-def split(samples: int, shares: Sequence[float], seed: int) -> dict[str, np.ndarray]:
+def split_samples(
+    samples: int, shares: Sequence[float], seed: int
+) -> dict[str, np.ndarray]:
     """Split row numbers into train, validation and test.
 
     A permutation by RandomState(seed) is cut in three. Train and validation are rounded
@@ -437,13 +439,13 @@ def split_rows(
         is_refined = samples["round"].notna().to_numpy()
     design_rows = np.flatnonzero(~is_refined)
     rows = {}
-    for name, design_part in split(len(design_rows), shares, seed).items():
+    for name, design_part in split_samples(len(design_rows), shares, seed).items():
         rows[name] = design_rows[design_part]
     rows["train"] = np.concatenate([rows["train"], np.flatnonzero(is_refined)])
     return rows
 
 
-def error_covariance(
+def estimate_error_covariance(
     errors: np.ndarray, targets: Targets, source: object
 ) -> np.ndarray:
     """Estimate the covariance of errors at unseen samples.
@@ -481,7 +483,7 @@ def error_covariance(
     return covariance
 
 
-def r2_noise_corrected(
+def compute_corrected_r2(
     y: np.ndarray, predicted: np.ndarray, errors: np.ndarray
 ) -> float | None:
     """Compute R2 against the unknown true means of the responses.
@@ -538,7 +540,7 @@ def _compute_accuracy(
             rmse = None
             if len(rows_of_part):
                 rmse = float(np.sqrt(np.mean((y - prediction) ** 2)))
-            scores[name] = {"r2": r2(y, prediction), "rmse": rmse}
+            scores[name] = {"r2": compute_r2(y, prediction), "rmse": rmse}
         accuracy[part] = scores
     return accuracy
 
@@ -582,13 +584,13 @@ def _compute_r2_three_ways(
         predicted_runs = prediction_of_sample[runs_of_response["sample"]].to_numpy()
         run_values = runs_of_response[name].to_numpy(float)
         scores[name] = {
-            "sample_means": r2(means, predicted_means),
-            "single_runs": r2(run_values, predicted_runs),
-            "noise_corrected": r2_noise_corrected(means, predicted_means, errors),
+            "sample_means": compute_r2(means, predicted_means),
+            "single_runs": compute_r2(run_values, predicted_runs),
+            "noise_corrected": compute_corrected_r2(means, predicted_means, errors),
         }
     return scores
 
 
 def _name_final_columns(names: Sequence[str]) -> list[str]:
     """Name the columns of the predictions by the fit to all samples."""
-    return [derived(name, "final") for name in names]
+    return [name_derived_column(name, "final") for name in names]

@@ -19,9 +19,9 @@ from numpy.typing import ArrayLike
 # Confidence of every interval.
 CONFIDENCE = 0.95
 # Fewest degrees of freedom for the interval of a correlation.
-FEWEST_FREEDOM = 4
+MIN_FREEDOM = 4
 # Distance from 1 at which Fisher's transformation of a correlation is cut off.
-NEARLY_ONE = 1e-12
+MIN_DISTANCE_FROM_ONE = 1e-12
 
 
 class Components(NamedTuple):
@@ -208,7 +208,9 @@ def _check_arrays(
     return values, groups
 
 
-def within_covariance(values: ArrayLike, groups: ArrayLike) -> tuple[np.ndarray, int]:
+def estimate_within_covariance(
+    values: ArrayLike, groups: ArrayLike
+) -> tuple[np.ndarray, int]:
     """Estimate the covariance of responses about the means of their samples.
 
     Parameters
@@ -244,7 +246,7 @@ class Correlation(NamedTuple):
     freedom: int  # degrees of freedom
 
 
-def residual_correlation(
+def estimate_residual_correlation(
     first: ArrayLike, second: ArrayLike, groups: ArrayLike
 ) -> Correlation:
     """Compute the correlation of two responses between runs of the same sample.
@@ -265,11 +267,13 @@ def residual_correlation(
     """
     from scipy import stats  # half a second at start-up
 
-    covariance, freedom = within_covariance(np.column_stack([first, second]), groups)
-    if freedom < FEWEST_FREEDOM:
+    covariance, freedom = estimate_within_covariance(
+        np.column_stack([first, second]), groups
+    )
+    if freedom < MIN_FREEDOM:
         raise ValueError(
             f"{freedom} degrees of freedom within samples; "
-            f"expected at least {FEWEST_FREEDOM}"
+            f"expected at least {MIN_FREEDOM}"
         )
     if not (np.diagonal(covariance) > 0).all():
         raise ValueError(
@@ -281,7 +285,7 @@ def residual_correlation(
     # variance 1 / (n - 3).
     half_width = stats.norm.ppf(0.5 + CONFIDENCE / 2) / math.sqrt(freedom - 2)
     # Stay away from 1, where the transformation is infinite.
-    limit = 1 - NEARLY_ONE
+    limit = 1 - MIN_DISTANCE_FROM_ONE
     centre = math.atanh(min(max(correlation, -limit), limit))
     return Correlation(
         value=correlation,

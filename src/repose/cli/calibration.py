@@ -56,7 +56,7 @@ def network(args: argparse.Namespace, study: PipelineConfig) -> None:
 
     example: --dataset results/dataset.csv --runs results/runs.csv
     """
-    from repose.calibrate.training import message
+    from repose.calibrate.training import describe_training
     from repose.stages import network
 
     metrics = network.run(
@@ -71,7 +71,7 @@ def network(args: argparse.Namespace, study: PipelineConfig) -> None:
         scale=study.parameters.scale,
         source=args.config,
     )
-    print(message(metrics))
+    print(describe_training(metrics))
 
 
 @verb(NETWORK, SUPPORT, out="results/miga")
@@ -242,7 +242,7 @@ def validate(args: argparse.Namespace, study: PipelineConfig) -> None:
 
     example: results/validation/heaps/???.json
     """
-    from repose.calibrate.optimism import COLUMNS
+    from repose.calibrate.optimism import OPTIMISM_COLUMNS
     from repose.common.files import read_table
     from repose.stages import validate as validation
 
@@ -252,7 +252,7 @@ def validate(args: argparse.Namespace, study: PipelineConfig) -> None:
         published = _read_published_comparison(study)
     optimism = None
     if args.optimism is not None:
-        optimism = read_table(args.optimism, COLUMNS)
+        optimism = read_table(args.optimism, OPTIMISM_COLUMNS)
     validation.run(
         args.solutions,
         args.jobs,
@@ -308,11 +308,11 @@ def _find_support(args: argparse.Namespace, study: PipelineConfig) -> "Support |
     if not args.dataset:
         return None
     from repose.calibrate.dataset_files import read_definitions
-    from repose.calibrate.responses import require_same_definitions
+    from repose.calibrate.responses import refuse_other_definitions
     from repose.calibrate.surrogates.support import Support
 
     definitions, summary = read_definitions(args.dataset)
-    require_same_definitions(
+    refuse_other_definitions(
         definitions, summary, expected=study.definitions, source=args.config
     )
-    return Support.of_dataset(args.dataset, study.parameters)
+    return Support.from_dataset(args.dataset, study.parameters)

@@ -225,7 +225,7 @@ def plan(args: argparse.Namespace, study: PipelineConfig) -> None:
         _print_lines(check.describe_study(study))
     else:
         _print_lines(external_check.describe_strategy(study, args.config))
-    result = planning.plan(
+    result = planning.make_plan(
         study.parameters, study.targets, study.settings.strategy, runs, runs_csv
     )
     _print_noise(study, result, runs_csv)

@@ -30,13 +30,13 @@ def _load_own_study(args: argparse.Namespace) -> "Study":
     InputError
         If the file is of a study with our simulator, or has other faults.
     """
-    from repose.calibrate.parameter_types import wide_ranges
+    from repose.calibrate.parameter_types import describe_wide_ranges
     from repose.calibrate.study import Study
-    from repose.calibrate.study_file import is_own, unread_keys
+    from repose.calibrate.study_file import has_own_simulator, list_unread_keys
     from repose.common.reading import read_yaml
 
     # The message names the file of the user, or the option if the user gave no file.
-    names_simulator = is_own(places.find_file(args.config))
+    names_simulator = has_own_simulator(places.find_file(args.config))
     is_given = "config" in vars(args).get("given", ())
     source = args.config if is_given else "command line"
     key = "simulator" if is_given else "--config"
@@ -50,22 +50,22 @@ def _load_own_study(args: argparse.Namespace) -> "Study":
     study = Study.own(args.config, runs_csv)
 
     # Warn of keys without an effect, and of ranges that are too wide.
-    keys = unread_keys(read_yaml(args.config))
+    keys = list_unread_keys(read_yaml(args.config))
     if keys:
         strategy = study.settings.strategy
         _warn(f"{args.config}: the strategy {strategy} does not read {', '.join(keys)}")
-    for sentence in wide_ranges(study.config["parameters"]):
+    for sentence in describe_wide_ranges(study.config["parameters"]):
         _warn(f"{args.config}: {sentence}")
     return study
 
 
 def load_any_study(args: argparse.Namespace) -> "Study | PipelineConfig":
     """Load the study of --config, for our simulator or for one of the user's own."""
-    from repose.calibrate.study_file import is_own
+    from repose.calibrate.study_file import has_own_simulator
 
     return (
         _load_own_study(args)
-        if is_own(places.find_file(args.config))
+        if has_own_simulator(places.find_file(args.config))
         else load_study(args)
     )
 
@@ -170,13 +170,17 @@ def calibrate(args: argparse.Namespace, study: "Study") -> None:
     """
     from repose.calibrate import calibration
     from repose.calibrate.strategies import strategy
-    from repose.calibrate.strategies.runs import checked_runs, read_rows, unread_columns
+    from repose.calibrate.strategies.runs import (
+        checked_runs,
+        describe_unread_columns,
+        read_rows,
+    )
     from repose.common.ledger import check_replaceable
     from repose.common.tables import print_columns
 
     # Before minutes of work, check that no file of somebody else would be replaced.
     report_html = Path(args.out) / "report.html"
-    written = (*calibration.TABLES, *calibration.RECORDS, report_html.name)
+    written = (*calibration.TABLE_FILES, *calibration.RECORD_FILES, report_html.name)
     for name in (*written, *strategy(study.settings.strategy).files):
         check_replaceable(Path(args.out) / name)
 
@@ -184,7 +188,7 @@ def calibrate(args: argparse.Namespace, study: "Study") -> None:
     rows = read_rows(args.runs, study)
     runs = checked_runs(study, rows, args.runs)
     print_columns(args.runs)
-    for sentence in unread_columns(study, rows).values():
+    for sentence in describe_unread_columns(study, rows).values():
         _warn(f"{args.runs}: {sentence}")
 
     # Calibrate, and print the answer with its warnings.

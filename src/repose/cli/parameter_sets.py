@@ -42,11 +42,11 @@ def _read_purpose(text: str) -> str | int:
 
     Other programs refer to streams by their numbers.
     """
-    if text in streams.PURPOSES:
+    if text in streams.PURPOSE_STREAMS:
         return text
     if not text.isdecimal():
         raise ArgumentTypeError(
-            f"invalid choice: {text!r} (choose from {', '.join(streams.PURPOSES)})"
+            f"invalid choice: {text!r} (choose from {', '.join(streams.PURPOSE_STREAMS)})"
         )
     return int(text)
 
@@ -223,6 +223,6 @@ def choose_seeds(
             allowed=f"from 1 to {MOST_SEEDS}, without --seed",
         )
     sample = args.sample or 0
-    return streams.pour_seeds(
+    return streams.draw_run_seeds(
         study_seed, args.purpose, number=sample, count=args.seeds, apparatus=apparatus
     )

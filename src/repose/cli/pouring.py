@@ -5,7 +5,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from repose.calibrate.runs import describe
+from repose.calibrate.runs import describe_run
 from repose.cli.berries import BERRY_AND_PARTICLE, load_grain_and_particle
 from repose.cli.options import JSON, SAMPLES
 from repose.cli.parameter_sets import (
@@ -152,7 +152,7 @@ def _print_runs(runs: Iterable[Mapping[str, Any]], template: str) -> None:
         The summary of the bench test, a text with places for the numbers of a run.
     """
     for run in runs:
-        print(describe(run, template))
+        print(describe_run(run, template))
 
 
 def _make_scene(
@@ -279,7 +279,7 @@ def measure_runs(args: argparse.Namespace, study: PipelineConfig) -> None:
         result = measure_job(scene, path, out_dir=args.out, keep_runs=args.keep_runs)
         template = bench_of(result).summary
         for run in result["runs"]:
-            print(f"{path}: {describe(run, template)}")
+            print(f"{path}: {describe_run(run, template)}")
 
 
 @verb(

@@ -22,8 +22,8 @@ def noise(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.calibrate.uncertainty import noise
 
-    summary = noise.run(args.runs, study.targets, args.out)
-    print(noise.message(summary, study.targets))
+    summary = noise.write_noise_floor(args.runs, study.targets, args.out)
+    print(noise.describe_noise_floor(summary, study.targets))
 
 
 @verb(NETWORK, PREDICTIONS, DATASET, RUNS, FEASIBLE, out="results/posterior")
@@ -42,7 +42,7 @@ def posterior(args: argparse.Namespace, study: PipelineConfig) -> None:
         feasible=args.feasible,
         table3=study.published("table3.csv"),
     )
-    summary = posterior.run(
+    summary = posterior.infer_from_files(
         files,
         parameters=study.parameters,
         targets=study.targets,
@@ -51,7 +51,7 @@ def posterior(args: argparse.Namespace, study: PipelineConfig) -> None:
         out_dir=args.out,
         source=args.config,
     )
-    print(posterior.message(summary))
+    print(posterior.describe_posterior(summary))
 
 
 @verb(NETWORK, out="results/sensitivity")
@@ -62,7 +62,7 @@ def sensitivity(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.calibrate.uncertainty import sensitivity
 
-    table = sensitivity.run(
+    table = sensitivity.analyse_from_file(
         args.network,
         parameters=study.parameters,
         targets=study.targets,
@@ -71,7 +71,7 @@ def sensitivity(args: argparse.Namespace, study: PipelineConfig) -> None:
         out_dir=args.out,
         source=args.config,
     )
-    print(sensitivity.message(table))
+    print(sensitivity.describe_indices(table))
 
 
 @verb(

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from repose.bench import BenchTest, bench, reach, scene_size
-from repose.calibrate.parameter_types import wide_ranges
-from repose.calibrate.runs import describe
+from repose.calibrate.parameter_types import describe_wide_ranges
+from repose.calibrate.runs import describe_run
 from repose.calibrate.strategies import cost as strategies
 from repose.calibrate.strategies.base import CheckRuns
 from repose.common.errors import InputError
@@ -127,7 +127,7 @@ def describe_study(study: PipelineConfig) -> Iterator[str]:
     dataset_csv = dependencies.find_own_dataset(config)
     for assessment in reach.assess_targets(config, particle, dataset_csv).values():
         yield describe_reach(assessment)
-    for sentence in wide_ranges(study.settings.parameters.entries):
+    for sentence in describe_wide_ranges(study.settings.parameters.entries):
         yield f"ranges: WARNING: {sentence}"
 
     # The time step, and the restitution that a hit has with it.
@@ -400,7 +400,7 @@ def run_trials(
                 runs.append(run)
 
         for point, run in zip(TRIAL_SHARES, runs, strict=True):
-            sentence = describe(run, test.summary).removeprefix("seed 1: ")
+            sentence = describe_run(run, test.summary).removeprefix("seed 1: ")
             yield f"{name}: {point}: {sentence}"
         yield from _warn_of_trials(study, test, runs)
 
@@ -488,7 +488,7 @@ def tabulate_costs(
     # Find the strategies that cannot run with this configuration.
     settings = study.settings
     misfits: dict[str, str] = {}
-    for name in strategies.others():
+    for name in strategies.list_strategies_with_section():
         reason = cost.explain_strategy_misfit(settings, name)
         if reason is not None:
             misfits[name] = reason
@@ -592,7 +592,7 @@ def list_studies(files: list[str]) -> str:
         if study.simulator is not None:
             return _list_studies_of_program(study)
         cost_texts = cost.describe_costs(config)
-        for name in strategies.others():
+        for name in strategies.list_strategies_with_section():
             cost_texts[name] = _describe_strategy_cost(study, name)
     except InputError:
         # The studies can be listed all the same.
@@ -613,7 +613,11 @@ def list_studies(files: list[str]) -> str:
 def _list_studies_of_program(study: PipelineConfig) -> str:
     """List the targets of a study whose runs are made by another program."""
     lines = [f"repose run TARGET; without one, all of calibration. Studies of {study}:"]
-    for target in ("calibration", "uncertainty", *strategies.others()):
+    for target in (
+        "calibration",
+        "uncertainty",
+        *strategies.list_strategies_with_section(),
+    ):
         sentence = cost.STUDY_SUMMARIES.get(target, "Another way to calibrate.")
         lines.append(f"  {target:24} {sentence}")
     return "\n".join(lines)

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from repose.bench.funnel import PACKING
 from repose.bench.grain_scale import GrainScale, rounded
 from repose.bench.parameters import ALLOWED, LAW_PARAMETERS, PARAMETERS
-from repose.calibrate.parameter_space import range_of
-from repose.calibrate.study_file import split_of
+from repose.calibrate.parameter_space import find_range
+from repose.calibrate.study_file import choose_split
 from repose.common.keys import Config
 from repose.common.section import AUTO
 from repose.config.models import select_valid_sections
@@ -156,7 +156,7 @@ def find_ranges(config: Config) -> dict[str, tuple[float, float]]:
     For a fixed parameter both are equal to its value.
     """
     entries = select_valid_sections(config).parameters.entries
-    return {name: range_of(name, entry, ALLOWED) for name, entry in entries.items()}
+    return {name: find_range(name, entry, ALLOWED) for name, entry in entries.items()}
 
 
 def round_down(value: float, digits: int) -> float:
@@ -185,7 +185,7 @@ def compute_diameter_mm(grain: Grain) -> float:
 
 def _choose_split(config: Config, _grain: Grain, _particle: "Particle") -> Any:
     """Choose the shares of training, validation and test samples for the surrogate."""
-    return split_of(select_valid_sections(config).surrogate)
+    return choose_split(select_valid_sections(config).surrogate)
 
 
 def _choose_mm_per_pixel(_config: Config, grain: Grain, _particle: "Particle") -> float:

@@ -17,7 +17,7 @@ from repose.bench.parameters import (
     parameters_of_law,
 )
 from repose.bench.settings import SceneSettings
-from repose.calibrate.parameter_types import constraint_faults
+from repose.calibrate.parameter_types import find_constraint_faults
 from repose.calibrate.strategies import obeying_strategies, strategy
 from repose.config.models import StudySettings, select_valid_sections
 
@@ -94,7 +94,7 @@ def list_rules_after_numbers(config: Mapping[str, Any]) -> list[Rule]:
             partial(_find_seed_faults, settings),
         ),
         Rule(
-            ("strategy", *cost.others(), "targets", "parameters"),
+            ("strategy", *cost.list_strategies_with_section(), "targets", "parameters"),
             partial(_find_strategy_faults, settings),
         ),
         Rule(
@@ -114,7 +114,7 @@ def _find_strategy_faults(settings: StudySettings) -> KeyFaults:
     from repose.calibrate.strategies import cost
 
     name = settings.strategy
-    yield from cost.contradictions(
+    yield from cost.find_contradictions(
         name,
         settings.get_strategy_section(name),
         free=settings.free,
@@ -131,7 +131,7 @@ def _find_constraint_faults(settings: StudySettings) -> KeyFaults:
     if settings.constraints is None:
         return
     entries = settings.parameters.entries
-    for key, allowed in constraint_faults(settings.constraints, entries, ALLOWED):
+    for key, allowed in find_constraint_faults(settings.constraints, entries, ALLOWED):
         # The key is a position in the list, or empty for the list as a whole.
         yield f"constraints.{key}".rstrip("."), allowed
     if not strategy(settings.strategy).obeys_constraints:

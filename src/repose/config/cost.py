@@ -111,13 +111,15 @@ def _list_tests_of_targets(settings: StudySettings) -> list[str]:
 
 def list_strategy_pours(settings: StudySettings, name: str) -> Pours | None:
     """List the largest numbers of runs of a strategy; None for the article's method."""
-    return strategies.pours(name, settings.get_strategy_section(name), settings.free)
+    return strategies.count_max_runs(
+        name, settings.get_strategy_section(name), settings.free
+    )
 
 
 def explain_strategy_misfit(settings: StudySettings, name: str) -> str | None:
     """Explain why a strategy cannot run with this configuration; None if it can."""
     section = settings.get_strategy_section(name)
-    return strategies.reason_against(
+    return strategies.describe_obstacle(
         name, section, free=settings.free, responses=len(settings.targets)
     )
 

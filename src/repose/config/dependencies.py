@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from repose.bench import bench, bench_tests
 from repose.calibrate.seeds import UNNAMED
 from repose.calibrate.strategies import names, strategy
-from repose.calibrate.targets import OWN
+from repose.calibrate.targets import OWN_BENCH
 from repose.common import attached
 from repose.common.errors import InputError
 from repose.common.keys import Config, get_value, lookup
@@ -495,7 +495,7 @@ def find_difference(
     # The settings of an unknown bench test or strategy cannot be selected.
     apparatus = record.get("apparatus")
     strategy_name = record.get("strategy")
-    if apparatus not in (None, OWN, *config):
+    if apparatus not in (None, OWN_BENCH, *config):
         return None
     if strategy_name is not None and strategy_name not in names():
         return None

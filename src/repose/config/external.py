@@ -13,16 +13,16 @@ from pydantic import Field, create_model, field_validator
 
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.parameter_types import count_free
-from repose.calibrate.responses import Definitions, named
+from repose.calibrate.responses import Definitions, find_response
 from repose.calibrate.strategies import names, strategy
 from repose.calibrate.study import Study
 from repose.calibrate.study_file import (
     OwnTarget,
     StudyFile,
     complete_configuration,
-    file_model,
+    make_configuration_model,
 )
-from repose.calibrate.targets import OWN, Targets
+from repose.calibrate.targets import OWN_BENCH, Targets
 from repose.calibrate.uncertainty.settings import SensitivitySettings
 from repose.common import places, provenance
 from repose.common.errors import InputError, YamlError, raise_together
@@ -211,7 +211,7 @@ class ExternalConfig(PipelineConfig):
         import repose.bench  # noqa: F401  registers the responses of piles
 
         for name in self.targets.names:
-            response = named(name)
+            response = find_response(name)
             if response is not None:
                 definitions[name] = response.settings(self.config)
         return definitions
@@ -277,7 +277,7 @@ class ExternalConfig(PipelineConfig):
 def make_file_model() -> type[StudyFile]:
     """Make the model of the file, with a section for each further strategy."""
     sections: dict[str, Any] = {}
-    for name, field in file_model().model_fields.items():
+    for name, field in make_configuration_model().model_fields.items():
         if name not in ExternalFile.model_fields:
             sections[name] = (field.annotation, field)
     return create_model("ExternalConfiguration", __base__=ExternalFile, **sections)
@@ -371,7 +371,7 @@ def _map_targets_by_name(entries: Iterable[Any]) -> dict[Any, dict[str, Any]]:
         if not isinstance(entry, Mapping):
             continue
         name = entry.get("response")
-        response = named(str(name))
+        response = find_response(str(name))
         keys = {key: entry[key] for key in OwnTarget.model_fields if key in entry}
         if response is not None and response.unit:
             keys = {"unit": response.unit} | keys
@@ -464,7 +464,7 @@ def _convert_to_resolved_form(complete: Mapping[str, Any]) -> dict[str, Any]:
     targets = []
     for name, entry in complete["targets"].items():
         numbers = (entry["value"], entry["sd"], entry["repetitions"])
-        target = {"response": name, "apparatus": OWN, "unit": "", **entry}
+        target = {"response": name, "apparatus": OWN_BENCH, "unit": "", **entry}
         target["range"] = list(entry.get("range", compute_target_range(*numbers)))
         targets.append(target)
     config["targets"] = targets

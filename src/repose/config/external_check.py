@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from repose.calibrate.parameter_types import wide_ranges
+from repose.calibrate.parameter_types import describe_wide_ranges
 from repose.calibrate.strategies import strategy
-from repose.calibrate.study_file import unread_keys
+from repose.calibrate.study_file import list_unread_keys
 from repose.common.errors import InputError
 from repose.common.files import Path_
 from repose.common.numbers import rounded
@@ -63,7 +63,7 @@ def describe_program(
                     "`repose export` does"
                 )
 
-    for sentence in wide_ranges(study.config["parameters"]):
+    for sentence in describe_wide_ranges(study.config["parameters"]):
         yield f"ranges: WARNING: {sentence}"
     files = ", ".join(simulator.files_read)
     yield f"responses: {', '.join(study.targets.names)}, from {files}"
@@ -97,7 +97,7 @@ def describe_strategy(study: PipelineConfig, files: Sequence[Path_]) -> Iterator
 
     merged = loader.merge_without_defaults(files)
     short_form = convert_to_short_form(merged).config
-    keys = unread_keys({**short_form, "simulator": study.simulator.name})
+    keys = list_unread_keys({**short_form, "simulator": study.simulator.name})
     if keys:
         yield f"keys: the strategy {name} does not read {', '.join(keys)}"
     sections = list_unread_sections(merged.config)

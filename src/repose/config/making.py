@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from repose.bench.settings import SceneSettings
-from repose.calibrate.targets import Targets, with_defaults
+from repose.calibrate.targets import Targets, complete_target
 from repose.common import faults
 from repose.common.errors import InputError, YamlError, raise_together
 from repose.common.keys import Origin, find_file_to_edit, get_value
@@ -192,7 +192,7 @@ class ConfigChecks:
             return
         owner = find_file_to_edit(self.source, "targets")
         expanded = profile_targets.expand_profiles(entries, owner)
-        targets = [with_defaults(entry) for entry in expanded]
+        targets = [complete_target(entry) for entry in expanded]
         self.config = self.config | {"targets": targets}
 
     def _may_read(self, *sections: str) -> bool:
@@ -304,7 +304,7 @@ class ConfigChecks:
 
     def _choose_readers(self) -> dict[str, Callable[[str], Any]]:
         """Map the dotted keys of named files to the functions that read them."""
-        from repose.calibrate.uncertainty.discrepancy import shape_study_discrepancy
+        from repose.calibrate.uncertainty.discrepancy import estimate_from_shape_study
         from repose.grain.berry_files import read_sizes
         from repose.measure.pile import read_image
 
@@ -317,7 +317,7 @@ class ConfigChecks:
         if self._may_read("targets"):
             targets = Targets.of(self.config["targets"])
             readers["posterior.shape_study"] = partial(
-                shape_study_discrepancy, targets=targets
+                estimate_from_shape_study, targets=targets
             )
         return readers
 

@@ -20,18 +20,18 @@ from repose.calibrate.designs.settings import DesignSettings
 from repose.calibrate.parameter_types import (
     Constraints,
     count_free,
-    far_priors,
-    parameter,
+    find_far_priors,
+    make_parameter_type,
 )
-from repose.calibrate.profiles import OfProfile
-from repose.calibrate.responses import Response, named, responses_of
+from repose.calibrate.profiles import ProfileSection
+from repose.calibrate.responses import Response, find_response, list_responses
 from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.settings import StrategyName, SurrogateName
 from repose.calibrate.strategies.refined import RefineSettings
 from repose.calibrate.strategies.response_surface import ResponseSurfaceSettings
 from repose.calibrate.strategies.sequential import SequentialSettings
 from repose.calibrate.surrogates.settings import NetworkSettings
-from repose.calibrate.targets import LARGEST
+from repose.calibrate.targets import MAX_SIZE
 from repose.calibrate.uncertainty.settings import PosteriorSettings, SensitivitySettings
 from repose.common import faults
 from repose.common.errors import raise_together
@@ -80,7 +80,7 @@ Colour = Annotated[
     Field(pattern=r"^#[0-9a-fA-F]{6}$"),
     Allowed('a colour in quotes, as "#cca86b"'),
 ]
-Number = Annotated[float, Field(ge=-LARGEST, le=LARGEST)]
+Number = Annotated[float, Field(ge=-MAX_SIZE, le=MAX_SIZE)]
 
 
 # --- the contact parameters -----------------------------------------------------------
@@ -100,7 +100,7 @@ class ParametersSettings(Section):
 
     def contradictions(self) -> Contradictions:
         """Refuse a prior that its range excludes, and parameters that are all fixed."""
-        yield from far_priors(self.entries)
+        yield from find_far_priors(self.entries)
         if not count_free(self.entries):
             yield "", "at least one free parameter: there is nothing to calibrate"
 
@@ -119,7 +119,7 @@ def _make_parameters_model() -> type[ParametersSettings]:
     fields: dict[str, Any] = {}
     for name in PARAMETERS:
         field = Field(description=LABELS[name], json_schema_extra={"source": "Table 2"})
-        fields[name] = (parameter(*ALLOWED[name]), field)
+        fields[name] = (make_parameter_type(*ALLOWED[name]), field)
     # A parameter of a law may be absent, since only studies with this law have it.
     for name, law_parameter in LAW_PARAMETERS.items():
         limits = law_parameter.constant
@@ -128,7 +128,7 @@ def _make_parameters_model() -> type[ParametersSettings]:
         laws = ", ".join(f"`{law}`" for law in law_parameter.laws)
         meaning = f"{law_parameter.label}; with {laws} alone"
         field = Field(default=ABSENT, description=meaning)
-        fields[name] = (parameter(limits.least, highest), field)
+        fields[name] = (make_parameter_type(limits.least, highest), field)
     return create_model("Parameters", __base__=ParametersSettings, **fields)
 
 
@@ -165,7 +165,7 @@ class TargetSettings(Section):
     )
     sd: float = Field(
         ge=0,
-        le=LARGEST,
+        le=MAX_SIZE,
         description="standard deviation of the repetitions",
         json_schema_extra={"source": "2.3"},
     )
@@ -189,7 +189,7 @@ class TargetSettings(Section):
         le=1.0e6,
         description="weight of the response in the search's objective",
     )
-    profile: OfProfile = Field(
+    profile: ProfileSection = Field(
         default=ABSENT,
         description="the profile of which the response is a score; the program writes "
         "it",
@@ -204,11 +204,11 @@ class TargetSettings(Section):
             A key of this section and its allowed values. Only the first fault is
             reported, because it usually causes the others.
         """
-        known = [response.name for response in responses_of(self.apparatus)]
+        known = [response.name for response in list_responses(self.apparatus)]
         if not known:
             yield "apparatus", f"one of {', '.join(names())}"
             return
-        response = named(self.response)
+        response = find_response(self.response)
         if response is None or response.apparatus != self.apparatus:
             yield (
                 "response",
@@ -288,7 +288,7 @@ class ExternalTarget(Section):
     unit: str
     definition: str = ABSENT
     noise_sd: float = ABSENT
-    profile: OfProfile = ABSENT
+    profile: ProfileSection = ABSENT
 
 
 # --- other sections -------------------------------------------------------------------

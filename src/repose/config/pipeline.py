@@ -208,7 +208,7 @@ class PipelineConfig:
 
         settings = self.settings
         space = contact_space(settings.parameters.entries)
-        return space.constrained_by(settings.constraints)
+        return space.with_constraints(settings.constraints)
 
     @cached_property
     def targets(self) -> "Targets":

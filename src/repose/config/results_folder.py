@@ -14,7 +14,7 @@ from pathlib import Path
 from repose import bench as apparatus
 from repose.calibrate import strategies
 from repose.calibrate.seeds import UNNAMED
-from repose.calibrate.targets import OWN
+from repose.calibrate.targets import OWN_BENCH
 from repose.common import attached, ledger, places
 from repose.common.errors import InputError, raise_together
 from repose.common.ledger import LEDGER
@@ -49,7 +49,7 @@ def name_run_folder(test: str) -> str:
     """Return the folder of a bench test's runs in the folder of results."""
     if test == UNNAMED:
         return "heaps"
-    if test == OWN:
+    if test == OWN_BENCH:
         return "runs"
     return f"{test}_runs"
 
@@ -159,7 +159,7 @@ def make_output_pattern(outputs: Iterable[str]) -> re.Pattern[str]:
     # published, has no batches.
     names = [name for name in strategies.names() if name != "published"]
     wildcards = dict.fromkeys(NUMBER_WILDCARDS, r"\d+")
-    wildcards["runs"] = "|".join(map(name_run_folder, (*apparatus.names(), OWN)))
+    wildcards["runs"] = "|".join(map(name_run_folder, (*apparatus.names(), OWN_BENCH)))
     wildcards["strategy"] = "|".join(names)
     patterns = [_make_path_pattern(path, wildcards) for path in dict.fromkeys(outputs)]
     return re.compile("|".join(patterns))

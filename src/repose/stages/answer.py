@@ -7,12 +7,12 @@ from typing import Any
 
 from repose.bench.parameters import LABELS, check_value
 from repose.calibrate.answer import (
-    INSIDE,
-    MORE_POURS,
-    WITHIN,
+    INSIDE_COLUMN,
+    MORE_POURS_ADVICE,
+    WITHIN_COLUMNS,
     Check,
     Result,
-    out_of_reach,
+    is_out_of_reach,
 )
 from repose.calibrate.bounds import describe_near_bound
 from repose.calibrate.targets import Target, Targets
@@ -38,8 +38,8 @@ CHECK_COLUMNS = (
     Column("simulated", empty=True),
     Column("simulated_se", empty=True),
     Column("n_seeds", empty=True),
-    *(Column(name, empty=True) for name in WITHIN.values()),
-    Column(INSIDE, empty=True, needed=False),
+    *(Column(name, empty=True) for name in WITHIN_COLUMNS.values()),
+    Column(INSIDE_COLUMN, empty=True, needed=False),
     Column("predicted", empty=True, needed=False),
     Column("optimism", empty=True, needed=False),
     Column("optimism_se", empty=True, needed=False),
@@ -114,7 +114,8 @@ def read_answer(  # noqa: PLR0913  (each describes the study of the answer)
     # all means lie within some percent of the aims. `inside`: that all lie in their ranges.
     first_row = rows[targets.names[0]]
     within = {
-        percent: _number_or_none(first_row, name) for percent, name in WITHIN.items()
+        percent: _number_or_none(first_row, name)
+        for percent, name in WITHIN_COLUMNS.items()
     }
     return Result(
         label=label,
@@ -125,13 +126,13 @@ def read_answer(  # noqa: PLR0913  (each describes the study of the answer)
         folder=Path(results_dir),
         tables=Path(check_csv).parent,
         solutions=Path(solutions_csv),
-        advice=REMEDY_OF_STRATEGY.get(strategy, MORE_POURS),
+        advice=REMEDY_OF_STRATEGY.get(strategy, MORE_POURS_ADVICE),
         why=summary.get("why", ""),
-        out_of_reach=out_of_reach(summary),
+        out_of_reach=is_out_of_reach(summary),
         small_run=small_run,
         near_bounds=tuple(map(describe_near_bound, summary.get("near_bounds", ()))),
         within=within,
-        inside=_number_or_none(first_row, INSIDE),
+        inside=_number_or_none(first_row, INSIDE_COLUMN),
         labels=LABELS,
     )
 
@@ -204,7 +205,7 @@ def _make_check(target: Target, row: Mapping[str, Any], line: str) -> Check:
     `line` describes the line whose slope is an angle of a pile. It is empty for other
     responses.
     """
-    return Check.of(
+    return Check.from_target(
         target,
         simulated=_number_or_none(row, "simulated"),
         standard_error=_number_or_none(row, "simulated_se"),

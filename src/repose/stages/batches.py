@@ -10,8 +10,8 @@ import pandas as pd
 
 from repose.calibrate.dataset_files import read_definitions
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.responses import Definitions, require_same_definitions
-from repose.calibrate.runs import error_of, mean_and_error, of_bench
+from repose.calibrate.responses import Definitions, refuse_other_definitions
+from repose.calibrate.runs import mean_and_error, name_error_column, select_bench_runs
 from repose.calibrate.seeds import UNNAMED
 from repose.calibrate.strategies import answer as answers
 from repose.calibrate.strategies.base import Answer, strategy
@@ -72,7 +72,7 @@ def run_propose(
     """
     for folder in folders:
         batch_definitions, path = read_definitions(Path(folder) / "dataset.csv")
-        require_same_definitions(
+        refuse_other_definitions(
             batch_definitions, path, expected=definitions, source=source
         )
     runs = read_runs_of_batches(folders, study.targets, parameter_names)
@@ -237,7 +237,7 @@ def write_answer(
     )
     physical = validate.compare_with_measurement(pd.Series(row), targets, measure)
     runs_by_bench = {
-        bench: of_bench(answer_runs, bench).to_dict("records")
+        bench: select_bench_runs(answer_runs, bench).to_dict("records")
         for bench in targets.apparatus
     }
     representative = validate.add_probabilities(physical, runs_by_bench, targets)
@@ -356,7 +356,9 @@ def _summarise_runs(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
     good_run_counts = []
     for target in targets:
         response = target.response
-        values = of_bench(good, response.apparatus)[target.name].to_numpy(float)
+        values = select_bench_runs(good, response.apparatus)[target.name].to_numpy(
+            float
+        )
         # The array turns None into NaN.
         mean, error = np.array(mean_and_error(values), dtype=float)
         row[response.simulated] = mean
@@ -364,11 +366,11 @@ def _summarise_runs(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
         good_run_counts.append(len(values))
 
     # Add the mean angle of the piles by every definition.
-    piles = of_bench(good, UNNAMED)
+    piles = select_bench_runs(good, UNNAMED)
     for name in MEAN_KEYS.values():
         if name in piles:
             values = piles[name].dropna().to_numpy(float)
-            row[name], row[error_of(name)] = mean_and_error(values)
+            row[name], row[name_error_column(name)] = mean_and_error(values)
 
     # Describe how the runs ended. Without a good run, the status is the most frequent
     # failure.
@@ -542,7 +544,7 @@ def arrange_for_strategy(
     run_of_sample = good.groupby(sample_and_bench).cumcount()
     good = good.assign(run_of_sample=run_of_sample)
     for target in targets:
-        bench_runs = of_bench(good, target.response.apparatus)
+        bench_runs = select_bench_runs(good, target.response.apparatus)
         values = bench_runs.set_index(["sample", "run_of_sample"])[target.name]
         data[target.name] = values.reindex(row_keys).to_numpy(float)
     return data

@@ -15,11 +15,11 @@ from repose.bench.funnel import FunnelSettings
 from repose.bench.parameters import LABELS
 from repose.bench.settings import SimulationSettings, WallSettings
 from repose.calibrate.answer import Result
-from repose.calibrate.card import assemble
+from repose.calibrate.card import assemble_card
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.profiles import OfProfile
-from repose.calibrate.responses import Response, derived
-from repose.calibrate.runs import error_of
+from repose.calibrate.profiles import ProfileSection
+from repose.calibrate.responses import Response, name_derived_column
+from repose.calibrate.runs import name_error_column
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError, raise_together, require
 from repose.common.files import Path_, read_table, write_json
@@ -32,7 +32,7 @@ from repose.stages.settings import SimulatorSettings
 if TYPE_CHECKING:
     import pandas as pd
 
-    from repose.calibrate.card import Tables
+    from repose.calibrate.card import PosteriorTables
     from repose.grain.particle import Particle
 
 GRAIN_KEYS = (
@@ -69,7 +69,7 @@ class CardTarget(Protocol):
     def response(self) -> str: ...
 
     @property
-    def profile(self) -> OfProfile | None: ...
+    def profile(self) -> ProfileSection | None: ...
 
 
 class CardSettings(Protocol):
@@ -187,7 +187,7 @@ def make_card(
     grain: Mapping[str, Any],
     particle: "Particle",
     feasible: "pd.DataFrame",
-    posterior: "Tables | None" = None,
+    posterior: "PosteriorTables | None" = None,
     dataset_csv: Path_ | None = None,
     answer_row: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
@@ -238,7 +238,7 @@ def make_card(
     for name, assessment in assessments.items():
         tests[name]["reach"] = assessment.record()
 
-    return assemble(
+    return assemble_card(
         subject,
         tests,
         answer=answer,
@@ -254,7 +254,7 @@ def make_external_card(
     answer: Result,
     simulator: str,
     feasible: "pd.DataFrame",
-    posterior: "Tables | None" = None,
+    posterior: "PosteriorTables | None" = None,
     answer_row: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Make the card of a calibration whose runs another program made.
@@ -286,7 +286,7 @@ def make_external_card(
         tests[name] = {"definition": definition, "bench": None}
         if measure is not None:
             tests[name] |= _describe_lines(measure, name, answer_row or {})
-    return assemble(
+    return assemble_card(
         {"simulator": simulator},
         tests,
         answer=answer,
@@ -367,7 +367,7 @@ def _find_chosen_response(study: CardStudy, response: Response) -> Response:
     """
     if CHOSEN_DEFINITION_KEY not in response.definition:
         return response
-    name = derived(response.name, study.settings.measure.response)
+    name = name_derived_column(response.name, study.settings.measure.response)
     for other in bench(response.apparatus).responses:
         if other.name == name:
             return other
@@ -389,7 +389,7 @@ def _collect_definition_settings(
     return settings
 
 
-def _find_profile(study: CardStudy, response: str) -> OfProfile | None:
+def _find_profile(study: CardStudy, response: str) -> ProfileSection | None:
     """Return the profile of the first target of a response; None for a number."""
     for target in study.settings.targets:
         if target.response == response:
@@ -455,7 +455,7 @@ def _describe_lines(
         definitions[definition] = {
             "line": line_of(measure, definition),
             "simulated": _number_or_none(answer_row[column]),
-            "standard_error": _number_or_none(answer_row[error_of(column)]),
+            "standard_error": _number_or_none(answer_row[name_error_column(column)]),
         }
     return {"line": line, "definitions": definitions}
 

@@ -6,14 +6,14 @@ from itertools import combinations
 from typing import Any
 
 from repose.calibrate.answer import (
-    NEAR_BOUNDS,
+    NEAR_BOUNDS_INTRODUCTION,
     Check,
     Verdict,
-    describe_probability,
+    describe_differences,
+    describe_probabilities,
     format_verdict_line,
-    nearness,
 )
-from repose.calibrate.card import RANGE, with_remark
+from repose.calibrate.card import SOLUTION_RANGE, add_remark
 from repose.common.numbers import format_with_error, rounded
 
 # Absolute correlation from which a pair of parameters is listed.
@@ -78,16 +78,16 @@ def describe_card(card: Card) -> str:
     # List each parameter with its interval and its meaning.
     lines.append(f"parameters [{_describe_interval_kind(card)}]:")
     for name, parameter in card["parameters"].items():
-        meaning = with_remark(parameter["meaning"], parameter)
+        meaning = add_remark(parameter["meaning"], parameter)
         lines.append(f"  {name:7} {_format_interval(parameter):32} {meaning}")
     if "near_bounds" in card:
-        lines.append(f"{NEAR_BOUNDS}: {'; '.join(card['near_bounds'])}")
+        lines.append(f"{NEAR_BOUNDS_INTRODUCTION}: {'; '.join(card['near_bounds'])}")
     lines.append(f"correlations of 0.5 and more: {_list_strong_correlations(card)}")
 
     lines.append("tests:")
     for test in card["tests"]:
         lines += [f"  {line}" for line in _describe_test(test)]
-    lines.append(f"  {nearness(map(_read_check, card['tests']))}")
+    lines.append(f"  {describe_differences(map(_read_check, card['tests']))}")
     # The probability is unknown with too few runs.
     for percent, probability in card["within"].items():
         text = "unknown; it requires two good runs of each bench test"
@@ -102,8 +102,8 @@ def describe_card(card: Card) -> str:
 
 def _describe_interval_kind(card: Card) -> str:
     """Describe the interval that follows each parameter in brackets."""
-    if card["interval"] == RANGE:
-        return f"{RANGE}, which is no uncertainty"
+    if card["interval"] == SOLUTION_RANGE:
+        return f"{SOLUTION_RANGE}, which is no uncertainty"
     return str(card["interval"])
 
 
@@ -116,7 +116,7 @@ def _describe_subject(card: Card) -> Iterator[str]:
     if "simulator" in card:
         yield f"simulator: {card['simulator']}"
         if "probability" in card:
-            probability = describe_probability(card["probability"])
+            probability = describe_probabilities(card["probability"])
             yield f"probability that the simulator's means lie {probability}"
         return
 
@@ -177,7 +177,7 @@ def _describe_test(test: Card) -> Iterator[str]:
     # Compare the surrogate's prediction with the simulation, if there is one.
     check = _read_check(test)
     if check.predicted is not None and check.error_percent is not None:
-        optimism = f" ({check.expected_optimism})" if check.expected_optimism else ""
+        optimism = f" ({check.optimism_clause})" if check.optimism_clause else ""
         yield (
             f"  predicted {rounded(check.predicted)}{optimism}, {check.error_percent:.1f} % "
             "off the simulated"

@@ -15,11 +15,11 @@ from typing import Any
 import pandas as pd
 
 from repose.bench import bench
-from repose.calibrate.dataset_files import SUMMARY
+from repose.calibrate.dataset_files import SUMMARY_SUFFIX
 from repose.calibrate.responses import Definitions
 from repose.calibrate.runs import Recorded, summarise_runs
 from repose.calibrate.seeds import UNNAMED
-from repose.calibrate.targets import OWN, Target, Targets
+from repose.calibrate.targets import OWN_BENCH, Target, Targets
 from repose.common.errors import InputError
 from repose.common.files import Path_, read_json, write_json, write_table
 from repose.common.statuses import describe_failures
@@ -99,9 +99,9 @@ def list_recorded_columns(apparatus: str, targets: Targets) -> Recorded:
     Its targets come first, then the responses that it always records.
     """
     names = tuple(target.name for target in _select_targets(targets, apparatus))
-    if apparatus == OWN:
+    if apparatus == OWN_BENCH:
         return Recorded(means=names, single=names)
-    return bench(apparatus).recorded.beginning_with(names)
+    return bench(apparatus).recorded.put_targets_first(names)
 
 
 def count_by_status(dataset: pd.DataFrame, runs: pd.DataFrame) -> dict[str, Any]:
@@ -204,7 +204,7 @@ def run(
     folder = Path(out)
     write_table(folder / f"{prefix}dataset.csv", dataset)
     write_table(folder / f"{prefix}runs.csv", runs)
-    write_json(folder / f"{prefix}dataset{SUMMARY}", summary)
+    write_json(folder / f"{prefix}dataset{SUMMARY_SUFFIX}", summary)
     return summary
 
 
@@ -312,7 +312,7 @@ def read_job(path: Path_, targets: Targets) -> tuple[Job, str]:
 
     # How a run may end depends on its bench test.
     statuses: tuple[str, ...] = RUN_STATUSES
-    if apparatus != OWN:
+    if apparatus != OWN_BENCH:
         statuses = bench(apparatus, path).statuses
     bench_targets = _select_targets(targets, apparatus)
     # Check how each run ended, and the responses of the good ones.

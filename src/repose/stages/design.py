@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pandas as pd
 
-from repose.calibrate.designs.latin_hypercube import design
+from repose.calibrate.designs.latin_hypercube import make_designs
 from repose.calibrate.designs.settings import DesignSettings
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.common.files import Path_, write_table
@@ -22,7 +22,7 @@ def run(
     pandas.DataFrame
         The comparison of designs.
     """
-    samples, comparison = design(parameters, settings)
+    samples, comparison = make_designs(parameters, settings)
     write_table(Path(out_dir) / "samples.csv", samples, float_format="%.10g")
     write_table(Path(out_dir) / "comparison.csv", comparison, float_format="%.6g")
     return samples, comparison

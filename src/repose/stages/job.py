@@ -231,5 +231,5 @@ def measure_runs(scene: Scene, path: Path) -> dict[str, Any]:
         runs.append(test.result(saved_run, arrays, scene))
     # Summarise the responses of the targets first, then those always recorded.
     targets = test.target_responses(scene.settings.config)
-    columns = test.recorded.beginning_with(tuple(target.name for target in targets))
+    columns = test.recorded.put_targets_first(tuple(target.name for target in targets))
     return job | {"summary": summarise_runs(runs, columns), "runs": runs}

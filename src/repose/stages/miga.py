@@ -4,10 +4,10 @@ from pathlib import Path
 from typing import Any
 
 from repose.calibrate import expected_loss
-from repose.calibrate.bounds import near_bounds
+from repose.calibrate.bounds import find_near_bounds
 from repose.calibrate.inversion import invert
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.responses import Definitions, require_same_definitions
+from repose.calibrate.responses import Definitions, refuse_other_definitions
 from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.surrogates import load
 from repose.calibrate.surrogates.support import Support
@@ -64,7 +64,7 @@ def run(
         If the surrogate has other responses or definitions.
     """
     surrogate = load(surrogate_json, targets.names)
-    require_same_definitions(
+    refuse_other_definitions(
         surrogate.definitions, surrogate_json, expected=definitions, source=source
     )
     published = None
@@ -90,7 +90,7 @@ def run(
         summary["representative_judged"] = expected_loss.assess_by_errors(
             surrogate, answer, targets=targets, names=parameters.names
         )
-        summary["near_bounds"] = near_bounds(surrogate, answer, parameters)
+        summary["near_bounds"] = find_near_bounds(surrogate, answer, parameters)
 
     out = Path(out_dir)
     write_table(out / "feasible.csv", inversion.solutions)

@@ -5,10 +5,10 @@ from pathlib import Path
 from typing import Any
 
 from repose.calibrate.dataset_files import read_definitions
-from repose.calibrate.responses import Definitions, require_same_definitions
+from repose.calibrate.responses import Definitions, refuse_other_definitions
 from repose.calibrate.surrogates.settings import NetworkSettings
 from repose.calibrate.targets import Targets
-from repose.calibrate.training import train
+from repose.calibrate.training import train_surrogate
 from repose.common.files import Path_, write_json, write_table
 from repose.stages.parameter_sets import list_parameters
 from repose.stages.tables import read_dataset, read_runs
@@ -64,10 +64,10 @@ def run(  # noqa: PLR0913  (each is part of the study)
     dataset = read_dataset(dataset_csv, targets, parameter_names)
     runs = read_runs(runs_csv, targets, dataset=dataset, dataset_csv=dataset_csv)
     dataset_definitions, summary_json = read_definitions(dataset_csv)
-    require_same_definitions(
+    refuse_other_definitions(
         dataset_definitions, summary_json, expected=definitions, source=source
     )
-    training = train(
+    training = train_surrogate(
         dataset,
         runs,
         targets=targets,

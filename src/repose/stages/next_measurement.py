@@ -21,7 +21,7 @@ import pandas as pd
 
 from repose.bench import Scene, bench_of, bench_tests
 from repose.bench.parameters import PARAMETERS, parameters_among
-from repose.calibrate.responses import responses_of
+from repose.calibrate.responses import list_responses
 from repose.calibrate.targets import Targets
 from repose.calibrate.variance import variance_components
 from repose.common.errors import InputError
@@ -197,7 +197,7 @@ def run(
         job = measure_job(scene, path, Path(out_dir) / path.parent.name)
         test = bench_of(job, path)
         for run in job["runs"]:
-            for response in responses_of(test.name):
+            for response in list_responses(test.name):
                 rows.append(
                     {
                         "apparatus": test.name,

@@ -7,7 +7,13 @@ import numpy as np
 import pandas as pd
 
 from repose.calibrate.inversion import invert
-from repose.calibrate.optimism import COLUMNS, Pours, Search, expected_optimism, shorten
+from repose.calibrate.optimism import (
+    OPTIMISM_COLUMNS,
+    Pours,
+    SearchFunction,
+    estimate_optimism,
+    shorten_search,
+)
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.surrogates import Surrogate, load
@@ -24,7 +30,7 @@ def make_repeated_search(
     settings: MigaSettings,
     count: int,
     support: Support | None = None,
-) -> Search:
+) -> SearchFunction:
     """Make a function that repeats a shortened search with another surrogate.
 
     Parameters
@@ -48,7 +54,7 @@ def make_repeated_search(
 
     def search(surrogate: Surrogate) -> tuple[np.ndarray, Sequence[str]]:
         solutions = invert(
-            surrogate, parameters, targets, shorten(settings), support
+            surrogate, parameters, targets, shorten_search(settings), support
         ).solutions
         selected = select_for_validation(solutions, count, parameters)
         sets = selected[list(parameters.names)].to_numpy(float)
@@ -91,16 +97,16 @@ def run(
     Returns
     -------
     pandas.DataFrame
-        Result of `repose.calibrate.optimism.expected_optimism`. It is empty if no sample
+        Result of `repose.calibrate.optimism.estimate_optimism`. It is empty if no sample
         has two runs, or if `miga.replicates` is 0.
     """
     surrogate = load(surrogate_json, targets.names)
     dataset = read_dataset(dataset_csv, targets, parameter_names)
     runs = read_runs(runs_csv, targets, dataset, dataset_csv)
     pours = Pours.collect(surrogate, dataset, runs, targets)
-    table = pd.DataFrame(columns=list(COLUMNS))
+    table = pd.DataFrame(columns=list(OPTIMISM_COLUMNS))
     if pours is not None and settings.replicates:
-        table = expected_optimism(
+        table = estimate_optimism(
             surrogate,
             pours,
             make_repeated_search(
@@ -108,7 +114,7 @@ def run(
                 targets,
                 settings,
                 count=solutions,
-                support=Support.of_dataset(dataset_csv, parameters),
+                support=Support.from_dataset(dataset_csv, parameters),
             ),
             targets,
             replicates=settings.replicates,

@@ -24,8 +24,8 @@ from typing import Any, NamedTuple
 from jinja2 import DictLoader, Environment, StrictUndefined, TemplateError, meta
 from jinja2.sandbox import SandboxedEnvironment
 
-from repose.calibrate.seeds import pour_seeds
-from repose.calibrate.targets import OWN
+from repose.calibrate.seeds import draw_run_seeds
+from repose.calibrate.targets import OWN_BENCH
 from repose.common import ledger, provenance
 from repose.common.errors import InputError, YamlError, raise_together
 from repose.common.files import Path_, write_json
@@ -378,7 +378,7 @@ def list_pile_responses() -> tuple[str, ...]:
 def draw_seed(study_seed: int, purpose: str, sample: int, run: int) -> int:
     """Draw the seed of a run: a number from 1 to `HIGHEST_SEED`."""
     # The run with number k has the k-th seed of its sample.
-    seeds = pour_seeds(study_seed, purpose, sample, run, apparatus=OWN)
+    seeds = draw_run_seeds(study_seed, purpose, sample, run, apparatus=OWN_BENCH)
     return 1 + seeds[-1] % HIGHEST_SEED
 
 
@@ -430,7 +430,7 @@ def run_once(
     if ending is None:
         ending = _run_in_folder(settings, inputs, run_folder)
     record = {
-        "apparatus": OWN,
+        "apparatus": OWN_BENCH,
         "sample": sample,
         "run": run,
         "seed": seed,

@@ -13,8 +13,8 @@ from repose.calibrate.runs import Recorded, summarise_runs
 from repose.calibrate.strategies.runs import (
     FAILED,
     OK,
-    cells_of_result,
     judge_runs,
+    make_cells,
 )
 from repose.common.errors import InputError, NoFlankError
 from repose.common.files import Path_, read_json, write_json
@@ -149,7 +149,7 @@ def read_responses(
         return Ending("bad_output", _in_one_line(error)), no_numbers
 
     # Judge the run like a row of a user's table, by its numbers and its own status.
-    cells, _ = cells_of_result(contents, responses)
+    cells, _ = make_cells(contents, responses)
     outcome = judge_runs({name: [cell] for name, cell in cells.items()}, responses)
     status = outcome.statuses[0]
     if status == OK:

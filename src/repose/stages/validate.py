@@ -12,11 +12,15 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from repose.calibrate.answer import INSIDE, WITHIN
-from repose.calibrate.chance import Runs, chance_of_meeting
+from repose.calibrate.answer import INSIDE_COLUMN, WITHIN_COLUMNS
+from repose.calibrate.chance import RunsByBench, compute_target_probabilities
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.responses import Response, derived, deviation_percent
-from repose.calibrate.runs import error_of
+from repose.calibrate.responses import (
+    Response,
+    compute_deviation_percent,
+    name_derived_column,
+)
+from repose.calibrate.runs import name_error_column
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
@@ -37,7 +41,7 @@ SELECTION_COLUMNS = ("solution", "role")
 STATUS_COLUMNS = ("n_seeds", "status", "reason")
 # Columns of the angle of a pile by every definition, with their standard errors.
 ANGLE_COLUMNS = tuple(
-    column for name in MEAN_KEYS.values() for column in (name, error_of(name))
+    column for name in MEAN_KEYS.values() for column in (name, name_error_column(name))
 )
 
 
@@ -98,7 +102,7 @@ def add_optimism(
     solutions : pandas.DataFrame
         Parameter sets with the column `role`.
     optimism : pandas.DataFrame
-        Result of `repose.calibrate.optimism.expected_optimism`. Roles that it lacks get
+        Result of `repose.calibrate.optimism.estimate_optimism`. Roles that it lacks get
         empty cells.
     responses : sequence of Response
 
@@ -209,7 +213,7 @@ def make_table4(
         table[response.simulated] = rows[response.simulated]
         table[response.standard_error] = rows[response.standard_error]
 
-        table[response.deviation_percent] = deviation_percent(
+        table[response.deviation_percent] = compute_deviation_percent(
             rows[response.predicted], rows[response.simulated]
         )
     if measure is not None and set(ANGLE_COLUMNS) <= set(rows):
@@ -292,16 +296,18 @@ def compare_with_measurement(
 
 
 def add_probabilities(
-    table: pd.DataFrame, runs: Runs, targets: Targets
+    table: pd.DataFrame, runs: RunsByBench, targets: Targets
 ) -> pd.DataFrame:
     """Add the probabilities that all means are inside, and within 1 % and 2 %.
 
     `table` is that of `compare_with_measurement`, and `runs` are those of its solution.
     """
     probabilities = {}
-    for percent, column in WITHIN.items():
-        probabilities[column] = chance_of_meeting(runs, targets, percent)["all"]
-    probabilities[INSIDE] = chance_of_meeting(runs, targets)["all"]
+    for percent, column in WITHIN_COLUMNS.items():
+        probabilities[column] = compute_target_probabilities(runs, targets, percent)[
+            "all"
+        ]
+    probabilities[INSIDE_COLUMN] = compute_target_probabilities(runs, targets)["all"]
     return table.assign(**probabilities)
 
 
@@ -499,7 +505,7 @@ def write_published_sets(
     response_names = dict.fromkeys((*targets.names, "height_mm", *MEAN_KEYS.values()))
     for name in response_names:
         if name in simulated and name != CALIBRATED_ANGLE:
-            columns = [name, error_of(name)]
+            columns = [name, name_error_column(name)]
             table[columns] = simulated[columns].astype(float)
     table[list(STATUS_COLUMNS)] = simulated[list(STATUS_COLUMNS)]
     table = table.assign(**simulated_by)
@@ -556,11 +562,11 @@ def compare_with_published(
     # Add the simulated responses, and how much they differ from the publication's.
     for response, column in column_of_response.items():
         table[response.simulated] = stored[column]
-        table[response.standard_error] = stored[error_of(column)]
-        published_column = derived(response.name, "published_simulated")
+        table[response.standard_error] = stored[name_error_column(column)]
+        published_column = name_derived_column(response.name, "published_simulated")
         if published_column in stored:
             difference = stored[column] - stored[published_column]
-            table[derived(response.name, "difference")] = difference
+            table[name_derived_column(response.name, "difference")] = difference
     if set(ANGLE_COLUMNS) <= set(stored):
         table["line"] = describe_calibrated_lines(targets.responses, measure)
     # A set is stale if engine or scene have changed since its simulation.

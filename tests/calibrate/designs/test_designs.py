@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from refusals import value_error
 
-from repose.calibrate.designs.ascent import ascent_direction, path
+from repose.calibrate.designs.ascent import compute_ascent_direction, make_ascent_path
 from repose.calibrate.designs.box_behnken import BLOCKS, box_behnken
 from repose.calibrate.designs.central_composite import central_composite
-from repose.calibrate.designs.model import columns, terms_of
+from repose.calibrate.designs.model import compute_terms, list_terms
 from repose.calibrate.designs.plackett_burman import GENERATORS, plackett_burman
 
 PRINTED = Path(__file__).parent / "printed"
@@ -99,7 +99,7 @@ def test_box_behnken_is_balanced(factors):
         assert len(sets) == factors * (factors - 1) // 2
         assert len(pairs) == len(sets)
     # the quadratic model is determined
-    values = columns(design, terms_of(factors, "quadratic"))
+    values = compute_terms(design, list_terms(factors, "quadratic"))
     matrix = np.column_stack([np.ones(len(design)), values])
     assert np.linalg.matrix_rank(matrix) == matrix.shape[1]
     # orthogonal blocks (Box and Hunter 1957): every term has the same mean in each of them
@@ -132,12 +132,12 @@ def test_rotatable_designs_as_printed(factors, alpha, runs):
 @pytest.mark.parametrize("factors", ROTATABLE_CENTRES)
 def test_a_rotatable_design_predicts_equally_well_at_equal_distance(factors):
     design, _ = central_composite(factors, "rotatable", ROTATABLE_CENTRES[factors])
-    terms = terms_of(factors, "quadratic")
-    matrix = np.column_stack([np.ones(len(design)), columns(design, terms)])
+    terms = list_terms(factors, "quadratic")
+    matrix = np.column_stack([np.ones(len(design)), compute_terms(design, terms)])
     inverse = np.linalg.inv(matrix.T @ matrix)
     points = np.random.default_rng(3).normal(size=(20, factors))
     points *= 1.3 / np.linalg.norm(points, axis=1)[:, None]
-    rows = np.column_stack([np.ones(20), columns(points, terms)])
+    rows = np.column_stack([np.ones(20), compute_terms(points, terms)])
     variance = np.einsum("ni,ij,nj->n", rows, inverse, rows)
     assert np.ptp(variance) < 1e-9 * variance.mean()
 
@@ -153,12 +153,14 @@ def test_a_face_centred_design_has_three_levels():
 
 
 def climbed(*slopes):
-    return ascent_direction(np.array([slopes]), np.array([1.0]), np.array([1.0]))
+    return compute_ascent_direction(
+        np.array([slopes]), np.array([1.0]), np.array([1.0])
+    )
 
 
 def test_the_path_and_the_direction_of_two_textbooks():
     # Montgomery, Example 11-1: 40.44 + 0.775 x1 + 0.325 x2; 5 minutes a step are 1 in x1 and 0.42 in x2, 2 degrees
-    points = 12.0 * path(climbed(0.775, 0.325), 12)
+    points = 12.0 * make_ascent_path(climbed(0.775, 0.325), 12)
     assert points[1] == pytest.approx([1, 0.42], abs=5e-3)
     natural = np.array([35.0, 155.0]) + 5.0 * points
     assert natural[0].tolist() == [35, 155]
@@ -171,11 +173,11 @@ def test_the_path_and_the_direction_of_two_textbooks():
 
 def test_one_response_is_climbed_and_several_descend_the_sum_of_their_squared_misses():
     slope = np.array([[0.775, 0.325]])
-    up = ascent_direction(slope, np.array([3.0]), np.array([40.0]))
+    up = compute_ascent_direction(slope, np.array([3.0]), np.array([40.0]))
     assert up == pytest.approx(slope[0] / np.linalg.norm(slope))
-    assert ascent_direction(slope, np.array([-3.0]), np.array([40.0])) == pytest.approx(
-        -up
-    )
+    assert compute_ascent_direction(
+        slope, np.array([-3.0]), np.array([40.0])
+    ) == pytest.approx(-up)
     value_error("other than 0", climbed, 0.0, 0.0)
     slopes = np.array([[1.0, 0.5], [-0.2, 0.8]])
     missing = np.array([2.0, 1.0])
@@ -188,4 +190,6 @@ def test_one_response_is_climbed_and_several_descend_the_sum_of_their_squared_mi
         np.array([np.cos(a), np.sin(a)]) * 1e-5 for a in np.linspace(0, 2 * np.pi, 3601)
     ]
     expected = min(steps, key=misses) / 1e-5
-    assert ascent_direction(slopes, missing, scale) == pytest.approx(expected, abs=2e-3)
+    assert compute_ascent_direction(slopes, missing, scale) == pytest.approx(
+        expected, abs=2e-3
+    )

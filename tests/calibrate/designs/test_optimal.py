@@ -7,15 +7,15 @@ import pytest
 from refusals import value_error
 
 from repose.calibrate.designs.box_behnken import box_behnken
-from repose.calibrate.designs.model import fit, terms_of
+from repose.calibrate.designs.model import fit_model, list_terms
 from repose.calibrate.designs.optimal import (
     LEVELS,
     RIDGE,
-    added_runs,
-    log_determinant,
+    choose_added_runs,
+    compute_log_determinant,
     replace_forbidden,
 )
-from repose.calibrate.designs.optimum import optimum
+from repose.calibrate.designs.optimum import find_optimum
 from repose.calibrate.designs.region import Region
 
 
@@ -41,13 +41,13 @@ def rows_of(points):
 
 def test_on_a_triangle_the_runs_are_its_corners_and_the_middles_of_its_sides():
     # The D-optimal design of a quadratic on a simplex is Scheffe's lattice (Kiefer 1961).
-    runs = added_runs(NOTHING, 6, TRIANGLE, terms_of(2, "quadratic"))
+    runs = choose_added_runs(NOTHING, 6, TRIANGLE, list_terms(2, "quadratic"))
     lattice = [(-1, -1), (-1, 0), (-1, 1), (0, 0), (0, 1), (1, 1)]
     assert rows_of(runs) == lattice
 
 
 def test_on_a_square_the_runs_are_the_factorial_of_three_levels():
-    runs = added_runs(NOTHING, 9, WHOLE, terms_of(2, "quadratic"))
+    runs = choose_added_runs(NOTHING, 9, WHOLE, list_terms(2, "quadratic"))
     levels = (-1.0, 0.0, 1.0)
     assert rows_of(runs) == [(x, y) for x in levels for y in levels]
 
@@ -56,14 +56,14 @@ def test_on_a_square_the_runs_are_the_factorial_of_three_levels():
     ("linear", [-1, -1, 1, 1]), ("quadratic", [-1, 0, 1]),
 ])  # fmt: skip
 def test_on_a_line_the_runs_are_those_of_de_la_garza(order, runs):
-    found = added_runs(np.empty((0, 1)), len(runs), LINE, terms_of(1, order))
+    found = choose_added_runs(np.empty((0, 1)), len(runs), LINE, list_terms(1, order))
     assert sorted(found.ravel().tolist()) == runs
 
 
 def test_no_pair_of_runs_is_better_than_the_one_that_is_added():
-    terms = terms_of(2, "quadratic")
+    terms = list_terms(2, "quadratic")
     kept = np.array([[-1, -1], [-1, 1], [-0.5, 0.0], [0, 0], [-0.2, -1.0]])
-    found = added_runs(kept, 2, SLANTED, terms)
+    found = choose_added_runs(kept, 2, SLANTED, terms)
     assert SLANTED.is_allowed(found).all()
     # The twin: all pairs of levels.
     grid = np.stack(np.meshgrid(LEVELS, LEVELS), axis=-1).reshape(-1, 2)
@@ -74,7 +74,7 @@ def test_no_pair_of_runs_is_better_than_the_one_that_is_added():
         X = np.column_stack([np.ones(len(x)), x, y, x * y, x**2, y**2])
         return np.linalg.slogdet(X.T @ X + RIDGE * np.eye(6)).logabsdet
 
-    value = log_determinant(np.vstack([kept, found]), terms)
+    value = compute_log_determinant(np.vstack([kept, found]), terms)
     assert value == pytest.approx(determinant(found), abs=1e-6)
     assert value >= max(map(determinant, map(list, combinations(grid, 2)))) - 1e-6
 
@@ -89,10 +89,10 @@ def test_allowed_runs_stay_and_all_coefficients_are_found():
     assert (found.coded[~is_forbidden] == design[~is_forbidden]).all()
     assert (found.coded[:, 0] + found.coded[:, 1] <= 0.5).all()
     coefficients = np.arange(1.0, 11.0)
-    terms = terms_of(3, "quadratic")
+    terms = list_terms(3, "quadratic")
     columns = [found.coded[:, list(term)].prod(axis=1) for term in terms]
     response = np.column_stack([np.ones(len(design)), *columns]) @ coefficients
-    model = fit(found.coded, response, "ABC", "quadratic")
+    model = fit_model(found.coded, response, "ABC", "quadratic")
     assert model.all_coefficients == pytest.approx(coefficients)
 
 
@@ -114,12 +114,12 @@ def test_a_region_that_leaves_the_model_open_is_refused():
 
 
 def test_the_nearest_allowed_point_is_the_foot_of_the_perpendicular():
-    assert TRIANGLE.nearest(np.array([1.0, -1])) == pytest.approx([0, 0], abs=1e-6)
-    assert TRIANGLE.nearest(np.array([0.5, 0.1])) == pytest.approx([0.3, 0.3])
+    assert TRIANGLE.find_nearest(np.array([1.0, -1])) == pytest.approx([0, 0], abs=1e-6)
+    assert TRIANGLE.find_nearest(np.array([0.5, 0.1])) == pytest.approx([0.3, 0.3])
     allowed = np.array([-0.2, 0.4])
-    assert (TRIANGLE.nearest(allowed) == allowed).all()
+    assert (TRIANGLE.find_nearest(allowed) == allowed).all()
     for point in np.random.default_rng(1).uniform(-1, 1, (20, 2)):
-        assert SLANTED.is_allowed(SLANTED.nearest(point)[None])[0]
+        assert SLANTED.is_allowed(SLANTED.find_nearest(point)[None])[0]
 
 
 def test_the_centre_of_a_region_is_that_of_the_cube_or_the_centroid():
@@ -132,20 +132,20 @@ def test_the_centre_of_a_region_is_that_of_the_cube_or_the_centroid():
 
 def flat(function):
     runs = box_behnken(3, 3)
-    return fit(runs, function(*runs.T), "ABC", "quadratic")
+    return fit_model(runs, function(*runs.T), "ABC", "quadratic")
 
 
 def test_an_optimum_stays_where_it_is_allowed():
     model = [flat(lambda a, b, c: 10 + 3 * a + 4 * b)]
     # Without a constraint the nearest point that meets 12 is (0.24, 0.32, 0).
     half = region(lambda a, b, c: a, factors=3)
-    found = optimum(model, [12], [12], [9], [15], half)
+    found = find_optimum(model, [12], [12], [9], [15], half)
     assert found.met
     assert found.coded == pytest.approx([0, 0.5, 0], abs=1e-6)
     assert half.is_allowed(found.coded[None])[0]
     # The largest 3 A + 4 B with A + B <= 1 is 4.
     slope = region(lambda a, b, c: a + b - 1, factors=3)
-    found = optimum(model, [30], [30], [20], [40], slope)
+    found = find_optimum(model, [30], [30], [20], [40], slope)
     assert not found.met
     assert found.coded[:2] == pytest.approx([0, 1], abs=1e-4)
     assert slope.is_allowed(found.coded[None])[0]

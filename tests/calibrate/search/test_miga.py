@@ -113,13 +113,13 @@ def test_children_lie_between_their_parents():
 def test_the_tournament_is_as_published():
     # The best of p by rank wins a draw of three with probability 1 - (1 - 1/p)^3.
     search = search_of(2, islands=50, population=10)
-    search._draw()
+    search._draw_round()
     assert np.mean(search._winners == 0) == pytest.approx(1 - 0.9**3, abs=0.01)
 
 
 def test_mutation_is_as_published():
     search = search_of(6, islands=50)
-    search._draw()
+    search._draw_round()
     hit = search._mutation[search._mutation != 0]
     assert hit.size / search._mutation.size == pytest.approx(0.05, abs=0.003)
     assert hit.std() == pytest.approx(0.1, abs=0.005)
@@ -129,7 +129,7 @@ def test_migration_is_as_published():
     points = np.arange(12.0).reshape(12, 1)
     fitness = np.array([3.0, 1, 2, 9, 8, 7, 5, 4, 6, 0, 11, 10])
     search = search_of(1, islands=3, population=4)
-    moved, its_fitness = migrate(points, fitness, search._ranked(fitness))
+    moved, its_fitness = migrate(points, fitness, search._rank(fitness))
     expected = points.copy()
     # worst of the next island, best of this one
     expected[[4, 10, 3]] = points[[1, 7, 9]]

@@ -14,7 +14,7 @@ from repose.calibrate.search.objective import (
     Archive,
     Objective,
     Preference,
-    distinct,
+    select_distinct,
 )
 
 
@@ -121,7 +121,7 @@ def test_thinning_against_its_slow_twin(most, distance):
     fitness = random.randint(0, 50, 300).astype(float)
     points[100:120] = points[:20]
     expected = distinct_slowly(points, fitness, distance, most)
-    assert distinct(points, fitness, distance, most).tolist() == expected
+    assert select_distinct(points, fitness, distance, most).tolist() == expected
 
 
 def test_archive_is_bounded_distinct_sorted_and_holds_the_best():

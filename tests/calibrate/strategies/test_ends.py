@@ -6,16 +6,16 @@ import pytest
 from decades import FRICTIONS, REPETITIONS, SCATTER, responses
 
 import repose
-from repose.calibrate.answer import NOT_SIMULATED, out_of_reach
+from repose.calibrate.answer import ENDS_NOT_SIMULATED, is_out_of_reach
 from repose.calibrate.inversion import _find_missing_simulation
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.strategies.base import Batch
 from repose.calibrate.strategies.sequential import strategy
 from repose.calibrate.strategies.sequential.advise import (
-    OUT_OF_REACH,
+    UNREACHABLE_PROBABILITY,
     _find_reason_to_stop,
+    find_nearest_ends,
     has_run_at,
-    nearest_ends,
 )
 from repose.calibrate.surrogates.support import Support
 
@@ -24,7 +24,7 @@ SPACE = ParameterSpace.of({"gamma": [0.0, 10.0], "mu": [0.1, 0.9]})
 
 def test_an_end_is_one_at_which_half_of_the_nearest_points_lie():
     points = np.array([[0.0, 0.2, 1.0], [0.0, 1.0, 0.9995], [0.3, 0.4, 1.0]])
-    assert nearest_ends(points).tolist() == pytest.approx(
+    assert find_nearest_ends(points).tolist() == pytest.approx(
         [0.0, np.nan, 1.0], nan_ok=True
     )
 
@@ -51,7 +51,7 @@ def test_the_reason_is_out_of_reach_only_with_a_run_there(
         section,
         probability=0.0,
         reachable=0.0,
-        attainable=OUT_OF_REACH / 2,
+        attainable=UNREACHABLE_PROBABILITY / 2,
         n_samples=n_samples,
         is_past_start=True,
         is_end_simulated=is_end_simulated,
@@ -99,14 +99,14 @@ def test_a_search_on_a_surrogate_makes_no_verdict_at_an_end_without_samples():
     random = np.random.default_rng(1)
     solutions = pd.DataFrame({"gamma": [0.0], "mu": [0.4], "feasible": [False]})
     inside = random.random((40, 2)) * 0.9 + 0.05
-    support = Support.of(SPACE.values(inside), SPACE)
+    support = Support.from_space(SPACE.values(inside), SPACE)
     middle = np.zeros(2)
     stop = _find_missing_simulation(solutions, SPACE, support, middle)
-    assert stop == {"stop": NOT_SIMULATED}
-    assert not out_of_reach({"feasible": False, **stop})
-    at_end = Support.of(SPACE.values(np.vstack([inside, [0.005, 0.5]])), SPACE)
+    assert stop == {"stop": ENDS_NOT_SIMULATED}
+    assert not is_out_of_reach({"feasible": False, **stop})
+    at_end = Support.from_space(SPACE.values(np.vstack([inside, [0.005, 0.5]])), SPACE)
     assert _find_missing_simulation(solutions, SPACE, at_end, middle) == {}
-    assert out_of_reach({"feasible": False})
+    assert is_out_of_reach({"feasible": False})
     away = solutions.assign(gamma=5.0)
     assert _find_missing_simulation(away, SPACE, support, middle) == {}
     # The answer stays among the samples, and the search comes nearer at the end.

@@ -8,13 +8,13 @@ from refusals import value_error
 from scipy.stats import multivariate_normal, norm
 
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.probability import probability_in_box
+from repose.calibrate.probability import compute_box_probability
 from repose.calibrate.strategies.sequential.kriging import (
-    DRAWS,
     FACTOR_MEDIAN,
+    N_DRAWS,
     PRIOR_FREEDOM,
     Kriging,
-    Observed,
+    ObservedSamples,
     SpaceKriging,
     _estimate_factor,
 )
@@ -30,7 +30,7 @@ def poured(n=30, seeds=3, seed=1, noise=NOISE, d=2):
     mean = np.column_stack(
         [30 + 8 * unit[:, 0], 60 + 12 * unit[:, 0] - 9 * unit[:, 1] ** 2]
     )
-    return Observed(
+    return ObservedSamples(
         unit,
         mean[:, None] + random.multivariate_normal(np.zeros(2), noise, size=(n, seeds)),
     )
@@ -48,7 +48,7 @@ def test_probability_of_a_box(k):
         multivariate_normal.cdf, high, abseps=1e-6, lower_limit=low, rng=random
     )
     slow = [integral(m, c) for m, c in zip(mean, covariance, strict=True)]
-    assert probability_in_box(mean, covariance, low, high) == pytest.approx(
+    assert compute_box_probability(mean, covariance, low, high) == pytest.approx(
         slow, abs=1e-12 if k == 1 else 2e-3
     )
 
@@ -65,7 +65,7 @@ def test_errors_are_those_of_one_process_of_all_responses():
     means = np.array([mean for mean, _ in slow])
     covariances = np.array([covariance for _, covariance in slow])
     found = model.predict(points)
-    assert len(slow) == DRAWS
+    assert len(slow) == N_DRAWS
     assert found[0] == pytest.approx(means.mean(axis=0), rel=1e-8)
     for i in range(len(points)):
         mixture = model.factor * covariances[:, i].mean(axis=0) + np.cov(
@@ -210,7 +210,7 @@ def test_too_few_pours_are_refused():
 def test_a_point_is_sound_if_no_failed_sample_is_nearer_than_a_good_one(
     point, is_sound
 ):
-    observed = Observed(
+    observed = ObservedSamples(
         unit=np.array([[0.25], [0.75]]),
         values=np.zeros((2, 1, 1)),
         failed=np.array([[0.5], [1.0]]),
@@ -225,7 +225,7 @@ def test_a_mean_alone_has_the_bits_of_a_prediction():
     unit = random.random((12, 2))
     means = np.column_stack([unit.sum(axis=1), unit[:, 0] ** 2])
     values = means[:, None] + 0.1 * random.normal(size=(12, 2, 2))
-    model = Kriging(Observed(unit, values))
+    model = Kriging(ObservedSamples(unit, values))
     points = random.random((20, 2))
     mean, covariance = model.predict(points)
     np.testing.assert_array_equal(model.mean(points), mean)
@@ -248,6 +248,6 @@ def test_a_nugget_is_estimated_once(monkeypatch):
     unit = random.random((12, 2))
     means = unit[:, 0] + 0.1 * random.normal(size=12)
     shares = np.ones(12)
-    first = noise.nugget(unit, means, shares)
+    first = noise.estimate_nugget(unit, means, shares)
     monkeypatch.setattr(process, "Process", None)
-    assert noise.nugget(unit.copy(), means.copy(), shares) == first
+    assert noise.estimate_nugget(unit.copy(), means.copy(), shares) == first

@@ -8,23 +8,25 @@ from scipy.stats import qmc
 
 from repose.calibrate.strategies.sequential import kriging, noise
 from repose.calibrate.strategies.sequential.kriging import (
-    DRAWS,
-    MOST_EXACT,
+    MAX_EXACT_SAMPLES,
+    N_DRAWS,
     Kriging,
-    Observed,
+    ObservedSamples,
 )
-from repose.calibrate.strategies.sequential.noise import nugget
-from repose.calibrate.strategies.sequential.reach import FUNCTIONS, Draws
+from repose.calibrate.strategies.sequential.noise import estimate_nugget
+from repose.calibrate.strategies.sequential.reach import N_FUNCTIONS, Draws
 from repose.calibrate.surrogates.process import (
     Process,
     SparseProcess,
-    smooth,
-    spread_centres,
-    straight,
+    choose_centres,
+    make_linear_kernel,
+    make_smooth_kernel,
 )
 
 NOISE = np.diag([0.3**2, 0.5**2])
-KERNEL = straight(1.7) + smooth(0.8, [0.5, 0.9, 0.7], smoothness=2.5)
+KERNEL = make_linear_kernel(1.7) + make_smooth_kernel(
+    0.8, [0.5, 0.9, 0.7], smoothness=2.5
+)
 
 
 def curved(unit):
@@ -43,7 +45,7 @@ def simulated(n, seed=1):
     random = np.random.default_rng(seed)
     unit = random.random((n, 4))
     runs = curved(unit) + random.standard_normal((n, 2)) @ np.sqrt(NOISE)
-    return Observed(unit, runs[:, None])
+    return ObservedSamples(unit, runs[:, None])
 
 
 def scattered(n, seed=1):
@@ -78,12 +80,12 @@ def test_a_sparse_process_is_the_matrices_of_its_definition():
     assert mean == pytest.approx(expected_mean, rel=1e-6)
     assert sparse.mean(points) == pytest.approx(expected_mean, rel=1e-6)
     assert variance == pytest.approx(expected_variance, rel=1e-6)
-    found = sparse.left_out()
+    found = sparse.predict_left_out()
     for row in range(40):
         left = predict(np.arange(40) != row, x[row : row + 1])
         assert [one[row] for one in found] == pytest.approx(np.ravel(left), rel=1e-5)
     two = np.column_stack([values, 2 * values])
-    assert sparse.weights_of(two)[:, 1] == pytest.approx(2 * sparse.weights)
+    assert sparse.compute_weights(two)[:, 1] == pytest.approx(2 * sparse.weights)
 
 
 def test_with_all_points_as_centres_it_is_the_exact_process():
@@ -93,15 +95,15 @@ def test_with_all_points_as_centres_it_is_the_exact_process():
     sparse = SparseProcess(KERNEL, x, values, errors, x)
     for one, other in (
         (sparse.moments(points), exact.moments(points)),
-        (sparse.left_out(), exact.left_out()),
+        (sparse.predict_left_out(), exact.predict_left_out()),
     ):
         assert np.array(one) == pytest.approx(np.array(other), rel=1e-5)
-    assert exact.weights_of(values) == pytest.approx(exact.weights, rel=1e-9)
+    assert exact.compute_weights(values) == pytest.approx(exact.weights, rel=1e-9)
 
 
 def test_centres_are_the_points_of_the_largest_variance_left():
     x, _, _ = scattered(30)
-    rows = spread_centres(KERNEL, x, 8)
+    rows = choose_centres(KERNEL, x, 8)
     for k, row in enumerate(rows):
         left = KERNEL.diag(x)
         if k:
@@ -112,34 +114,34 @@ def test_centres_are_the_points_of_the_largest_variance_left():
         assert left[row] == pytest.approx(left.max(), rel=1e-6)
     # Points that are there twice explain each other.
     twice = np.vstack([x, x])
-    assert len(spread_centres(KERNEL, twice, 60)) == 30
+    assert len(choose_centres(KERNEL, twice, 60)) == 30
 
 
 def test_up_to_the_limit_nothing_is_sparse(monkeypatch):
     def refuse(*arguments):
         raise AssertionError
 
-    monkeypatch.setattr(kriging, "MOST_EXACT", 20)
-    monkeypatch.setattr(noise, "MOST_EXACT", 20)
+    monkeypatch.setattr(kriging, "MAX_EXACT_SAMPLES", 20)
+    monkeypatch.setattr(noise, "MAX_EXACT_SAMPLES", 20)
     many = Kriging(simulated(21), NOISE)
     assert [type(one) for one in many.sets[0]] == [SparseProcess] * 2
     assert len(many.sets) == 1
     functions = Draws(many, 0, np.random.default_rng(1))(np.zeros((3, 4)))
-    assert functions.shape == (FUNCTIONS, 3, 2)
+    assert functions.shape == (N_FUNCTIONS, 3, 2)
 
     monkeypatch.setattr(kriging, "_make_sparse_process", refuse)
     monkeypatch.setattr(noise, "_interpolate_evidence", refuse)
     few = simulated(20)
     model = Kriging(few, NOISE)
     assert [type(one) for one in model.sets[0]] == [Process] * 2
-    assert len(model.sets) == DRAWS
-    assert nugget(few.unit, few.means[:, 0], np.ones(20)) > 0
+    assert len(model.sets) == N_DRAWS
+    assert estimate_nugget(few.unit, few.means[:, 0], np.ones(20)) > 0
     with pytest.raises(AssertionError):
         Kriging(simulated(21), NOISE)
 
 
 def test_functions_drawn_from_a_sparse_process_have_its_moments():
-    model = Kriging(simulated(MOST_EXACT + 44), NOISE)
+    model = Kriging(simulated(MAX_EXACT_SAMPLES + 44), NOISE)
     points = np.random.default_rng(5).random((6, 4))
     mean, covariance = model.predict(points)
     random = np.random.default_rng(6)
@@ -156,7 +158,9 @@ def test_the_work_grows_with_the_number_of_samples_and_not_with_its_cube():
         best = np.inf
         for _ in range(3):
             start = time.process_time()
-            SparseProcess(KERNEL, x, values, errors, x[:MOST_EXACT]).left_out()
+            SparseProcess(
+                KERNEL, x, values, errors, x[:MAX_EXACT_SAMPLES]
+            ).predict_left_out()
             best = min(best, time.process_time() - start)
         return best
 
@@ -171,9 +175,9 @@ def test_the_noise_of_many_single_runs_is_known_better_than_to_a_step_of_the_sha
         observed = simulated(600, seed)
         shares = np.ones(600)
         for values, variance in zip(observed.means.T, NOISE.diagonal(), strict=True):
-            factors.append(nugget(observed.unit, values, shares) / variance)
-    # The best of `SHARES` alone may be wrong by half a step.
-    half_step = np.sqrt(noise.SHARES[1] / noise.SHARES[0])
+            factors.append(estimate_nugget(observed.unit, values, shares) / variance)
+    # The best of `NOISE_SHARES` alone may be wrong by half a step.
+    half_step = np.sqrt(noise.NOISE_SHARES[1] / noise.NOISE_SHARES[0])
     assert np.abs(np.log(factors)).max() < np.log(half_step)
 
 
@@ -185,8 +189,8 @@ def test_predictions_and_errors_are_as_good_as_those_of_the_exact_processes(
     truth = curved(points)
     errors = {}
     shares = {}
-    for limit in (MOST_EXACT, 10**9):
-        monkeypatch.setattr(kriging, "MOST_EXACT", limit)
+    for limit in (MAX_EXACT_SAMPLES, 10**9):
+        monkeypatch.setattr(kriging, "MAX_EXACT_SAMPLES", limit)
         squares = []
         inside = []
         for seed in range(3):
@@ -198,5 +202,5 @@ def test_predictions_and_errors_are_as_good_as_those_of_the_exact_processes(
         shares[limit] = np.mean(inside)
     # The ratio of single seeds scatters by 15 %, as lengths of 256 samples are uncertain.
     # These bounds are three standard errors of three seeds.
-    assert errors[MOST_EXACT] < 1.25 * errors[10**9]
-    assert shares[MOST_EXACT] > shares[10**9] - 0.05
+    assert errors[MAX_EXACT_SAMPLES] < 1.25 * errors[10**9]
+    assert shares[MAX_EXACT_SAMPLES] > shares[10**9] - 0.05

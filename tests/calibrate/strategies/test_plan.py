@@ -26,7 +26,7 @@ def study_of(responses):
 
 def planned(responses, runs=None):
     known = study_of(responses)
-    return plan.plan(known.parameters, known.targets, "sequential", runs)
+    return plan.make_plan(known.parameters, known.targets, "sequential", runs)
 
 
 def runs_of(sd, samples=400, seed=1):
@@ -42,23 +42,23 @@ def runs_of(sd, samples=400, seed=1):
 
 def test_the_noise_of_the_runs_and_errors_of_shares_by_hand():
     sd = np.array([0.5, 2.0])
-    found = plan.measured_noise(runs_of(sd), TARGETS)
+    found = plan.estimate_noise(runs_of(sd), TARGETS)
     # 400 degrees of freedom: a variance is known to 7 %
     assert found == pytest.approx(np.outer(sd, sd) * [[1, 0.5], [0.5, 1]], rel=0.25)
     assert planned(2, runs_of(sd)).measured
     found = planned(1)
     for percent in (1.0, 2.0):
         by_hand = (
-            norm.ppf((1 + plan.CERTAINTY) / 2) * plan.NOISE_PERCENT / percent
+            norm.ppf((1 + plan.CERTAINTY) / 2) * plan.DEFAULT_NOISE_PERCENT / percent
         ) ** 2
         assert found.needed[percent] == int(np.ceil(by_hand))
     assert not found.measured
     runs = runs_of(np.array([0.5, 2.0])).drop_duplicates("sample")
     few = r"a\.csv: runs that determine the noise is 0; expected at least 3"
-    input_error(few, plan.measured_noise, runs, TARGETS, "a.csv")
+    input_error(few, plan.estimate_noise, runs, TARGETS, "a.csv")
     shares, trials = pd.Series([0.0, 0.6, 1.0]), pd.Series([40, 40, 80])
     by_hand = [beta(1, 41).std(), beta(25, 17).std(), beta(81, 1).std()]
-    assert plan.share_error(shares, trials).to_numpy() == pytest.approx(
+    assert plan.compute_share_error(shares, trials).to_numpy() == pytest.approx(
         by_hand, rel=1e-12
     )
     # 150 jobs of 6 pours of 500 grains took 27.6 MB
@@ -68,7 +68,7 @@ def test_the_noise_of_the_runs_and_errors_of_shares_by_hand():
         pd.read_csv(ROOT / "research/answers/hidden_truths.csv")
     )
     pd.testing.assert_frame_equal(
-        pd.read_csv(plan.SUCCESS), expected, atol=5e-4, check_dtype=False
+        pd.read_csv(plan.SUCCESS_FILE), expected, atol=5e-4, check_dtype=False
     )
 
 
@@ -80,13 +80,13 @@ CASES = [
 
 
 def campaigns(responses):
-    return pd.read_csv(plan.SUCCESS).query("responses == @responses")
+    return pd.read_csv(plan.SUCCESS_FILE).query("responses == @responses")
 
 
 @pytest.mark.parametrize(("responses", "name"), CASES)
 def test_a_probability_rises_with_the_pours_and_falls_with_the_scatter(responses, name):
     by_noise = [
-        plan.success_by_budget(responses, percent)[name].to_numpy()
+        plan.estimate_success(responses, percent)[name].to_numpy()
         for percent in (1.0, 1.1, 1.9, 5.0, 10.0)
     ]
     assert (np.diff(by_noise, axis=1) > 0).all()
@@ -98,7 +98,7 @@ def test_a_probability_rises_with_the_pours_and_falls_with_the_scatter(responses
 @pytest.mark.parametrize(("responses", "name"), CASES)
 def test_a_curve_is_the_most_likely_one_and_agrees_with_its_campaigns(responses, name):
     table = campaigns(responses)
-    curve = plan.Curve.fit(table, name)
+    curve = plan.SuccessCurve.fit(table, name)
     probability = np.array(
         [
             float(curve.probability(row.pours, row.noise_percent))
@@ -118,13 +118,15 @@ def test_a_curve_is_the_most_likely_one_and_agrees_with_its_campaigns(responses,
 
 
 def test_a_curve_is_found_again_from_its_own_shares():
-    made = plan.Curve(level=-4.0, by_pours=1.5, by_noise=-2.0)
+    made = plan.SuccessCurve(level=-4.0, by_pours=1.5, by_noise=-2.0)
     table = campaigns(1)[["pours", "noise_percent", "truths"]].reset_index(drop=True)
     logit = -4.0 + 1.5 * np.log(table["pours"]) - 2.0 * np.log(table["noise_percent"])
-    found = plan.Curve.fit(table.assign(share=1 / (1 + np.exp(-logit))), "share")
+    found = plan.SuccessCurve.fit(table.assign(share=1 / (1 + np.exp(-logit))), "share")
     assert found == pytest.approx(made, abs=0.02)
     falling = table.assign(share=np.where(table["pours"] < 70, 0.9, 0.1))
-    assert plan.Curve.fit(falling, "share").by_pours == pytest.approx(0, abs=1e-9)
+    assert plan.SuccessCurve.fit(falling, "share").by_pours == pytest.approx(
+        0, abs=1e-9
+    )
 
 
 def test_the_budgets_begin_with_the_pours_of_the_start(config):
@@ -142,13 +144,13 @@ def test_no_probability_is_stated_for_another_case_than_that_of_the_campaigns():
     (difference,) = quiet.differences
     assert difference.startswith("a scatter of 0.5")
     known = study_of(1)
-    other = plan.plan(known.parameters, known.targets, "published")
+    other = plan.make_plan(known.parameters, known.targets, "published")
     assert (other.success, other.differences) == (None, ("strategy published",))
     fixed = ParameterSpace.of(
         {name: {"fixed": 0.3} for name in PARAMETERS[2:]}
         | {name: [0.1, 0.4] for name in PARAMETERS[:2]}
     )
-    few = plan.plan(fixed, known.targets, "sequential")
+    few = plan.make_plan(fixed, known.targets, "sequential")
     assert (few.success, few.differences) == (None, ("free parameters: 2",))
 
 

@@ -12,8 +12,8 @@ from synthetic import SPACE, TARGETS, configuration, responses
 from test_sequential import HEIGHT, SECTION, campaign
 
 from repose.bench.parameters import PARAMETERS
-from repose.calibrate.card import RANGE
-from repose.calibrate.runs import error_of
+from repose.calibrate.card import SOLUTION_RANGE
+from repose.calibrate.runs import name_error_column
 from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.strategies.answer import select_separated
 from repose.config.pipeline import PipelineConfig
@@ -105,7 +105,7 @@ def test_the_message_the_sets_and_the_card_report_the_answer_of_the_strategy(stu
     table = pd.read_csv(folder / "solutions.csv")
     made = card_study.make_card(studied(config), found, BERRY, SPHERE, table)
     card.check_card(made, "card")
-    assert made["interval"] == RANGE
+    assert made["interval"] == SOLUTION_RANGE
     assert made["out_of_reach"] is False
     assert made["reason"].startswith("The simulated ")
     assert made["tests"][0]["runs"] == SECTION["checks"]
@@ -229,7 +229,7 @@ def test_the_answer_has_its_piles_by_every_definition_of_the_angle(tmp_path):
     (row,) = pd.read_csv(tmp_path / "table4.csv").to_dict("records")
     for name in MEAN_KEYS.values():
         assert row[name] == pytest.approx(32.0)
-        assert row[error_of(name)] == pytest.approx(2 / np.sqrt(3))
+        assert row[name_error_column(name)] == pytest.approx(2 / np.sqrt(3))
     assert row["line"] == "secant, foot to crest"
     lines = (
         pd.read_csv(tmp_path / "representative.csv")

@@ -13,7 +13,7 @@ from repose.calibrate import training as train
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.strategies import Answer, Batch
 from repose.calibrate.strategies.refined import places
-from repose.calibrate.strategies.refined.places import places_near_targets
+from repose.calibrate.strategies.refined.places import draw_near_targets
 from repose.calibrate.targets import Targets
 
 pytestmark = pytest.mark.usefixtures("short_searches")
@@ -38,7 +38,7 @@ class Plane:
 
 
 def drawn(count=50, seed=1, tolerance=2.0):
-    return places_near_targets(
+    return draw_near_targets(
         Plane(),
         SPACE,
         TARGETS,
@@ -57,9 +57,9 @@ def test_places_are_drawn_once_each_and_the_same_for_the_same_numbers():
 
 
 def test_places_are_drawn_by_the_probability_to_meet_the_targets(monkeypatch):
-    monkeypatch.setattr(places, "CANDIDATES", 64)
-    monkeypatch.setattr(places, "NEAREST", 64)
-    monkeypatch.setattr(places, "CHUNK", 16)
+    monkeypatch.setattr(places, "N_CANDIDATES", 64)
+    monkeypatch.setattr(places, "N_NEAREST", 64)
+    monkeypatch.setattr(places, "CHUNK_SIZE", 16)
     # twin: the probability of each candidate, one by one
     unit = stats.qmc.Sobol(2, scramble=False).random(64)
     cov = np.outer(ERRORS, ERRORS) * (CORRELATION + 0.5 * np.eye(2))
@@ -79,7 +79,7 @@ def test_places_are_drawn_by_the_probability_to_meet_the_targets(monkeypatch):
             return np.arange(n)
 
     random = AllPlaces()
-    found = places_near_targets(
+    found = draw_near_targets(
         Plane(), SPACE, TARGETS, count=1, tolerance_percent=2.0, random=random
     )
     rows = cdist(found, unit).argmin(axis=1)
@@ -98,7 +98,7 @@ def test_a_target_out_of_reach_takes_the_nearest_places():
         def covariance(self, X):
             return super().covariance(X)[:, :1, :1]
 
-    found = places_near_targets(
+    found = draw_near_targets(
         Angle(),
         SPACE,
         unreachable,

@@ -34,8 +34,8 @@ from repose.calibrate.strategies.response_surface import (
 )
 from repose.calibrate.strategies.response_surface.steps import (
     STEPS,
-    factors_of,
-    samples,
+    list_factors,
+    make_samples,
 )
 from repose.calibrate.targets import Targets
 from repose.report.figures import response_surface as figures
@@ -92,7 +92,7 @@ def test_the_screening_finds_the_parameters_that_matter(noisy):
     assert set(found["kept"]) >= MATTER
     assert found["kept"][0] in {"mus_gg", "mur_gg"}
     assert set(found["kept"]) | set(found["dropped"]) == set(PARAMETERS)
-    table = screening.design(SPACE, SETTINGS)
+    table = screening.make_screening_samples(SPACE, SETTINGS)
     models = screening.fit_models(table, dataset(table, 0.1), TARGETS, "linear")
     none = {"significance": 1e-30}
     for changes, count in (
@@ -101,14 +101,14 @@ def test_the_screening_finds_the_parameters_that_matter(noisy):
         ({"significance": 0.999999}, 4),
     ):
         assert (
-            len(screening.kept_factors(models, SETTINGS.model_copy(update=changes)))
+            len(screening.choose_factors(models, SETTINGS.model_copy(update=changes)))
             == count
         )
 
 
 def test_the_ascent_goes_from_the_centre_to_the_edge_of_a_range(noisy):
     path = pd.read_csv(noisy[0] / "path.csv")
-    factors = factors_of(path)
+    factors = list_factors(path)
     first = path.loc[0, list(PARAMETERS)].to_numpy(float)
     assert first == pytest.approx(list(SPACE.centre.values()))
     others = [name for name in PARAMETERS if name not in factors]
@@ -127,7 +127,7 @@ def test_the_surface_lies_about_the_best_point_of_the_ascent(noisy):
     assert unit.min() > -1e-12
     assert unit.max() < 1 + 1e-12
     best = SPACE.unit(path.loc[path["best"], list(PARAMETERS)].to_numpy(float))[0]
-    for name in factors_of(table):
+    for name in list_factors(table):
         k = SPACE.free.index(name)
         assert np.ptp(unit[:, k]) == pytest.approx(2 * SECTION["reach"])
         assert unit[:, k].mean() == pytest.approx(np.clip(best[k], 0.25, 0.75))
@@ -150,8 +150,8 @@ def test_coded_units_are_those_of_the_parameters(noisy):
     table = pd.read_csv(noisy[0] / "surface/samples.csv")
     for k in (0, 7, len(table) - 1):
         row = table.loc[k]
-        coded = row[[f"coded_{name}" for name in factors_of(table)]].to_numpy(float)
-        unit = surface.to_unit_cube(table, coded, SPACE)
+        coded = row[[f"coded_{name}" for name in list_factors(table)]].to_numpy(float)
+        unit = surface.convert_to_unit_cube(table, coded, SPACE)
         expected = row[list(PARAMETERS)].to_numpy(float)
         assert SPACE.values(unit)[0] == pytest.approx(expected)
 
@@ -162,7 +162,7 @@ def about_the_centre(settings):
     points = points.assign(
         **SPACE.centre, **{f"coded_{name}": 0.0 for name in sorted(MATTER)}
     )
-    return surface.design(points, SPACE, settings)
+    return surface.make_surface_samples(points, SPACE, settings)
 
 
 @pytest.mark.slow
@@ -170,13 +170,13 @@ def test_the_interval_of_the_check_holds_what_it_says():
     # a surface of second order is right here, so 95 % of the checks lie inside: 1000 of them, standard error 0.7 %
     table = about_the_centre(SETTINGS)
     best = Optimum(np.array([0.3, -0.2, 0.5]), np.zeros(2), True, 1.0)
-    check = surface.check_samples(table, best, SPACE, SETTINGS.checks)
+    check = surface.make_check_samples(table, best, SPACE, SETTINGS.checks)
     inside = []
     for k in range(500):
         models = screening.fit_models(
             table, dataset(table, 0.5, [k, 0]), TARGETS, "quadratic"
         )
-        predicted = surface.predictions(models, best, TARGETS, SECTION["checks"])
+        predicted = surface.predict_at_optimum(models, best, TARGETS, SECTION["checks"])
         inside.append(
             surface.add_check(predicted, dataset(check, 0.5, [k, 1]))["as_predicted"]
         )
@@ -188,7 +188,7 @@ def test_axial_runs_of_a_central_composite_lie_at_the_reach(name):
     table = about_the_centre(SETTINGS.model_copy(update={"surface": name}))
     assert len(table) == 14 + SECTION["centres"]
     unit = SPACE.unit(table[list(PARAMETERS)].to_numpy(float))
-    assert np.ptp(unit[:, SPACE.free.index(factors_of(table)[0])]) == pytest.approx(
+    assert np.ptp(unit[:, SPACE.free.index(list_factors(table)[0])]) == pytest.approx(
         2 * SECTION["reach"]
     )
 
@@ -213,14 +213,16 @@ def test_the_ascent_climbs_from_the_poured_centre_and_not_from_the_mean_of_the_c
     height = synthetic.configuration(TARGETS, SPACE)["targets"][1]
     targets = Targets.of([height | {"value": aim, "range": [aim - 2, aim + 2]}])
     study = synthetic.study(targets, response_surface=SECTION)
-    found = ResponseSurface().propose(study, bent(screening.design(SPACE, SETTINGS)))
+    found = ResponseSurface().propose(
+        study, bent(screening.make_screening_samples(SPACE, SETTINGS))
+    )
     assert found.notes["screening"]["centre"]["height_mm"] == pytest.approx(68.0)
     assert found.notes["screening"]["corners"]["height_mm"] == pytest.approx(60.0)
     assert np.sign(found.samples["coded_mus_gg"].iloc[-1]) == sign
 
 
 def test_steps_share_no_sample_and_leave_out_those_that_gave_no_pile():
-    table = screening.design(SPACE, SETTINGS)
+    table = screening.make_screening_samples(SPACE, SETTINGS)
     data = dataset(table)
     data.loc[[0, 5], "status"] = "failed"
     data.loc[[0, 5], list(TARGETS.names)] = np.nan
@@ -230,7 +232,11 @@ def test_steps_share_no_sample_and_leave_out_those_that_gave_no_pile():
         == len(whole[0].response) - 2
     )
     steps = [
-        set(samples(step, SPACE, np.zeros((500, 6)), (), np.zeros((500, 0)))["sample"])
+        set(
+            make_samples(step, SPACE, np.zeros((500, 6)), (), np.zeros((500, 0)))[
+                "sample"
+            ]
+        )
         for step in STEPS
     ]
     assert len(set().union(*steps)) == 2000
@@ -238,7 +244,7 @@ def test_steps_share_no_sample_and_leave_out_those_that_gave_no_pile():
 
 def test_too_few_piles_are_reported_with_their_folder(tmp_path):
     study = synthetic.study(response_surface=SECTION)
-    table = screening.design(SPACE, SETTINGS)
+    table = screening.make_screening_samples(SPACE, SETTINGS)
     runs = synthetic.runs_of(table, 3, 0.0, 1)
     runs.loc[runs["sample"].isin(table["sample"].iloc[3:12]), "status"] = "failed"
     synthetic.write_tables(tmp_path, table, runs)
@@ -254,7 +260,7 @@ def test_the_figures_of_the_strategy_have_their_panels_and_targets(noisy):
         name: str(folder / f"surface/{name}.csv") for name in ("samples", "dataset")
     }
     optimum = {"optimum": str(folder / "optimum.json")}
-    factors = factors_of(pd.read_csv(folder / "surface/samples.csv"))
+    factors = list_factors(pd.read_csv(folder / "surface/samples.csv"))
     # for each pair of factors a panel of either target
     pairs = len(factors) * (len(factors) - 1)
     drawings = [
@@ -335,13 +341,13 @@ def places_of(folder):
 @pytest.fixture
 def one_start(monkeypatch):
     """D-optimal runs of one search, in tests that say nothing of their determinant; test_optimal.py does."""
-    monkeypatch.setattr(optimal, "STARTS", 1)
+    monkeypatch.setattr(optimal, "N_STARTS", 1)
 
 
 @pytest.mark.usefixtures("one_start")
 @pytest.mark.parametrize("name", ["box_behnken", "rotatable"])
 def test_with_a_constraint_every_run_is_allowed_and_the_target_is_met(name, tmp_path):
-    space = SPACE.constrained_by([RULE])
+    space = SPACE.with_constraints([RULE])
     section = SECTION | {"surface": name, "most_factors": 3}
     check = campaign(tmp_path, 0.0, section, space)
     assert check["deviation_percent"].abs().max() < 1e-3
@@ -349,7 +355,7 @@ def test_with_a_constraint_every_run_is_allowed_and_the_target_is_met(name, tmp_
     assert is_allowed.all()
     # Runs of the designs without constraints stay where they are allowed.
     first = table[table["sample"] < 2000].reset_index(drop=True)
-    corners = screening.design(SPACE, SETTINGS)
+    corners = screening.make_screening_samples(SPACE, SETTINGS)
     is_forbidden = corners["mur_gg"] > 0.09 * corners["mus_gg"]
     assert 4 <= is_forbidden.sum() <= 8
     assert (first["is_new"] == is_forbidden).all()
@@ -372,8 +378,8 @@ def check_masks(folder):
     for name in ("samples", "dataset"):
         files[name] = str(folder / f"surface/{name}.csv")
     table = pd.read_csv(files["samples"])
-    region = surface.region_of_surface(table, SPACE.constrained_by([RULE]))
-    factors = factors_of(table)
+    region = surface.make_surface_region(table, SPACE.with_constraints([RULE]))
+    factors = list_factors(table)
     optimum = json.loads((folder / "optimum.json").read_text())["coded"]
 
     def are_allowed(config):
@@ -406,7 +412,7 @@ def check_masks(folder):
 @pytest.mark.usefixtures("one_start")
 def test_with_a_constraint_the_optimum_is_the_best_allowed_set(tmp_path):
     # The known parameters are forbidden; the optimum lies on the edge of what is allowed.
-    space = SPACE.constrained_by(["mur_gg <= 0.06 * mus_gg"])
+    space = SPACE.with_constraints(["mur_gg <= 0.06 * mus_gg"])
     campaign(tmp_path, 0.0, SECTION | {"most_factors": 3}, space)
     table = pd.read_csv(tmp_path / "surface/samples.csv")
     optimum = json.loads((tmp_path / "optimum.json").read_text())
@@ -416,7 +422,7 @@ def test_with_a_constraint_the_optimum_is_the_best_allowed_set(tmp_path):
     # The twin: points all over the cube of the surface.
     random = np.random.default_rng(3)
     coded = random.uniform(-1, 1, (20_000, 3))
-    unit = surface.to_unit_cube(table, coded, SPACE)
+    unit = surface.convert_to_unit_cube(table, coded, SPACE)
     unit = unit[space.is_allowed(unit)]
     sets = pd.DataFrame(space.values(unit), columns=list(PARAMETERS))
     aims = TARGETS.aim
@@ -429,13 +435,13 @@ def test_with_a_constraint_the_optimum_is_the_best_allowed_set(tmp_path):
 
 
 def test_a_path_goes_on_along_a_constraint():
-    space = SPACE.constrained_by([RULE])
+    space = SPACE.with_constraints([RULE])
     study = synthetic.study(space=space, response_surface=SECTION)
-    table = screening.design(space, SETTINGS)
+    table = screening.make_screening_samples(space, SETTINGS)
     models = screening.fit_models(table[:12], dataset(table), TARGETS, "linear")
     kept = ["mur_gg", "mus_gp", "e_gg"]
     centre = np.array([20.0, 40.0])
-    path = screening.path(models, centre, kept, study)
+    path = screening.make_ascent_samples(models, centre, kept, study)
     assert len(path) == SECTION["steps"] + 1
     # mus_gg stays at its centre, 0.55, so mur_gg ends at 0.0495 and mus_gp goes on.
     assert path["mur_gg"].max() == pytest.approx(0.0495, abs=1e-6)
@@ -448,7 +454,7 @@ def test_a_region_without_room_for_the_model_is_refused_by_name():
     rules = ["mur_gg <= 0.09 * mus_gg", "mur_gg >= 0.09 * mus_gg"]
     input_error(
         "constraints is .*expected constraints that leave room for a linear model",
-        screening.design,
-        SPACE.constrained_by(rules),
+        screening.make_screening_samples,
+        SPACE.with_constraints(rules),
         SETTINGS,
     )

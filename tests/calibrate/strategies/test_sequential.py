@@ -28,13 +28,13 @@ from repose.bench.parameters import PARAMETERS
 from repose.bench.space import contact_space
 from repose.calibrate.strategies.sequential import SequentialSettings
 from repose.calibrate.strategies.sequential.advise import (
-    LEAST_GAIN,
-    OUT_OF_REACH,
+    MIN_GAIN,
+    UNREACHABLE_PROBABILITY,
     advise,
-    start,
+    make_start,
 )
 from repose.calibrate.strategies.sequential.goal import Goal
-from repose.calibrate.strategies.sequential.kriging import Kriging, Observed
+from repose.calibrate.strategies.sequential.kriging import Kriging, ObservedSamples
 from repose.calibrate.strategies.sequential.reach import Draws
 from repose.calibrate.strategies.sequential.strategy import arrange_runs
 from repose.calibrate.targets import Targets
@@ -98,12 +98,12 @@ def observed_at(unit, noise, targets, seed, space=SPACE):
     values = runs_of(table, 3, noise, seed, targets.names)[
         list(targets.names)
     ].to_numpy(float)
-    return Observed(unit, values.reshape(n, 3, -1))
+    return ObservedSamples(unit, values.reshape(n, 3, -1))
 
 
 def advised(data, targets=TARGETS, failed=None, **changes):
     section = SequentialSettings.model_construct(**SECTION | changes)
-    goal = Goal.of(targets, section.tolerance_percent, SPACE)
+    goal = Goal.from_targets(targets, section.tolerance_percent, SPACE)
     data = data if failed is None else data._replace(failed=failed)
     return advise(
         data, goal, section, 3 * len(data.unit), np.random.default_rng(1), None
@@ -146,7 +146,7 @@ def test_the_same_pours_give_the_same_bits(done, tmp_path):
 
 def test_one_target_a_fixed_parameter_and_a_prior_that_spreads_the_start(tmp_path):
     known = {"mus_gp": {"prior": {"mean": 0.6, "sd": 0.02}, "range": [0.4, 0.8]}}
-    unit = start(contact_space(RANGES | known), SequentialSettings(**SECTION), 1)
+    unit = make_start(contact_space(RANGES | known), SequentialSettings(**SECTION), 1)
     strata = np.sort(
         np.floor(12 * contact_space(RANGES | known).prior_cdf(unit)), axis=0
     )
@@ -181,7 +181,7 @@ def test_it_stops_where_the_budget_is_used_up_no_pour_helps_or_no_set_meets_the_
     )
     found = advised(observed(noise=40.0), probability=0.99, most_pours=122)
     assert found.stop == "noise"
-    assert found.reachable < found.probability + LEAST_GAIN
+    assert found.reachable < found.probability + MIN_GAIN
     unreachable = Targets.of([BOTH[0], BOTH[1] | {"value": 140.0, "range": [130, 150]}])
     data = observed(noise=0.2)
     found = advised(data, unreachable, most_pours=999)
@@ -190,23 +190,23 @@ def test_it_stops_where_the_budget_is_used_up_no_pour_helps_or_no_set_meets_the_
     for seed in (2, 3):
         if found.stop is None:
             more = observed_at(found.batch, 0.2, TARGETS, seed)
-            data = Observed(
+            data = ObservedSamples(
                 np.vstack([data.unit, more.unit]), np.vstack([data.values, more.values])
             )
             found = advised(data, unreachable, most_pours=999)
     assert found.stop == "out_of_reach"
-    assert found.reach.probability < OUT_OF_REACH
+    assert found.reach.probability < UNREACHABLE_PROBABILITY
     # no point of 20,000 comes nearer by more than the error that the draws tell, and a tenth of the range for the angle
-    goal = Goal.of(unreachable, 1.0, SPACE)
+    goal = Goal.from_targets(unreachable, 1.0, SPACE)
     table = pd.DataFrame(
         SPACE.values(np.random.default_rng(2).random((20000, 6))),
         columns=list(PARAMETERS),
     )
-    least = goal.of_responses(responses(table))[1].min()
+    least = goal.compute_deviations(responses(table))[1].min()
     answer_table = pd.DataFrame(
         SPACE.values(found.answer[None]), columns=list(PARAMETERS)
     )
-    assert goal.of_responses(responses(answer_table))[1][0] < least + 0.1
+    assert goal.compute_deviations(responses(answer_table))[1][0] < least + 0.1
     assert found.reach.nearest == pytest.approx(
         least, abs=max(0.1, 3 * found.reach.error)
     )
@@ -237,25 +237,25 @@ def test_draws_of_the_responses_have_the_moments_of_the_model(targets):
 
 
 def test_the_expected_deviation_is_that_of_draws():
-    goal = Goal.of(TARGETS, 1.0, SPACE)
+    goal = Goal.from_targets(TARGETS, 1.0, SPACE)
     mean = np.add(TARGETS.aim, [[0.7, -1.0]])
     covariance = np.array([[[2.0, 1.5], [1.5, 3.0]]])
     drawn = np.random.default_rng(1).multivariate_normal(
         mean[0], covariance[0], 200_000
     )
     assert goal.expected_deviation(mean, covariance)[0] == pytest.approx(
-        goal.of_responses(drawn)[1].mean(), rel=0.01
+        goal.compute_deviations(drawn)[1].mean(), rel=0.01
     )
 
 
 def test_pours_that_are_left_reach_no_more_than_their_bound():
-    goal = Goal.of(TARGETS, 1.0, SPACE)
+    goal = Goal.from_targets(TARGETS, 1.0, SPACE)
     # the simulator's own answers after all pours of the budget at one point: the bound holds in each of 30 cases
     data = observed(n=20, noise=4.0)
     found = advised(data, most_pours=100, probability=0.99)
     model = Kriging(data)
     point = found.answer
-    bound = goal.reachable(model, point[None], 40)
+    bound = goal.estimate_reachable(model, point[None], 40)
     mean, covariance = model.predict(point[None])
     random = np.random.default_rng(3)
     for _ in range(30):
@@ -282,16 +282,16 @@ def test_further_pours_may_move_a_mean_by_three_standard_deviations_of_what_they
     goal = Goal(aim, np.ones(1), SPACE, np.ones(1), low=aim - 1, high=aim + 1)
     shift = 5 - 3 * np.sqrt(2)
     expected = norm.cdf((1 - shift) / np.sqrt(2)) - norm.cdf((-1 - shift) / np.sqrt(2))
-    assert goal.reachable(model, np.zeros((1, 6)), 1) == pytest.approx(
+    assert goal.estimate_reachable(model, np.zeros((1, 6)), 1) == pytest.approx(
         expected, abs=1e-6
     )
 
 
 def test_a_batch_lies_about_the_answer_and_away_from_failed_samples():
-    goal = Goal.of(HEIGHT, 1.0, SPACE)
+    goal = Goal.from_targets(HEIGHT, 1.0, SPACE)
     sd = 0.045 * 65.28
     assert (
-        goal.needed(np.array([[sd**2]]), 0.9)
+        goal.count_needed_runs(np.array([[sd**2]]), 0.9)
         == int(np.ceil((norm.ppf(0.95) * sd / goal.half[0]) ** 2))
         == 55
     )

@@ -13,7 +13,7 @@ from repose.calibrate.surrogates import (
     load,
     two_layer,
 )
-from repose.calibrate.surrogates.accuracy import r2
+from repose.calibrate.surrogates.accuracy import compute_r2
 from repose.calibrate.surrogates.bayesian_bp import BayesianBP
 from repose.calibrate.surrogates.sklearn_estimator import BayesianBPRegressor
 
@@ -28,20 +28,20 @@ def score(model, X, Y):
     pairs = zip(
         Y.reshape(len(X), -1).T, model.predict(X).reshape(len(X), -1).T, strict=True
     )
-    return np.mean([r2(y, predicted) for y, predicted in pairs])
+    return np.mean([compute_r2(y, predicted) for y, predicted in pairs])
 
 
 def test_a_jacobian_is_that_of_central_differences():
     random = np.random.RandomState(1)
     x = random.uniform(0.1, 0.9, (7, 3))
     w = random.normal(size=4 * 3 + 4 + 2 * 4 + 2)
-    _, J = two_layer.jacobian(w, x, 2)
+    _, J = two_layer.compute_jacobian(w, x, 2)
     step = 1e-6
     for k in range(w.size):
         shift = np.zeros(w.size)
         shift[k] = step
-        above, _ = two_layer.jacobian(w + shift, x, 2)
-        below, _ = two_layer.jacobian(w - shift, x, 2)
+        above, _ = two_layer.compute_jacobian(w + shift, x, 2)
+        below, _ = two_layer.compute_jacobian(w - shift, x, 2)
         np.testing.assert_allclose(J[:, :, k], (above - below) / (2 * step), atol=1e-8)
 
 
@@ -77,15 +77,15 @@ def test_hyperparameters_are_at_their_fixed_point_on_known_functions(fitted):
     e = J @ w - t
     C = np.eye(8) / (2 * beta) + J @ J.T / (2 * alpha)
     exact = -0.5 * t @ np.linalg.solve(C, t) - 0.5 * np.linalg.slogdet(2 * np.pi * C)[1]
-    assert evidence.log_evidence(
+    assert evidence.compute_log_evidence(
         alpha, beta, e @ e, w @ w, J.T @ J, 8
     ) == pytest.approx(exact, rel=1e-12)
-    assert evidence.log_evidence(0.0, 1.0, 1.0, 1.0, np.eye(2), 3) == -np.inf
-    assert evidence.log_evidence(1.0, np.nan, 1.0, 1.0, np.eye(2), 3) == -np.inf
+    assert evidence.compute_log_evidence(0.0, 1.0, 1.0, 1.0, np.eye(2), 3) == -np.inf
+    assert evidence.compute_log_evidence(1.0, np.nan, 1.0, 1.0, np.eye(2), 3) == -np.inf
     w = np.concatenate([model.W1_.ravel(), model.b1_, model.W2_.ravel(), model.b2_])
     x = 0.1 + 0.8 * (X - model.input_min_) / (model.input_max_ - model.input_min_)
     t = 0.1 + 0.8 * (Y - model.output_min_) / (model.output_max_ - model.output_min_)
-    y, J = two_layer.jacobian(w, x, 2)
+    y, J = two_layer.compute_jacobian(w, x, 2)
     J = J.reshape(-1, w.size)
     Ed = np.sum((y - t) ** 2)
     Ew = w @ w
@@ -102,15 +102,15 @@ def test_the_root_of_a_posterior_covariance_is_that_of_the_inverse_hessian():
     J = np.random.RandomState(5).normal(size=(8, 3))
     alpha = np.array([0.3, 0.7, 5.0])
     beta = 2.0
-    root = evidence.posterior_root(alpha, beta, J.T @ J)
+    root = evidence.compute_posterior_root(alpha, beta, J.T @ J)
     hessian = 2 * beta * J.T @ J + 2 * np.diag(alpha)
     np.testing.assert_allclose(root @ root.T, np.linalg.inv(hessian), rtol=1e-12)
 
 
 def test_first_weights_are_those_of_nguyen_and_widrow():
     """Rows of W1 have the length 0.7 H^(1 / d), over half the interval of 0.8, for H = 12 neurons and d = 6 inputs."""
-    W1, b1, W2, b2 = two_layer.unpack(
-        two_layer.nguyen_widrow(6, 12, 2, (0.1, 0.9), 3), 6, 12, 2
+    W1, b1, W2, b2 = two_layer.unpack_weights(
+        two_layer.draw_first_weights(6, 12, 2, (0.1, 0.9), 3), 6, 12, 2
     )
     length = 0.7 * 12 ** (1 / 6)
     np.testing.assert_allclose(np.linalg.norm(W1, axis=1) * 0.4, length)
@@ -120,7 +120,7 @@ def test_first_weights_are_those_of_nguyen_and_widrow():
 
 
 def test_the_best_of_several_starts_is_kept(monkeypatch):
-    nguyen_widrow = two_layer.nguyen_widrow
+    nguyen_widrow = two_layer.draw_first_weights
 
     def dead(inputs, hidden, outputs, interval, seed):
         """First weights of which only start 1 can learn anything."""
@@ -129,7 +129,7 @@ def test_the_best_of_several_starts_is_kept(monkeypatch):
             w[:-outputs] = 0.0
         return w
 
-    monkeypatch.setattr(bayesian_bp, "nguyen_widrow", dead)
+    monkeypatch.setattr(bayesian_bp, "draw_first_weights", dead)
     X, Y = noisy_data(95, 2, noise=(0.2, 0.4))
     model = BayesianBP(starts=3).fit(X, Y)
     assert model.best_start_ == 1
@@ -147,7 +147,9 @@ def test_a_start_keeps_its_largest_evidence_and_is_at_the_minimum_there(monkeypa
     assert kept.stop_reason_ == "evidence"
     assert kept.epochs_ > levenberg_marquardt.PATIENCE
     assert kept.starts_[0]["decrement"] < levenberg_marquardt.CONVERGED
-    monkeypatch.setattr(levenberg_marquardt, "NEAR", -1.0)  # no state is ever kept
+    monkeypatch.setattr(
+        levenberg_marquardt, "NEAR_MINIMUM", -1.0
+    )  # no state is ever kept
     assert kept.log_evidence_ > BayesianBP(**settings).fit(X, y).log_evidence_ + 3
 
 
@@ -180,9 +182,9 @@ def test_classes_of_weights_have_a_cap(monkeypatch):
     X, Y = noisy_data(60, 3)
     settings = {"hidden": 3, "starts": 1, "epochs": 60, "goal": 0.0, "prior": "inputs"}
     model = BayesianBP(**settings).describe("abcdef", ("y", "z"))
-    monkeypatch.setattr(levenberg_marquardt, "LARGEST_ALPHA", np.inf)
+    monkeypatch.setattr(levenberg_marquardt, "MAX_ALPHA", np.inf)
     assert model.fit(X, Y).report()["at_cap"] == []
-    monkeypatch.setattr(levenberg_marquardt, "LARGEST_ALPHA", 1e-9)
+    monkeypatch.setattr(levenberg_marquardt, "MAX_ALPHA", 1e-9)
     names = [
         *(f"weights of {name}" for name in "abcdef"),
         "hidden biases",
@@ -194,7 +196,7 @@ def test_classes_of_weights_have_a_cap(monkeypatch):
 
 def test_training_on_pure_noise_ends(monkeypatch):
     """Here mu falls for more than 320 steps and then has to rise: from 0 it could not."""
-    honest = levenberg_marquardt.residuals
+    honest = levenberg_marquardt.compute_residuals
     trials = []
 
     def counted(*arguments):
@@ -202,7 +204,7 @@ def test_training_on_pure_noise_ends(monkeypatch):
         assert len(trials) < 5000, "the training does not end"
         return honest(*arguments)
 
-    monkeypatch.setattr(levenberg_marquardt, "residuals", counted)
+    monkeypatch.setattr(levenberg_marquardt, "compute_residuals", counted)
     monkeypatch.setattr(levenberg_marquardt, "PATIENCE", 10**6)
     random = np.random.RandomState(0)
     X = random.uniform(size=(60, 6))
@@ -353,10 +355,10 @@ def test_predict_refuses_other_inputs_and_error_bars_hold_what_they_promise(fitt
 def test_each_weight_is_in_one_class():
     w = np.arange(3 * 4 + 4 + 2 * 5)
     for prior, count in (("one", 1), ("layers", 3), ("inputs", 5)):
-        classes = two_layer.weight_classes(prior, 3, 4, 2)
+        classes = two_layer.list_weight_classes(prior, 3, 4, 2)
         assert len(classes) == count
         assert sorted(np.concatenate([w[c] for c in classes])) == list(w)
-    W1, b1, W2, b2 = two_layer.unpack(w, 3, 4, 2)
+    W1, b1, W2, b2 = two_layer.unpack_weights(w, 3, 4, 2)
     np.testing.assert_array_equal(classes[1], W1[:, 1])
     np.testing.assert_array_equal(classes[3], b1)
     np.testing.assert_array_equal(classes[4], np.concatenate([W2.ravel(), b2]))

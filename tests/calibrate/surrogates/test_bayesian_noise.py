@@ -31,7 +31,7 @@ def linear(monkeypatch):
     def residuals(w, x, t, root):
         return (linear_features(x) @ w - t[:, 0]) * root[:, 0]
 
-    monkeypatch.setattr(levenberg_marquardt, "residuals", residuals)
+    monkeypatch.setattr(levenberg_marquardt, "compute_residuals", residuals)
     random = np.random.RandomState(21)
     X = np.concatenate([[[0, 0], [1, 1]], random.uniform(0, 1, (50, 2))])
     y = linear_features(X) @ random.normal(size=9) + 0.3 * random.normal(size=52)
@@ -84,10 +84,10 @@ def test_error_bars_of_the_mean_are_those_of_networks_drawn_from_the_posterior(
     stored = model.to_dict()
     drawn = []
     for weights in w + 0.01 * normal @ model.posterior_root_.T:
-        stored["W1"], stored["b1"], stored["W2"], stored["b2"] = two_layer.unpack(
-            weights, 6, 4, 2
+        stored["W1"], stored["b1"], stored["W2"], stored["b2"] = (
+            two_layer.unpack_weights(weights, 6, 4, 2)
         )
-        drawn.append(two_layer.evaluate(stored, fresh))
+        drawn.append(two_layer.evaluate_network(stored, fresh))
     ratio = np.std(drawn, axis=0) / (0.01 * std)
     assert ratio.mean() == pytest.approx(1.0, abs=0.03)
     assert np.abs(ratio - 1).max() < 0.1
@@ -113,8 +113,8 @@ def test_mixed_outputs_are_those_of_a_mixed_last_layer():
     w = random.normal(size=26)
     mixing = random.normal(size=(2, 2))
     mixed = two_layer.mix_outputs(w, mixing, 4)
-    expected = two_layer.jacobian(w, x, 2)[0] @ mixing
-    np.testing.assert_allclose(two_layer.jacobian(mixed, x, 2)[0], expected)
+    expected = two_layer.compute_jacobian(w, x, 2)[0] @ mixing
+    np.testing.assert_allclose(two_layer.compute_jacobian(mixed, x, 2)[0], expected)
     columns = two_layer.mix_outputs(np.column_stack([w, 2 * w]), mixing, 4)
     np.testing.assert_allclose(columns, np.column_stack([mixed, 2 * mixed]))
 

@@ -13,13 +13,18 @@ from repose.calibrate.surrogates import network_ensemble
 from repose.calibrate.surrogates.bayesian_bp import BayesianBP
 from repose.calibrate.surrogates.levenberg_marquardt import CONVERGED
 from repose.calibrate.surrogates.network_ensemble import NetworkEnsemble
-from repose.calibrate.surrogates.process import Process, SampleNoise, smooth, straight
+from repose.calibrate.surrogates.process import (
+    Process,
+    SampleNoise,
+    make_linear_kernel,
+    make_smooth_kernel,
+)
 from repose.calibrate.surrogates.settings import NetworkSettings
-from repose.calibrate.surrogates.support import Support, quadratic_terms
+from repose.calibrate.surrogates.support import Support, compute_quadratic_terms
 
-KERNEL = smooth(2.0, [0.4, 0.9])
+KERNEL = make_smooth_kernel(2.0, [0.4, 0.9])
 NAMES = ("a", "b")
-SETTINGS = NetworkSettings.of(
+SETTINGS = NetworkSettings.from_keys(
     {"hidden": 3, "starts": 5, "epochs": 200, "goal": 0.0, "seed": 1, "prior": "inputs"}
 )
 COVARIANCE = np.array([[0.25, 0.3], [0.3, 1.0]])
@@ -56,7 +61,9 @@ def test_moments_are_those_of_the_conditional_distribution(noise_of):
     x = random.random((9, 2))
     precision = random.uniform(1, 4, 9)
     values = random.normal(size=9)
-    means, variances = Process(KERNEL, x, values, **noise_of(precision)).left_out()
+    means, variances = Process(
+        KERNEL, x, values, **noise_of(precision)
+    ).predict_left_out()
     for i in range(9):
         rest = np.arange(9) != i
         mean, variance = Process(
@@ -89,8 +96,10 @@ def test_a_covariance_is_that_of_the_textbook():
     r = np.sqrt(5 * (((a[:, None] - b) / [0.4, 0.9]) ** 2).sum(axis=2))
     assert KERNEL(a, b) == pytest.approx(covariance(a, b))
     expected = 2 * (1 + r + r**2 / 3) * np.exp(-r)
-    assert smooth(2.0, [0.4, 0.9], smoothness=2.5)(a, b) == pytest.approx(expected)
-    assert straight(3.0)(a, b) == pytest.approx(1 + 9 * a @ b.T)
+    assert make_smooth_kernel(2.0, [0.4, 0.9], smoothness=2.5)(a, b) == pytest.approx(
+        expected
+    )
+    assert make_linear_kernel(3.0)(a, b) == pytest.approx(1 + 9 * a @ b.T)
 
 
 def test_an_ensemble_of_one_network_is_that_network(fitted):
@@ -124,7 +133,7 @@ def test_the_mixture_is_that_of_loops_over_converged_starts(fitted):
     """Mean E[m] and covariance E[C + m m'] - E[m] E[m]' over the networks, each with the same weight."""
     model, best, _, _ = fitted
     fresh = np.random.RandomState(2).uniform(-1, 1, (6, 6))
-    networks = [best.of_start(k) for k in model.member_starts_]
+    networks = [best.get_network_of_start(k) for k in model.member_starts_]
     assert len(networks) == len(model.members_) > 1
     mean = model.predict(fresh)
     covariance = model.covariance(fresh)
@@ -155,7 +164,7 @@ def test_members_are_the_converged_starts_near_the_largest_evidence(
 ):
     model, best, X, Y = fitted
     assert model.members_[0].best_start_ == best.best_start_
-    monkeypatch.setattr(network_ensemble, "NATS", 3.0)
+    monkeypatch.setattr(network_ensemble, "MAX_EVIDENCE_GAP", 3.0)
     few = NetworkEnsemble.of(SETTINGS).fit(X, Y)
     starts = few.members_[0].starts_
     largest = max(
@@ -202,7 +211,7 @@ def test_leverage_is_that_of_the_hat_matrix():
     assert support.is_thin([[1.6, 1.6]]).all()
     points = np.random.default_rng(1).uniform(size=(20, 6))
     support = Support(points, np.zeros(6), np.ones(6), "abcdef")
-    assert quadratic_terms(points).shape == (20, 28)
+    assert compute_quadratic_terms(points).shape == (20, 28)
     assert support.leverage(points).tolist() == [0.0] * 20
 
 
@@ -215,21 +224,21 @@ def test_support_of_a_dataset_takes_usable_samples(tmp_path):
     table.loc[0, "status"] = "jammed"
     table.to_csv(tmp_path / "dataset.csv", index=False)
     space = contact_space(dict.fromkeys(PARAMETERS, (0.0, 1.0)))
-    support = Support.of_dataset(tmp_path / "dataset.csv", space)
+    support = Support.from_dataset(tmp_path / "dataset.csv", space)
     first = table.loc[[0, 1], list(PARAMETERS)].to_numpy()
     assert support.distance(first)[0] > 0
     assert support.distance(first)[1] == 0
     cohesive = contact_space(dict.fromkeys([*PARAMETERS, "gamma_gg"], (0.0, 1.0)))
     input_error(
         "column gamma_gg is 'missing'",
-        Support.of_dataset,
+        Support.from_dataset,
         tmp_path / "dataset.csv",
         cohesive,
     )
     table["status"] = "jammed"
     table.to_csv(tmp_path / "dataset.csv", index=False)
     input_error(
-        "usable samples is 0", Support.of_dataset, tmp_path / "dataset.csv", space
+        "usable samples is 0", Support.from_dataset, tmp_path / "dataset.csv", space
     )
     few = r"points has shape \(3, 2\); expected at least two rows of 6"
     value_error(few, Support, np.zeros((3, 2)), np.zeros(6), np.ones(6), PARAMETERS)

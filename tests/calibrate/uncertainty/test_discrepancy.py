@@ -14,7 +14,7 @@ from repose.bench.space import contact_space
 from repose.calibrate.study import Study
 from repose.calibrate.targets import Targets
 from repose.calibrate.uncertainty import discrepancy, implausibility, noise
-from repose.calibrate.uncertainty.likelihood import observation
+from repose.calibrate.uncertainty.likelihood import make_observation
 from repose.calibrate.variance import variance_components
 from repose.stages import next_measurement
 
@@ -53,9 +53,9 @@ def combinations(folder, differences, errors=(0.0, 0.0), eligible=True, distance
 
 def test_a_stated_discrepancy_is_a_share_of_each_target():
     targets = targets_of(aor_deg=30.0, height_mm=60.0, drum_slip_deg=40.0)
-    found = discrepancy.of_targets(targets, design(1.0, 2.0), 10.0, 0.9)
+    found = discrepancy.compute_stated_covariance(targets, design(1.0, 2.0), 10.0, 0.9)
     assert found == pytest.approx(np.array([[9, 16.2, 0], [16.2, 36, 0], [0, 0, 16]]))
-    assert discrepancy.of_targets(targets, design(1.0, -2.0), 10.0, 0.9)[
+    assert discrepancy.compute_stated_covariance(targets, design(1.0, -2.0), 10.0, 0.9)[
         0, 1
     ] == pytest.approx(-16.2)
 
@@ -70,7 +70,7 @@ def test_the_discrepancy_is_the_spread_of_a_shape_study(tmp_path):
     path = combinations(
         tmp_path, np.vstack([models, outliers]), (0.5, 2.0), np.arange(4050) < 4000
     )
-    result = discrepancy.shape_study_discrepancy(path, PILE)
+    result = discrepancy.estimate_from_shape_study(path, PILE)
     assert result.models == pytest.approx(4000)
     assert result.mean == pytest.approx([-3, 5], abs=0.2)
     found = result.covariance
@@ -78,7 +78,7 @@ def test_the_discrepancy_is_the_spread_of_a_shape_study(tmp_path):
     raw = known + np.diag([0.25, 4.0])
     correlation = found[0, 1] / np.sqrt(found[0, 0] * found[1, 1])
     assert correlation == pytest.approx(12 / np.sqrt(raw[0, 0] * raw[1, 1]), abs=0.03)
-    assert discrepancy.shape_study_discrepancy(
+    assert discrepancy.estimate_from_shape_study(
         path, targets_of(height_mm=60.0)
     ).covariance == pytest.approx(found[1:, 1:])
 
@@ -88,7 +88,7 @@ def test_a_model_counts_by_its_piles(tmp_path):
     path = combinations(
         tmp_path, np.column_stack([values, values]), distance=np.repeat([0.0, 4.0], 10)
     )
-    result = discrepancy.shape_study_discrepancy(path, PILE)
+    result = discrepancy.estimate_from_shape_study(path, PILE)
     share = np.exp(-8.0)
     mean = (1 + 40 * share) / (1 + share)
     assert result.mean == pytest.approx([mean, mean])
@@ -99,7 +99,7 @@ def test_a_model_counts_by_its_piles(tmp_path):
     assert result.covariance[0, 0] == pytest.approx(spread / (1 - 1 / result.models))
     table = pd.read_csv(path)
     pd.concat([table, table]).to_csv(path, index=False)
-    assert discrepancy.shape_study_discrepancy(path, PILE).models == pytest.approx(
+    assert discrepancy.estimate_from_shape_study(path, PILE).models == pytest.approx(
         result.models
     )
 
@@ -112,16 +112,16 @@ def test_a_study_that_says_too_little_is_refused(tmp_path):
     pd.read_csv(path).assign(aor_se_deg=50.0).to_csv(path, index=False)
     input_error(
         r"aor_difference_deg is 'of variance .*above 2500, of its errors",
-        discrepancy.shape_study_discrepancy,
+        discrepancy.estimate_from_shape_study,
         path,
         PILE,
     )
     few = combinations(tmp_path, np.ones((6, 2)), eligible=[True] * 4 + [False] * 2)
     message = r"combinations.csv: eligible is '4.0 models.*'; expected at least 5"
-    input_error(message, discrepancy.shape_study_discrepancy, few, PILE)
+    input_error(message, discrepancy.estimate_from_shape_study, few, PILE)
     input_error(
         "drum_slip_difference_deg",
-        discrepancy.shape_study_discrepancy,
+        discrepancy.estimate_from_shape_study,
         few,
         targets_of(drum_slip_deg=40.0),
     )
@@ -148,7 +148,7 @@ def test_a_cell_that_cannot_be_is_refused_with_its_row(
     table.to_csv(path, index=False)
     input_error(
         rf"row 3: {column} is .*{allowed}",
-        discrepancy.shape_study_discrepancy,
+        discrepancy.estimate_from_shape_study,
         path,
         PILE,
     )
@@ -172,7 +172,7 @@ def test_the_published_study_has_a_discrepancy_and_so_have_responses_of_a_users_
     runs = pd.DataFrame(
         {"sample": [1, 2, 3], "slope": [29.0, 30.0, 31.0], "time": [3.0, 4.0, 5.0]}
     )
-    found = discrepancy.of_targets(study_targets, runs, 10.0, 0.5)
+    found = discrepancy.compute_stated_covariance(study_targets, runs, 10.0, 0.5)
     expected = np.array([[9.0, 0.5 * 3.0 * 0.4], [0.5 * 3.0 * 0.4, 0.16]])
     assert found == pytest.approx(expected)
 
@@ -196,25 +196,27 @@ def observed(targets):
     )
 
     def of(percent, between=0.0):
-        return observation(
+        return make_observation(
             targets,
             np.eye(len(targets)),
-            discrepancy.of_targets(targets, runs, percent, between),
+            discrepancy.compute_stated_covariance(targets, runs, percent, between),
         )
 
     return of
 
 
 def curve_of(model, targets, study=None):
-    points = implausibility.Points(model, SPACE)
-    return points, implausibility.curve(points, targets, observed(targets), study)
+    points = implausibility.PriorPoints(model, SPACE)
+    return points, implausibility.compute_information_curve(
+        points, targets, observed(targets), study
+    )
 
 
 def test_bits_and_interval_by_hand():
     """One response with slope 40 in one parameter: its sd is that of the response over 40, the bits those of a normal."""
     targets = targets_of(height_mm=60.0)
     _, table = curve_of(Linear(40.0), targets)
-    assert table["discrepancy_percent"].tolist() == list(implausibility.PERCENT)
+    assert table["discrepancy_percent"].tolist() == list(implausibility.STATED_PERCENTS)
     assert (np.diff(table["information_bits"]) < 0).all()
     for row in table.iloc[:3].itertuples():
         discrepancy = row.discrepancy_percent / 100 * 60
@@ -254,16 +256,16 @@ def test_a_correlated_discrepancy_leaves_the_contrast():
 
 def test_the_region_is_where_the_response_is_within_three_standard_deviations():
     targets = targets_of(height_mm=60.0)
-    points = implausibility.Points(Linear(40.0), SPACE)
+    points = implausibility.PriorPoints(Linear(40.0), SPACE)
     mean, covariance = observed(targets)(2.0)
-    share, table = implausibility.region(
-        points, implausibility.implausibility(points, mean, covariance)
+    share, table = implausibility.find_region(
+        points, implausibility.compute_implausibility(points, mean, covariance)
     )
     half = 3 * math.sqrt(covariance[0, 0]) / 40
     assert share == pytest.approx(2 * half, abs=0.002)
-    assert len(table) == 15 * implausibility.CELLS**2
+    assert len(table) == 15 * implausibility.N_CELLS**2
     pair = table[(table["x"] == PARAMETERS[0]) & (table["y"] == PARAMETERS[1])]
-    outside = (pair["x_quantile"] - 0.5).abs() > half + 1 / implausibility.CELLS
+    outside = (pair["x_quantile"] - 0.5).abs() > half + 1 / implausibility.N_CELLS
     assert (pair.loc[outside, "share"] == 0).all()
     assert (pair.loc[outside, "least_implausibility"] > 3).all()
     others = table[(table["x"] == PARAMETERS[2]) & (table["y"] == PARAMETERS[3])]
@@ -300,7 +302,7 @@ def write_runs(folder, seeds=4):
 
 
 def test_tables_of_a_study_with_failed_pours(tmp_path):
-    summary = noise.run(write_runs(tmp_path), TWO, tmp_path / "out")
+    summary = noise.write_noise_floor(write_runs(tmp_path), TWO, tmp_path / "out")
     row = pd.read_csv(tmp_path / "out/noise.csv").iloc[0]
     assert row["samples"] == 29
     assert row["runs"] == 116
@@ -339,7 +341,7 @@ def test_the_verb_writes_the_tables(tmp_path, command):
 
 
 def test_targets_of_one_bench_test_alone_have_correlations():
-    found = noise.noise_floor(made_up_runs(), targets_of(drum_slip_deg=40.0))
+    found = noise.compute_noise_floor(made_up_runs(), targets_of(drum_slip_deg=40.0))
     reachable = [f"drum_slip_reachable_r2{end}" for end in ("", "_low", "_high")]
     expected = [
         "seeds",
@@ -353,7 +355,7 @@ def test_targets_of_one_bench_test_alone_have_correlations():
         "runs of the other bench test do not count"
     )
     assert found.summary["correlation"] == {}
-    matrix, pairs = noise.within_correlation(made_up_runs(), FOUR)
+    matrix, pairs = noise.estimate_within_correlation(made_up_runs(), FOUR)
     assert list(pairs) == [
         "aor_deg, height_mm",
         "aor_deg, base_radius_mm",
@@ -363,13 +365,13 @@ def test_targets_of_one_bench_test_alone_have_correlations():
     assert matrix[:3, :3] == pytest.approx(expected, abs=0.15)
     assert matrix[3].tolist() == [0, 0, 0, 1]
     assert (np.linalg.eigvalsh(matrix) > 0).all()
-    assert len(noise.noise_floor(made_up_runs(), FOUR).responses) == 4
+    assert len(noise.compute_noise_floor(made_up_runs(), FOUR).responses) == 4
 
 
 def test_too_few_runs_are_refused(tmp_path):
     input_error(
         r"runs a sample is 1; expected 2 or more",
-        noise.run,
+        noise.write_noise_floor,
         write_runs(tmp_path, 1),
         TWO,
         tmp_path / "out",
@@ -378,7 +380,9 @@ def test_too_few_runs_are_refused(tmp_path):
         tmp_path / "runs.csv", index=False
     )
     few = r"runs\.csv: runs is '2 degrees of freedom within samples"
-    input_error(few, noise.run, tmp_path / "runs.csv", TWO, tmp_path / "out")
+    input_error(
+        few, noise.write_noise_floor, tmp_path / "runs.csv", TWO, tmp_path / "out"
+    )
     input_error(
         "4 sets or more with two runs",
         next_measurement.rank_responses,

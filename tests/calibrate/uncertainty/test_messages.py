@@ -23,8 +23,8 @@ def test_messages_are_known():
         return np.array(value)
 
     cases = yaml.safe_load((ROOT / "tests/known/messages.yaml").read_text())
-    messages = [
-        import_module(case["module"]).message(*map(argument, case["arguments"]))
-        for case in cases
-    ]
+    messages = []
+    for case in cases:
+        describe = getattr(import_module(case["module"]), case["function"])
+        messages.append(describe(*map(argument, case["arguments"])))
     is_known("messages.txt", "\n\n".join(messages) + "\n")

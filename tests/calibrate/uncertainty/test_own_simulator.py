@@ -16,7 +16,7 @@ from repose.calibrate.strategies.runs import checked_runs
 from repose.calibrate.strategies.sequential import noise
 from repose.calibrate.strategies.sequential.strategy import arrange_runs
 from repose.calibrate.study import Study
-from repose.calibrate.study_file import complete_configuration, unread_keys
+from repose.calibrate.study_file import complete_configuration, list_unread_keys
 from repose.stages import card
 
 PAGE = (ROOT / "docs/own_simulator.md").read_text()
@@ -256,7 +256,7 @@ def test_runs_with_numbers_may_have_the_same_results(study, tmp_path):
 
 
 def noise_of(study, table):
-    return noise.noise_of(
+    return noise.find_noise(
         observed(study, checked_runs(study, table)),
         study.targets.names,
         study.settings.noise_sd,
@@ -274,7 +274,9 @@ def test_single_runs_give_a_rough_noise_and_correlations_need_more(study):
     says(found.warning, "angle_deg 0.", "Simulate some parameter sets twice")
     needed = len(study.targets) + 2
     for freedom, correlation in ((needed - 1, 0.0), (needed, "simulated")):
-        section = calibration.posterior_settings(study.settings.posterior, freedom, 2)
+        section = calibration.adapt_posterior_settings(
+            study.settings.posterior, freedom, 2
+        )
         assert section.measured_correlation == correlation
 
 
@@ -493,4 +495,4 @@ def test_the_verbs_want_an_own_configuration(table, tmp_path, command):
         (ROOT / "tests/calibrate/uncertainty/unread.yaml").read_text()
     )
     expected = [keys for _, keys in cases]
-    assert [unread_keys(CONTENT | given) for given, _ in cases] == expected
+    assert [list_unread_keys(CONTENT | given) for given, _ in cases] == expected

@@ -20,7 +20,7 @@ from repose.calibrate.surrogates import names
 from repose.calibrate.surrogates.bayesian_bp import BayesianBP
 from repose.calibrate.surrogates.settings import NetworkSettings
 from repose.calibrate.uncertainty import implausibility, likelihood, posterior
-from repose.calibrate.uncertainty.likelihood import observation
+from repose.calibrate.uncertainty.likelihood import make_observation
 from repose.calibrate.uncertainty.settings import PosteriorSettings
 
 # standard errors of the means 1 deg and 2 mm
@@ -50,21 +50,21 @@ def test_statements_and_a_reference_interval_by_its_share_of_the_prior():
         "credible_high": 0.49,
     }
     assert (
-        posterior.statement(row)
+        posterior.state_determination(row)
         == "e_gp is not determined: 98 % of the prior's width, 0.05 bits"
     )
     row |= {"information_bits": 0.6}
     assert (
         "weakly determined, in the high half with probability 0.55"
-        in posterior.statement(row)
+        in posterior.state_determination(row)
     )
     row |= {"information_bits": 1.5}
     assert (
         "e_gp lies in one of several places within 0.21 to 0.49"
-        in posterior.statement(row)
+        in posterior.state_determination(row)
     )
     row |= {"width_ratio": 0.4}
-    assert "e_gp is determined, 0.21 to 0.49" in posterior.statement(row)
+    assert "e_gp is determined, 0.21 to 0.49" in posterior.state_determination(row)
     space = contact_space(UNIT | {"mus_gg": [0.4, 0.8]})
     found = posterior._assess_reference(
         "other",
@@ -116,12 +116,12 @@ def inferred(targets, slopes, space=UNIT, runs=None, **changes):
         **SETTINGS | {"discrepancy_percent": 0.0} | changes
     )
     runs = runs_of(targets) if runs is None else runs
-    return posterior.infer(
+    return posterior.infer_posterior(
         model,
         Everywhere(),
         parameters=contact_space(space),
         targets=targets,
-        measurement=posterior.measurement_of(targets, runs, settings),
+        measurement=posterior.make_measurement(targets, runs, settings),
         settings=settings,
         references=beside,
     )
@@ -232,7 +232,7 @@ def test_fixed_parameters_are_not_sampled():
     assert (found.draws["mur_gg"] == 0.5).all()
     expected = math.hypot(0.6, 0.1) / 12
     assert found.draws["mus_gp"].std() == pytest.approx(expected, rel=0.1)
-    assert "mur_gg is fixed at 0.5" in posterior.message(found.summary)
+    assert "mur_gg is fixed at 0.5" in posterior.describe_posterior(found.summary)
     alone = inferred(
         targets_of(drum_slip_deg=30.0),
         [{"mus_gp": 12.0}],
@@ -292,14 +292,14 @@ def test_sampler_and_weighted_points_have_the_bits_of_a_grid():
     )
     model = Linear(targets.names, [slopes], error=0.1)
     space = contact_space(UNIT)
-    points = implausibility.Points(model, space)
+    points = implausibility.PriorPoints(model, space)
 
     def observed(percent, between):
-        return observation(
+        return make_observation(
             targets, np.eye(1), np.array([[(percent / 100 * 31.0) ** 2]])
         )
 
-    curve = implausibility.curve(points, targets, observed)
+    curve = implausibility.compute_information_curve(points, targets, observed)
     assert curve.set_index("discrepancy_percent").loc[
         2.0, "information_bits"
     ] == pytest.approx(exact, abs=0.01)
@@ -317,7 +317,7 @@ TRAINING = {
     "replicates": True,
     "prior": "inputs",
 }
-TRAINING = NetworkSettings.of(TRAINING)
+TRAINING = NetworkSettings.from_keys(TRAINING)
 
 
 @pytest.fixture(scope="module")
@@ -360,7 +360,7 @@ def study(tmp_path_factory):
 def posterior_of(files, study, folder, *source):
     """The posterior of a study from its files, which may have further ones."""
     names = posterior.InputFiles._fields
-    return posterior.run(
+    return posterior.infer_from_files(
         posterior.InputFiles(**{name: files[name] for name in names}),
         parameters=study.parameters,
         targets=study.targets,
@@ -387,12 +387,13 @@ def test_a_study_determines_what_moves_its_responses_and_says_what_it_does_not(
     others = ["e_gg", "mus_gg", "e_gp", "mur_gp"]
     assert (table.loc[others, "information_bits"] < 0.1).all()
     assert all(
-        f"{name} is not determined" in posterior.message(summary) for name in others
+        f"{name} is not determined" in posterior.describe_posterior(summary)
+        for name in others
     )
     assert table.loc["e_gg", "published_prior_probability"] == pytest.approx(0.2)
     assert table.loc["mus_gp", "published_probability"] > 0.8
     assert summary["misfit"]["p_value"] > 0.9
-    assert len(pd.read_csv(tmp_path / "draws.csv")) == posterior.DRAWS_KEPT
+    assert len(pd.read_csv(tmp_path / "draws.csv")) == posterior.MAX_KEPT_DRAWS
 
 
 @pytest.mark.slow
@@ -434,7 +435,7 @@ def test_other_responses_and_definitions_are_refused(study, tmp_path):
 
 def test_a_restored_network_has_its_error_bars(study):
     table = pd.read_csv(study["dataset"])
-    rows = train.split(60, [0.7, 0.15, 0.15], 1)["train"]
+    rows = train.split_samples(60, [0.7, 0.15, 0.15], 1)["train"]
     X = table[list(PARAMETERS)].to_numpy()
     Y = table[["aor_deg", "height_mm"]].to_numpy()
     metrics = json.loads(study["metrics"].read_text())
@@ -447,7 +448,7 @@ def test_a_restored_network_has_its_error_bars(study):
     )
     noise = {"noise_covariance": covariance, "noise_freedom": metrics["noise_freedom"]}
     trained.fit(X[rows], Y[rows], precision=table["n_seeds"].to_numpy()[rows], **noise)
-    again = train.restore(
+    again = train.restore_surrogate(
         *(study[key] for key in ("network", "predictions", "dataset"))
     )
     for noise in (True, False):
@@ -465,7 +466,7 @@ def correlated(value):
 
 
 def test_the_covariance_of_an_observation():
-    mean, covariance = likelihood.observation(
+    mean, covariance = likelihood.make_observation(
         TARGETS, correlated(0.5), np.diag([0.36, 1.44])
     )
     assert mean.tolist() == [30.0, 60.0]
@@ -473,19 +474,19 @@ def test_the_covariance_of_an_observation():
     assert covariance == pytest.approx(np.array([[1 + 0.36, 1.0], [1.0, 4 + 1.44]]))
     singular = TARGETS, correlated(1.0), np.zeros((2, 2))
     value_error(
-        "expected a positive definite matrix", likelihood.observation, *singular
+        "expected a positive definite matrix", likelihood.make_observation, *singular
     )
     targets = targets_of(aor_deg=30.0, height_mm=60.0, drum_slip_deg=40.0)
     assert targets.correlated(0.3).tolist() == [[1, 0.3, 0], [0.3, 1, 0], [0, 0, 1]]
 
 
 def test_the_likelihood_is_a_normal_density_about_the_observation():
-    mean, covariance = likelihood.observation(
+    mean, covariance = likelihood.make_observation(
         TARGETS, correlated(0.3), np.diag([0.36, 1.44])
     )
     responses = np.array([[29.0, 62.0], [33.0, 55.0]])
     weights = np.array([[[0.5, 0.1], [0.1, 0.7]], [[2.0, 0.0], [0.0, 3.0]]])
-    found = likelihood.log_likelihood(responses, weights, (mean, covariance))
+    found = likelihood.compute_log_likelihood(responses, weights, (mean, covariance))
     for k in range(2):
         known = stats.multivariate_normal(responses[k], covariance + weights[k]).logpdf(
             mean
@@ -494,8 +495,8 @@ def test_the_likelihood_is_a_normal_density_about_the_observation():
 
 
 def test_the_misfit_has_the_probability_of_chi_squared():
-    mean, covariance = likelihood.observation(TARGETS, np.eye(2), np.zeros((2, 2)))
-    found = likelihood.misfit(
+    mean, covariance = likelihood.make_observation(TARGETS, np.eye(2), np.zeros((2, 2)))
+    found = likelihood.compute_misfit(
         np.array([[32.0, 60.0], [31.0, 62.0]]), np.zeros((2, 2, 2)), (mean, covariance)
     )
     expected = {

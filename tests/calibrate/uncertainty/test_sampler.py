@@ -19,7 +19,7 @@ from repose.calibrate.surrogates import make, names
 from repose.calibrate.surrogates.bayesian_bp import BayesianBP
 from repose.calibrate.surrogates.settings import NetworkSettings
 from repose.calibrate.uncertainty import sampler, sensitivity
-from repose.calibrate.uncertainty.likelihood import log_likelihood
+from repose.calibrate.uncertainty.likelihood import compute_log_likelihood
 from repose.calibrate.uncertainty.settings import SensitivitySettings
 
 CUBE = ParameterSpace.of({name: [0.0, 1.0] for name in "ab"}, names=tuple("ab"))
@@ -45,11 +45,11 @@ def linear():
     known = np.linalg.inv(A.T @ np.linalg.solve(covariance, A))
 
     def log_density(theta):
-        return log_likelihood(
+        return compute_log_likelihood(
             theta @ A.T + c, np.zeros((len(theta), 2, 2)), (mean, covariance)
         )
 
-    return log_density, sampler.sample(log_density, 2, 24, 1200, 3), truth, known
+    return log_density, sampler.draw_chains(log_density, 2, 24, 1200, 3), truth, known
 
 
 def test_the_linear_posterior_has_its_closed_form_with_a_prior_too(linear):
@@ -63,11 +63,11 @@ def test_the_linear_posterior_has_its_closed_form_with_a_prior_too(linear):
     assert np.cov(draws.T) == pytest.approx(
         known, abs=5 * known.max() * math.sqrt(2 / effective)
     )
-    assert (sampler.split_r_hat(chains.points) < 1.01).all()
+    assert (sampler.compute_split_r_hat(chains.points) < 1.01).all()
     # KL(normal || uniform on the cube) = -entropy, since the uniform density is one
     joint = -0.5 * np.log2((2 * math.pi * math.e) ** 2 * np.linalg.det(known))
     effective = chains.log_density.size / chains.density_time
-    found, error = sampler.joint_information_bits(
+    found, error = sampler.compute_joint_information(
         log_density, chains.log_density.ravel(), effective, CUBE, 1
     )
     assert found == pytest.approx(joint, abs=0.03)
@@ -75,9 +75,9 @@ def test_the_linear_posterior_has_its_closed_form_with_a_prior_too(linear):
     for k in range(2):
         marginal = -0.5 * math.log2(2 * math.pi * math.e * known[k, k])
         effective = draws[:, k].size / chains.times[k]
-        assert sampler.information_bits(draws[:, k], effective) == pytest.approx(
-            marginal, abs=0.06
-        )
+        assert sampler.compute_information_bits(
+            draws[:, k], effective
+        ) == pytest.approx(marginal, abs=0.06)
     draws = np.random.default_rng(3).normal(0.55, 0.1 / math.sqrt(2), (20_000, 1))
 
     def likelihood(u):
@@ -87,7 +87,7 @@ def test_the_linear_posterior_has_its_closed_form_with_a_prior_too(linear):
         return stats.norm(0.5, 0.1).ppf(np.clip(share, 1e-9, 1 - 1e-9))
 
     space = SimpleNamespace(dimensions=1, from_prior=from_prior, constraints=())
-    found, _ = sampler.joint_information_bits(
+    found, _ = sampler.compute_joint_information(
         likelihood, likelihood(draws), 20_000, space, 1
     )
     # between normals: ln(sd / sd') + (sd'^2 + shift^2) / (2 sd^2) - 1 / 2
@@ -96,7 +96,7 @@ def test_the_linear_posterior_has_its_closed_form_with_a_prior_too(linear):
 
 
 def test_chains_end_at_their_bounds():
-    chains = sampler.sample(lambda u: 3 * u[:, 0] - 5000.0, 1, 96, 250, 1).points
+    chains = sampler.draw_chains(lambda u: 3 * u[:, 0] - 5000.0, 1, 96, 250, 1).points
     assert chains.min() >= 0
     assert chains.max() <= 1
     assert chains.mean() == pytest.approx(1 / (1 - math.exp(-3)) - 1 / 3, abs=0.01)
@@ -104,15 +104,15 @@ def test_chains_end_at_their_bounds():
 
 @pytest.mark.usefixtures("short_search")
 def test_chains_follow_from_their_seed():
-    first = sampler.sample(lambda u: -u[:, 0], 2, 16, 100, 1).points
-    second = sampler.sample(lambda u: -u[:, 0], 2, 16, 100, 1).points
-    other = sampler.sample(lambda u: -u[:, 0], 2, 16, 100, 2).points
+    first = sampler.draw_chains(lambda u: -u[:, 0], 2, 16, 100, 1).points
+    second = sampler.draw_chains(lambda u: -u[:, 0], 2, 16, 100, 1).points
+    other = sampler.draw_chains(lambda u: -u[:, 0], 2, 16, 100, 2).points
     assert np.array_equal(first, second)
     assert not np.array_equal(first, other)
 
 
 def test_a_flat_density_has_its_times():
-    chains = sampler.sample(lambda theta: np.zeros(len(theta)), 2, 16, 50, 1)
+    chains = sampler.draw_chains(lambda theta: np.zeros(len(theta)), 2, 16, 50, 1)
     assert chains.density_time == 50
     assert np.isfinite(chains.times).all()
 
@@ -129,7 +129,7 @@ def test_no_walkers_stay_where_there_is_no_weight():
         )
 
     mass = np.exp(heights) * sds**3
-    chains = sampler.sample(log_density, 3, 32, 1500, 5)
+    chains = sampler.draw_chains(log_density, 3, 32, 1500, 5)
     draws = chains.points.reshape(-1, 3)
     assert mass[1] / mass.sum() < 1e-3
     assert (draws[:, 0] > 0.5).mean() < 0.02
@@ -139,24 +139,27 @@ def test_no_walkers_stay_where_there_is_no_weight():
 def test_r_hat_of_known_chains_and_information_of_known_draws():
     random = np.random.default_rng(1)
     good = random.normal(size=(4, 2000, 1))
-    assert sampler.split_r_hat(good) == pytest.approx(1, abs=0.005)
+    assert sampler.compute_split_r_hat(good) == pytest.approx(1, abs=0.005)
     apart = good + np.array([0, 0, 0, 3.0])[:, None, None]
     # means 0, 0, 0, 3 twice each: variance 18 - 9 * 8 / 16 over 7 beside one within
     expected = math.sqrt(1 + (18 - 4.5) / 7)
-    assert sampler.split_r_hat(apart) == pytest.approx(expected, rel=0.02)
+    assert sampler.compute_split_r_hat(apart) == pytest.approx(expected, rel=0.02)
     drifting = good + np.linspace(0, 3, 2000)[None, :, None]
     # halves' means 0.75 and 2.25 four times each, and a ramp of 1.5 within each
     expected = math.sqrt(1 + 4.5 / 7 / (1 + 1.5**2 / 12))
-    assert sampler.split_r_hat(drifting) == pytest.approx(expected, rel=0.02)
+    assert sampler.compute_split_r_hat(drifting) == pytest.approx(expected, rel=0.02)
     # Uniform: none. Density 2u: 1 - 1 / (2 ln 2) bits. A quarter of the range: two.
     random = np.random.default_rng(2)
     u = random.uniform(size=40_000)
-    assert sampler.information_bits(u, 40_000) < 0.002
-    assert sampler.information_bits(np.sqrt(u), 40_000) == pytest.approx(
+    assert sampler.compute_information_bits(u, 40_000) < 0.002
+    assert sampler.compute_information_bits(np.sqrt(u), 40_000) == pytest.approx(
         1 - 1 / (2 * math.log(2)), abs=0.01
     )
-    assert sampler.information_bits(u / 4, 40_000) == pytest.approx(2, abs=0.01)
-    few = [sampler.information_bits(random.uniform(size=400), 400) for _ in range(200)]
+    assert sampler.compute_information_bits(u / 4, 40_000) == pytest.approx(2, abs=0.01)
+    few = [
+        sampler.compute_information_bits(random.uniform(size=400), 400)
+        for _ in range(200)
+    ]
     assert np.mean(few) < 0.02  # 0.07 without the correction
 
 
@@ -178,7 +181,7 @@ def ishigami_indices(a=7.0, b=0.1):
 
 
 def test_ishigamis_function_has_its_indices():
-    found = sensitivity.indices(ishigami, LOW, HIGH, 4096, 100, 7)
+    found = sensitivity.compute_sobol_indices(ishigami, LOW, HIGH, 4096, 100, 7)
     for name, known in zip(("first", "total"), ishigami_indices(), strict=True):
         assert found[name][0] == pytest.approx(known, abs=0.015)
         width = found[f"{name}_high"] - found[f"{name}_low"]
@@ -191,14 +194,16 @@ def test_weighted_sums_have_their_indices():
     def weigh(X):
         return np.column_stack([1000 + X @ [1, 2, 0], -50 + X @ [0, 3, 4]])
 
-    found = sensitivity.indices(weigh, np.zeros(3), np.ones(3), 2048, 20, 1)
+    found = sensitivity.compute_sobol_indices(
+        weigh, np.zeros(3), np.ones(3), 2048, 20, 1
+    )
     known = np.array([[1, 4, 0], [0, 9, 16]]) / np.array([[5], [25]])
     assert found["first"] == pytest.approx(known, abs=0.01)
     assert found["total"] == pytest.approx(known, abs=0.01)
 
 
 def test_main_effects_are_those_by_hand():
-    grid, means = sensitivity.main_effects(ishigami, LOW, HIGH, 3, points=9)
+    grid, means = sensitivity.compute_main_effects(ishigami, LOW, HIGH, 3, points=9)
     assert grid.shape == (3, 9)
     assert means[1] == pytest.approx(7 * np.sin(grid[1]) ** 2, abs=0.05)
     expected = np.sin(grid[0]) * (1 + 0.1 * np.pi**4 / 5) + 3.5
@@ -208,7 +213,7 @@ def test_main_effects_are_those_by_hand():
 def test_bad_indices_are_refused_and_a_fixed_parameter_has_none():
     value_error(
         "does not vary",
-        sensitivity.indices,
+        sensitivity.compute_sobol_indices,
         lambda X: np.ones(len(X)),
         LOW,
         HIGH,
@@ -218,7 +223,7 @@ def test_bad_indices_are_refused_and_a_fixed_parameter_has_none():
     )
     space = contact_space(UNIT | {"e_gg": {"fixed": 0.9}})
     targets = targets_of(drum_slip_deg=30.0)
-    table, effects = sensitivity.analyse(
+    table, effects = sensitivity.analyse_surrogate(
         Linear(targets.names, SLOPES[:1]), space, targets, SETTINGS
     )
     assert "e_gg" not in set(table["parameter"]) | set(effects["parameter"])
@@ -236,7 +241,7 @@ def test_bad_indices_are_refused_and_a_fixed_parameter_has_none():
 @pytest.mark.parametrize("slopes", [(1.0, 1.0), (2.0, -1.0), (0.0, 3.0)])
 def test_shares_on_a_triangle_are_the_closed_forms(slopes):
     a, b = slopes
-    found = sensitivity.shares_of_allowed(
+    found = sensitivity.compute_allowed_shares(
         lambda X: np.column_stack([5 + X @ [a, b], X[:, 0]]),
         np.zeros(2),
         np.ones(2),
@@ -264,7 +269,7 @@ def test_shares_on_a_triangle_are_the_closed_forms(slopes):
 
 
 def test_shares_without_a_forbidden_point_are_the_indices():
-    found = sensitivity.shares_of_allowed(
+    found = sensitivity.compute_allowed_shares(
         ishigami,
         LOW,
         HIGH,
@@ -287,7 +292,7 @@ def test_shares_are_those_of_rejection_sampling():
     def is_allowed(unit):
         return unit[:, 0] <= 0.7 * unit[:, 1]
 
-    found = sensitivity.shares_of_allowed(
+    found = sensitivity.compute_allowed_shares(
         respond,
         np.zeros(3),
         np.ones(3),
@@ -319,7 +324,7 @@ def test_shares_are_those_of_rejection_sampling():
 
 
 def test_main_effects_are_means_over_what_is_allowed():
-    grid, means = sensitivity.main_effects(
+    grid, means = sensitivity.compute_main_effects(
         lambda X: 3 * X[:, 0] + X[:, 1],
         np.zeros(2),
         np.ones(2),
@@ -339,7 +344,7 @@ def test_with_a_constraint_tables_and_message_name_their_shares():
     targets = targets_of(aor_deg=30.0)
     space = ParameterSpace.of(UNIT, constraints=["mus_gg <= mus_gp"])
     slopes = [{"mus_gg": 1.0, "mus_gp": 1.0}]
-    table, effects = sensitivity.analyse(
+    table, effects = sensitivity.analyse_surrogate(
         Linear(targets.names, slopes), space, targets, SETTINGS
     )
     assert not {"first", "total"} & set(table)
@@ -351,7 +356,7 @@ def test_with_a_constraint_tables_and_message_name_their_shares():
     assert effects.notna().all(axis=None)
     values = effects.loc[effects["parameter"] == "mus_gg", "value"]
     assert values.max() < 1
-    words = sensitivity.message(table)
+    words = sensitivity.describe_indices(table)
     assert "explained by it alone (remaining if all others are known)" in words
     assert "mus_gg 0.7" in words
     assert "first-order" not in words
@@ -370,7 +375,9 @@ def test_with_a_constraint_and_scales_the_sets_are_even_in_the_logarithm():
     space = ParameterSpace.of({"a": entry, "b": entry}, constraints=["a <= b"])
     targets = targets_of(aor_deg=30.0)
     settings = SensitivitySettings(samples=1024, resamples=20, seed=1)
-    table, effects = sensitivity.analyse(Logarithms(), space, targets, settings)
+    table, effects = sensitivity.analyse_surrogate(
+        Logarithms(), space, targets, settings
+    )
     assert table["explained"].to_numpy() == pytest.approx(np.full(2, 0.75), abs=0.01)
     assert table["remaining"].to_numpy() == pytest.approx(np.full(2, 0.25), abs=0.01)
     rows = effects[effects["parameter"] == "b"]
@@ -380,7 +387,7 @@ def test_with_a_constraint_and_scales_the_sets_are_even_in_the_logarithm():
 
 
 def sensitivity_of(surrogate_json, targets, folder, space=None):
-    return sensitivity.run(
+    return sensitivity.analyse_from_file(
         surrogate_json,
         parameters=contact_space(UNIT) if space is None else space,
         targets=targets,
@@ -397,7 +404,7 @@ def sensitivity_of(surrogate_json, targets, folder, space=None):
 def test_one_target_and_four(names):
     targets = targets_of(**dict.fromkeys(names, 30.0))
     slopes = SLOPES[: len(names)]
-    table, effects = sensitivity.analyse(
+    table, effects = sensitivity.analyse_surrogate(
         Linear(names, slopes), ParameterSpace.of(UNIT), targets, SETTINGS
     )
     assert len(table) == 6 * len(names)
@@ -415,7 +422,7 @@ def test_tables_of_every_surrogate(name, tmp_path):
     targets = targets_of(aor_deg=30.0, height_mm=60.0)
     model = make(
         name,
-        NetworkSettings.of(
+        NetworkSettings.from_keys(
             {"hidden": 3, "starts": 1, "epochs": 100, "goal": 0.0, "seed": 1}
         ),
     )

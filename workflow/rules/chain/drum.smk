@@ -1,6 +1,6 @@
 # The representative solution in a drum that turns until its bed slips: one job a seed, then the measurement, tables and
 # a film.
-DRUM_SEEDS = pour_seeds(
+DRUM_SEEDS = draw_run_seeds(
     config["design"]["seed"], "drum", int(REPRESENTATIVE), config["drum"]["seeds"]
 )
 

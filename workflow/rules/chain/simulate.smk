@@ -1,7 +1,7 @@
 # Runs of a program of the user's own: a job for each run of each sample, then one that reads the responses of all samples.
 # A run that fails is a result with a status; only a fault of the set-up, as a missing program, ends with an error.
 PROGRAM = STUDY.simulator
-RUNS_OF_SAMPLE = STUDY.settings.count_design_seeds(OWN)
+RUNS_OF_SAMPLE = STUDY.settings.count_design_seeds(OWN_BENCH)
 # The time limit, and the start of the job.
 MINUTES_OF_PROGRAM = 5 + math.ceil(PROGRAM.time_limit_s / 60)
 DESIGN_RUNS = results_folder.list_run_records(

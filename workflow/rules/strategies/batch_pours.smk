@@ -14,7 +14,7 @@ use rule pour as batch_pour with:
         job=r"\d{3,5}",
     params:
         purpose=lambda wildcards: (
-            wildcards.strategy if wildcards.strategy in PURPOSES else "batches"
+            wildcards.strategy if wildcards.strategy in PURPOSE_STREAMS else "batches"
         ),
         sample=lambda wildcards: int(wildcards.job),
         seeds=lambda wildcards: samples_of_batch(wildcards.strategy, wildcards.batch)[

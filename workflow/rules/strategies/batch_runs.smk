@@ -13,7 +13,7 @@ use rule simulate as batch_simulate with:
         run=r"\d+",
     params:
         purpose=lambda wildcards: (
-            wildcards.strategy if wildcards.strategy in PURPOSES else "batches"
+            wildcards.strategy if wildcards.strategy in PURPOSE_STREAMS else "batches"
         ),
         sample=lambda wildcards: int(wildcards.job),
     message:

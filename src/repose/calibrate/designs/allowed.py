@@ -1,6 +1,6 @@
-"""Designs and sequences of points that constraints allow.
+"""Make designs and sequences of points that obey the constraints of a study.
 
-Without constraints these are the ordinary designs and sequences, bit by bit.
+Without constraints the results are exactly the ordinary designs and sequences.
 """
 
 import math
@@ -11,24 +11,24 @@ import numpy as np
 
 from repose.calibrate.parameter_space import ParameterSpace
 
-# Of the designs of which the allowed points are counted.
-MOST_TRIALS = 50
+# Largest number of designs that `make_allowed_design` tries.
+MAX_TRIALS = 50
 # A design with too few allowed points grows by at least 2 %, and at most fourfold.
-LEAST_GROWTH = 1.02
-MOST_GROWTH = 4.0
+MIN_GROWTH = 1.02
+MAX_GROWTH = 4.0
 
 Design = Callable[[int], np.ndarray]
 
 
-class Sequence(Protocol):
+class PointSequence(Protocol):
     """A sequence of points of the unit cube, such as Sobol's."""
 
     def random(self, n: int) -> np.ndarray:
         """Return the next n points (n, d)."""
 
 
-def points_of_sequence(
-    sequence: Sequence,
+def take_allowed_points(
+    sequence: PointSequence,
     count: int,
     space: ParameterSpace,
     follows_prior: bool = True,
@@ -37,9 +37,10 @@ def points_of_sequence(
 
     Parameters
     ----------
-    sequence : Sequence
-        In the unit cube.
+    sequence : PointSequence
+        Sequence of points in the unit cube. The call advances it.
     count : int
+        Number of points to return.
     space : ParameterSpace
     follows_prior : bool
         Whether the points are moved to the distribution of the priors.
@@ -51,30 +52,32 @@ def points_of_sequence(
     """
     found = np.empty((0, space.dimensions))
     while len(found) < count:
-        points = _moved(sequence.random(count), space, follows_prior)
+        points = _apply_prior(sequence.random(count), space, follows_prior)
         if not space.constraints:
             return points
         found = np.vstack([found, points[space.is_allowed(points)]])
     return found[:count]
 
 
-def allowed_design(
+def make_allowed_design(
     design: Design,
     count: int,
     space: ParameterSpace,
     follows_prior: bool = False,
 ) -> np.ndarray:
-    """Make a design of points that the constraints allow, spread evenly over them.
+    """Make a design whose points all obey the constraints and are evenly spread.
 
-    A larger design fills the whole cube evenly, and so its allowed points fill what is
-    allowed. Its size grows until it has enough of them. If there are more, the points
-    nearest to others are left out. The result is no Latin hypercube.
+    A design of more points fills the whole cube evenly, so its allowed points fill the
+    allowed part evenly. The size of the design grows until enough points are allowed. If
+    too many are, those nearest to other points are dropped. With constraints, the result
+    is not a Latin hypercube.
 
     Parameters
     ----------
     design : callable
-        From a number n to a design (n, d) of the unit cube.
+        Function of a number n that returns a design (n, d) of the unit cube.
     count : int
+        Number of points to return.
     space : ParameterSpace
     follows_prior : bool
         Whether the points are moved to the distribution of the priors.
@@ -89,27 +92,27 @@ def allowed_design(
         If the designs have too few allowed points.
     """
     if not space.constraints:
-        return _moved(design(count), space, follows_prior)
+        return _apply_prior(design(count), space, follows_prior)
     size = count
-    for _ in range(MOST_TRIALS):
-        points = _moved(design(size), space, follows_prior)
+    for _ in range(MAX_TRIALS):
+        points = _apply_prior(design(size), space, follows_prior)
         allowed = points[space.is_allowed(points)]
         if len(allowed) >= count:
-            return _without_nearest(allowed, count)
+            return _drop_nearest(allowed, count)
         growth = count / max(len(allowed), 1)
-        size = math.ceil(size * min(max(growth, LEAST_GROWTH), MOST_GROWTH))
+        size = math.ceil(size * min(max(growth, MIN_GROWTH), MAX_GROWTH))
     raise ValueError(f"{len(allowed)} of {size} points are allowed; expected {count}")
 
 
-def _moved(
+def _apply_prior(
     points: np.ndarray, space: ParameterSpace, follows_prior: bool
 ) -> np.ndarray:
-    """Move points (n, d) to the distribution of the priors, if they follow it."""
+    """Move points (n, d) to the distribution of the priors if `follows_prior` is set."""
     return space.from_prior(points) if follows_prior else points
 
 
-def _without_nearest(points: np.ndarray, count: int) -> np.ndarray:
-    """Leave out the points that are nearest to others, until `count` are left."""
+def _drop_nearest(points: np.ndarray, count: int) -> np.ndarray:
+    """Drop the points (n, d) nearest to other points, until `count` are left."""
     from scipy.spatial.distance import cdist
 
     distances = cdist(points, points)
@@ -117,7 +120,8 @@ def _without_nearest(points: np.ndarray, count: int) -> np.ndarray:
     kept = np.arange(len(points))
     while len(kept) > count:
         among = np.sort(distances[np.ix_(kept, kept)], axis=1)
-        # Of the two nearest points, drop the one that is nearer to a third.
+        # Sort the points by the distance of their nearest neighbour. The two nearest
+        # points share this distance, so sort them by their second nearest neighbour.
         order = np.lexsort((among[:, 1], among[:, 0]))
         kept = np.delete(kept, order[0])
     return points[kept]

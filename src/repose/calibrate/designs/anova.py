@@ -12,9 +12,9 @@ import pandas as pd
 
 from repose.calibrate.designs.model import Model
 
-ALPHA = 0.05  # significance of `limits`
-DECIMALS = 9  # to which the points of repeated runs agree
-COLUMNS = ("source", "sum_of_squares", "df", "mean_square", "f", "p")
+SIGNIFICANCE_LEVEL = 0.05  # of the lines of the Pareto chart
+POINT_DECIMALS = 9  # decimals to which the coordinates of repeated runs agree
+ANOVA_COLUMNS = ("source", "sum_of_squares", "df", "mean_square", "f", "p")
 
 
 class PureError(NamedTuple):
@@ -25,7 +25,7 @@ class PureError(NamedTuple):
 
 
 class _Row(NamedTuple):
-    """A row of the ANOVA table; the fields are `COLUMNS`."""
+    """A row of the ANOVA table; the fields are `ANOVA_COLUMNS`."""
 
     source: str
     sum_of_squares: float
@@ -35,11 +35,14 @@ class _Row(NamedTuple):
     p: float = math.nan
 
 
-def pure_error(model: Model) -> PureError:
+def compute_pure_error(model: Model) -> PureError:
     """Compute the scatter of the runs of a model that were repeated."""
     # Runs at the same point are a group.
     _, group, size = np.unique(
-        np.round(model.coded, DECIMALS), axis=0, return_inverse=True, return_counts=True
+        np.round(model.coded, POINT_DECIMALS),
+        axis=0,
+        return_inverse=True,
+        return_counts=True,
     )
     group = group.ravel()
     means = np.bincount(group, weights=model.response) / size
@@ -47,7 +50,7 @@ def pure_error(model: Model) -> PureError:
     return PureError(sum_of_squares, int((size - 1).sum()))
 
 
-def anova(model: Model) -> pd.DataFrame:
+def make_anova_table(model: Model) -> pd.DataFrame:
     """Make the ANOVA table of a model.
 
     The model and its terms are tested against the mean square of the residuals, and the
@@ -61,9 +64,9 @@ def anova(model: Model) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        The columns `COLUMNS`. There are rows for the model, each term, the residual,
-        and the total; with repeated runs also for lack of fit and pure error. F and p
-        are NaN without a mean square to test against.
+        The columns are `ANOVA_COLUMNS`. There is a row for the model, for each term, for
+        the residual and for the total. If runs were repeated, there are also rows for
+        the lack of fit and the pure error. F and p are NaN in a row that is not tested.
     """
     # Sums of squares of the residuals, and of the responses about their mean.
     residual = model.residual_squares
@@ -93,7 +96,7 @@ def anova(model: Model) -> pd.DataFrame:
     rows.append(_make_row("residual", residual, model.df))
 
     # Split the residuals into lack of fit and pure error, if runs were repeated.
-    pure = pure_error(model)
+    pure = compute_pure_error(model)
     if pure.df:
         rows.append(
             _make_tested_row(
@@ -106,10 +109,10 @@ def anova(model: Model) -> pd.DataFrame:
         )
         rows.append(_make_row("pure error", pure.sum_of_squares, pure.df))
     rows.append(_make_row("total", total, len(model.response) - 1))
-    return pd.DataFrame(rows, columns=list(COLUMNS))
+    return pd.DataFrame(rows, columns=list(ANOVA_COLUMNS))
 
 
-def statistics(model: Model) -> dict[str, float]:
+def compute_statistics(model: Model) -> dict[str, float]:
     """Compute statistics of the fit, as in Design-Expert.
 
     Parameters
@@ -127,7 +130,9 @@ def statistics(model: Model) -> dict[str, float]:
     n = len(model.response)
     residual = model.residual_squares
     # The squares about the mean are those of the model and of the residuals.
-    model_squares = anova(model).set_index("source").loc["model", "sum_of_squares"]
+    model_squares = (
+        make_anova_table(model).set_index("source").loc["model", "sum_of_squares"]
+    )
     total = model_squares + residual
     mean = float(model.response.mean())
     sigma = math.sqrt(model.variance)
@@ -151,7 +156,8 @@ def statistics(model: Model) -> dict[str, float]:
 def _compute_press(model: Model) -> float:
     """Sum the squared errors of predicting each run from all others.
 
-    A residual divided by 1 - leverage is such an error. nan without degrees of freedom.
+    The error of predicting a run from all others is its residual divided by
+    1 - leverage. The sum is NaN without degrees of freedom.
     """
     if not model.df:
         return math.nan
@@ -160,7 +166,7 @@ def _compute_press(model: Model) -> float:
         return float(((model.residuals / (1 - leverage)) ** 2).sum())
 
 
-def effects(model: Model) -> pd.DataFrame:
+def list_effects(model: Model) -> pd.DataFrame:
     """List the terms for the Pareto chart, the largest contribution first.
 
     Parameters
@@ -174,7 +180,7 @@ def effects(model: Model) -> pd.DataFrame:
         effect, without sign), `p`, and `contribution_percent`: the term's partial sum
         of squares over the total.
     """
-    table = anova(model).set_index("source")
+    table = make_anova_table(model).set_index("source")
     # The first standard error is that of the constant, which is not an effect.
     errors = np.sqrt(model.variance * np.diag(model.inverse))
     estimates = pd.DataFrame(
@@ -194,29 +200,30 @@ def effects(model: Model) -> pd.DataFrame:
     )
 
 
-def limits(model: Model) -> dict[str, float]:
-    """Compute the two lines of the Pareto chart at significance `ALPHA`.
+def compute_pareto_limits(model: Model) -> dict[str, float]:
+    """Compute the two lines of the Pareto chart, above which an effect is significant.
 
-    A single term above the line `t` is significant. In a study without any effect, the
-    probability that some term is above the line `bonferroni` is at most `ALPHA`. Both
-    are nan without degrees of freedom.
+    The line `t` is for testing a single term: a term above it is significant. The line
+    `bonferroni` is for testing all terms at once: if no term has an effect, the
+    probability that any lies above this line is at most `SIGNIFICANCE_LEVEL`. Both
+    lines are NaN without degrees of freedom.
     """
     from scipy import stats
 
     df = model.df or math.nan
     return {
-        "t": float(stats.t.isf(ALPHA / 2 / 1, df)),
-        "bonferroni": float(stats.t.isf(ALPHA / 2 / len(model.terms), df)),
+        "t": float(stats.t.isf(SIGNIFICANCE_LEVEL / 2 / 1, df)),
+        "bonferroni": float(stats.t.isf(SIGNIFICANCE_LEVEL / 2 / len(model.terms), df)),
     }
 
 
 def _compute_mean_square(total: float, df: float) -> float:
-    """Compute a mean square; nan without degrees of freedom."""
+    """Compute a mean square; NaN without degrees of freedom."""
     return total / df if df else math.nan
 
 
 def _divide(numerator: float, denominator: float) -> float:
-    """Divide two numbers; nan for a denominator of 0."""
+    """Divide two numbers; NaN for a denominator of 0."""
     return numerator / denominator if denominator else math.nan
 
 

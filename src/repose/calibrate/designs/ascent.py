@@ -3,22 +3,22 @@
 import numpy as np
 
 
-def ascent_direction(
+def compute_ascent_direction(
     slopes: np.ndarray, missing: np.ndarray, scale: np.ndarray
 ) -> np.ndarray:
     """Compute the direction in which several responses approach their targets fastest.
 
-    It is the steepest descent of the sum of the squared scaled deviations at the
-    centre.
+    It is the direction of steepest descent of the sum of the squared scaled deviations,
+    at the centre.
 
     Parameters
     ----------
     slopes : array (responses, k)
-        Of first-order models, in coded units.
+        Slopes of the first-order models of the responses, in coded units.
     missing : array (responses,)
         Target minus response at the centre.
     scale : array (responses,)
-        The target over the root of its weight.
+        The target divided by the root of its weight.
 
     Returns
     -------
@@ -39,19 +39,23 @@ def ascent_direction(
     return gradient / length
 
 
-def path(along: np.ndarray, steps: int, start: np.ndarray | None = None) -> np.ndarray:
+def make_ascent_path(
+    along: np.ndarray, steps: int, start: np.ndarray | None = None
+) -> np.ndarray:
     """Space points (steps + 1, k) evenly from a start to the edge of the cube.
 
     Parameters
     ----------
     along : array (k,)
-        The direction.
+        Direction of the path in coded units.
     steps : int
+        Number of steps from the start to the edge.
     start : array (k,), optional
         A point inside the cube; by default its centre.
     """
     if start is None:
         start = np.zeros(len(along))
-    # The first factor at an end of its range ends the path.
+    # The distance of the start from the edge at 1 or -1, along each factor, is
+    # 1 - sign * start. The path ends where the first factor reaches its edge.
     parts = np.abs(along) / (1 - np.sign(along) * start)
     return start + np.linspace(0.0, 1.0, steps + 1)[:, None] * (along / parts.max())

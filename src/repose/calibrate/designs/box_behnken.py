@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from repose.calibrate.designs.coding import two_level
+from repose.calibrate.designs.coding import make_full_factorial
 
 # For each number of factors its orthogonal blocks. An entry of a block lists the
 # factors that vary together while the others are at their centre (Box and Behnken 1960,
@@ -49,7 +49,7 @@ def box_behnken(factors: int, centres: int) -> np.ndarray:
     for number, block in enumerate(blocks, start=1):
         # Run all corners of a group of factors, with the other factors at the centre.
         for factor_numbers in block:
-            corners = two_level(len(factor_numbers))
+            corners = make_full_factorial(len(factor_numbers))
             group = np.zeros((len(corners), factors))
             group[:, np.array(factor_numbers) - 1] = corners
             runs.append(group)

@@ -4,9 +4,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from repose.calibrate.designs.coding import two_level
+from repose.calibrate.designs.coding import make_full_factorial
 
-HALF_FROM = 5  # number of factors from which the factorial is the half fraction
+HALF_FRACTION_FROM = (
+    5  # number of factors from which the factorial is the half fraction
+)
 
 
 class CentralComposite(NamedTuple):
@@ -34,11 +36,11 @@ def central_composite(factors: int, axial: str, centres: int) -> CentralComposit
     centres : int
         Number of centre runs.
     """
-    if factors < HALF_FROM:
-        corners = two_level(factors)
+    if factors < HALF_FRACTION_FROM:
+        corners = make_full_factorial(factors)
     else:
         # In the half fraction the last factor is the product of the others.
-        corners = two_level(factors - 1)
+        corners = make_full_factorial(factors - 1)
         corners = np.column_stack([corners, corners.prod(axis=1)])
     distance = len(corners) ** 0.25 if axial == "rotatable" else 1.0
     # Two axial runs of each factor, at -distance and distance.

@@ -3,7 +3,7 @@
 import numpy as np
 
 
-def two_level(factors: int) -> np.ndarray:
+def make_full_factorial(factors: int) -> np.ndarray:
     """Make the full factorial (2^factors, factors) of -1 and 1 in standard order.
 
     The first factor changes fastest: its level is the lowest bit of the number of the

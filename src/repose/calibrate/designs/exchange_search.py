@@ -9,15 +9,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-FIRST_THRESHOLD = 0.005  # of phi_p
-MOST_CANDIDATES = 50  # random exchanges of which the best is tried
-MOST_TRIALS = 100  # of a round
-# Shares of the trials that are accepted, below which acceptance is low, above which
-# high.
+# All numbers below are those of the source.
+FIRST_THRESHOLD = 0.005  # of the phi_p of the first design
+MAX_CANDIDATES = 50  # random exchanges of which the best is tried
+MAX_TRIALS = 100  # trials of a round
+# Acceptance is low or high if the accepted share of the trials is below or above these.
 LOW_ACCEPTANCE = 0.1
 HIGH_ACCEPTANCE = 0.8
-# Factors of the threshold in one round: while the best design improves, while the
-# acceptance is to rise, and while it is to fall.
+# Factors by which the threshold changes after a round: while the best design improves,
+# while the acceptance shall rise, and while it shall fall.
 IMPROVEMENT_FACTOR = 0.8
 RISE_FACTOR = 0.7
 FALL_FACTOR = 0.9
@@ -26,14 +26,16 @@ FALL_FACTOR = 0.9
 class Pairs:
     """Points with the repulsions distance^-power of all pairs.
 
-    Sums go term by term (`cumsum`), because ties decide, and their rounding must be
-    that of the published designs.
+    All sums are computed term by term with `cumsum`, because `sum` may add in another
+    order. The rounding of a sum can decide between equally good exchanges, and it must
+    stay that of the published designs.
 
     Parameters
     ----------
     points : array (n, d)
     doublings : int
-        The power is 2^(doublings + 1).
+        Number of squarings that lead from distance^-2 to distance^-power, so the power
+        is 2^(doublings + 1).
 
     Attributes
     ----------
@@ -81,22 +83,26 @@ class Pairs:
         self.repulsion[row] = repulsion
         self.repulsion[:, row] = repulsion
 
-    def total(self) -> float:
+    def sum_repulsions(self) -> float:
         """Sum the repulsions of all pairs."""
         return float(np.cumsum(self.repulsion[self.below])[-1])
 
-    def gains(self, column: int, i: np.ndarray, j: np.ndarray) -> np.ndarray:
-        """Compute the change of `total` if two rows swap their values in a column.
+    def compute_changes(self, column: int, i: np.ndarray, j: np.ndarray) -> np.ndarray:
+        """Compute by how much exchanges would change the sum of all repulsions.
+
+        An exchange swaps the values of two rows in a column. The exchanges are
+        alternatives: each is evaluated without the others, and none is made.
 
         Parameters
         ----------
         column : int
         i, j : array of int (m,)
-            Rows of the m exchanges; each exchange is tried on its own.
+            The two rows of each of the m exchanges.
 
         Returns
         -------
         array (m,)
+            Negative for an exchange that improves the design.
         """
         x = self.points[:, column]
         rows = np.array([i, j])  # (2, m)
@@ -120,7 +126,7 @@ class Pairs:
         return terms.cumsum(axis=0)[-1]
 
     def exchange(self, column: int, i: int, j: int) -> None:
-        """Swap the values of rows i and j in a column."""
+        """Swap the values of rows i and j in a column, and update all attributes."""
         self.points[[i, j], column] = self.points[[j, i], column]
         self._update(i)
         self._update(j)
@@ -136,9 +142,9 @@ class _Threshold:
     def adapt(self, is_better: bool, accepted: int, improved: int, trials: int) -> None:
         """Adapt the threshold after a round.
 
-        While the best design improves, the threshold keeps acceptance low. Once it
-        stalls, the threshold rises until most exchanges are accepted, then falls until
-        few are, and so on.
+        While the best design improves, the threshold is kept so low that few exchanges
+        are accepted. When the best design no longer improves, the threshold rises until
+        most exchanges are accepted, and then falls until few are. This repeats.
 
         Parameters
         ----------
@@ -148,7 +154,8 @@ class _Threshold:
             Number of exchanges that were accepted, that improved the best design, and
             that were tried.
         """
-        # Improvement: lower the threshold if bad exchanges are accepted, too.
+        # Improvement: lower the threshold if exchanges are accepted that do not improve
+        # the best design, and raise it if hardly any exchange is accepted.
         if is_better:
             if accepted > LOW_ACCEPTANCE * trials and improved < accepted:
                 self.value *= IMPROVEMENT_FACTOR
@@ -198,50 +205,55 @@ class _Walk:
         self.pairs = Pairs(start, doublings)
         self._exponent = 1.0 / 2.0 ** (doublings + 1)
         n = len(start)
-        self.n_candidates = min(MOST_CANDIDATES, max(1, n * (n - 1) // 10))
-        # Upper limits of random numbers that name the two rows of each candidate: the
-        # first row, and how many rows after it the second one lies, less one.
+        self.n_candidates = min(MAX_CANDIDATES, max(1, n * (n - 1) // 10))
+        # Exclusive upper limits of two random numbers for each candidate: the first row,
+        # and the number of rows from the one after it to the second row.
         self._limits = np.tile([n, n - 1], self.n_candidates)
-        self.sum_afresh()
+        self.recompute_total()
 
-    def sum_afresh(self) -> None:
-        """Sum all repulsions, since the rounding of many gains would pile up."""
-        self._total = self.pairs.total()
+    def recompute_total(self) -> None:
+        """Sum all repulsions anew, because the rounding errors of many changes add up.
+
+        Sets the sum and `phi`.
+        """
+        self._total = self.pairs.sum_repulsions()
         self.phi = self._total**self._exponent
 
     def choose_exchange(self, column: int, rng: np.random.Generator) -> _Exchange:
         """Choose the best of a few random exchanges in a column."""
         i, offset = rng.integers(0, self._limits).reshape(-1, 2).T
         j = (i + 1 + offset) % len(self.pairs.points)
-        gains = self.pairs.gains(column, i, j)
+        gains = self.pairs.compute_changes(column, i, j)
         best = int(gains.argmin())
         total = self._total + gains[best]
         phi = max(total, 0.0) ** self._exponent
         return _Exchange(column, rows=(i[best], j[best]), total=total, phi=phi)
 
-    def accept(self, exchange: _Exchange) -> None:
-        """Make an exchange."""
+    def apply_exchange(self, exchange: _Exchange) -> None:
+        """Apply an exchange to the design; changes `pairs` and `phi`."""
         self.pairs.exchange(exchange.column, *exchange.rows)
         self._total = exchange.total
         self.phi = exchange.phi
 
 
-class Evolved(NamedTuple):
-    """Result of `evolve`: two designs (n, d)."""
+class EvolvedDesigns(NamedTuple):
+    """Result of `evolve_design`: two designs (n, d)."""
 
-    smallest_phi: np.ndarray  # the design of smallest phi_p
-    widest: np.ndarray  # of those after each round, that of largest minimum distance
+    smallest_phi: np.ndarray  # the design with the smallest phi_p
+    # The design with the largest minimum distance, among those at the ends of rounds.
+    widest: np.ndarray
 
 
 @np.errstate(divide="ignore", over="ignore", invalid="ignore")
-def evolve(
+def evolve_design(
     start: np.ndarray, doublings: int, rounds: int, rng: np.random.Generator
-) -> Evolved:
+) -> EvolvedDesigns:
     """Improve a design by enhanced stochastic evolution.
 
-    The criterion is `repose.calibrate.designs.latin_hypercube.phi_p`. Each round goes
-    through the columns. It takes the best of a few random exchanges, and accepts it if
-    phi_p rises by no more than a random share of the threshold.
+    The criterion is `repose.calibrate.designs.latin_hypercube.phi_p`. Each trial chooses
+    the best of a few random exchanges in a column, and accepts it if phi_p rises by at
+    most a random share of the threshold. The trials of a round go through the columns in
+    turn. Numpy's warnings are off, because two equal points have an infinite repulsion.
 
     Parameters
     ----------
@@ -258,7 +270,7 @@ def evolve(
     n_columns = start.shape[1]
     walk = _Walk(start, doublings)
     threshold = _Threshold(FIRST_THRESHOLD * walk.phi)
-    trials = min(MOST_TRIALS, 2 * walk.n_candidates * n_columns)
+    trials = min(MAX_TRIALS, 2 * walk.n_candidates * n_columns)
 
     best_phi = walk.phi
     best_points = start.copy()
@@ -272,14 +284,14 @@ def evolve(
             exchange = walk.choose_exchange(trial % n_columns, rng)
             if exchange.phi - walk.phi > threshold.value * rng.random():
                 continue
-            walk.accept(exchange)
+            walk.apply_exchange(exchange)
             accepted += 1
             if walk.phi < best_phi:
                 best_phi = walk.phi
                 best_points = walk.pairs.points.copy()
                 improved += 1
 
-        walk.sum_afresh()
+        walk.recompute_total()
         smallest_squared = walk.pairs.squared.min()
         if smallest_squared > widest_squared:
             widest_squared = smallest_squared
@@ -290,4 +302,4 @@ def evolve(
             improved=improved,
             trials=trials,
         )
-    return Evolved(best_points, widest_points)
+    return EvolvedDesigns(best_points, widest_points)

@@ -1,8 +1,9 @@
-"""Latin hypercube designs: the paper's best of 20 and an optimal one.
+"""Latin hypercube designs: the best of 20, as in the paper, and an optimal one.
 
-Section 3.2.1 of the paper, Eq. 5. A design is an (n, d) array in the unit cube with
-exactly one point in each of the n equal strata of every column. Distances are Euclidean
-and taken in the unit cube, so that no parameter's unit weighs more.
+The source is section 3.2.1 of the paper, with Eq. 5. A design is an (n, d) array in the
+unit cube with exactly one point in each of the n equal strata of every column. Distances
+are Euclidean distances in the unit cube, so they do not depend on the units of the
+parameters.
 """
 
 import functools
@@ -11,23 +12,23 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from repose.calibrate.designs.allowed import allowed_design
-from repose.calibrate.designs.exchange_search import evolve
+from repose.calibrate.designs.allowed import make_allowed_design
+from repose.calibrate.designs.exchange_search import evolve_design
 from repose.calibrate.designs.settings import DesignSettings
 from repose.calibrate.parameter_space import ParameterSpace
 
-CANDIDATES = 20  # of `lhsdesign`
-PHI_POWER = 16.0  # of the criterion in comparison.csv
-# The optimal design is improved for the powers 16, 32 and 64 of `phi_p` in turn. The
-# first shapes the whole design; the higher ones act on its closest pairs, which set the
-# minimum distance. A power is given by the number of squarings that lead from
-# distance^2 to distance^power.
+N_CANDIDATES = 20  # designs that `lhsdesign` compares, as in the paper
+PHI_POWER = 16.0  # power p of the criterion in comparison.csv
+# The optimal design is improved for the powers 16, 32 and 64 of `phi_p`, one after the
+# other. The first power shapes the whole design. The higher powers act on the closest
+# pairs, which determine the minimum distance. Each number here is the number of squarings
+# that lead from distance^2 to distance^power.
 PHI_DOUBLINGS = (3, 4, 5)
 ROUNDS_PER_POWER = 100
 # Positions keep this share of a stratum away from its edges, so that rounding in a file
 # cannot move a point into the neighbouring stratum.
 EDGE_MARGIN = 1e-4
-METHODS = {
+METHOD_LABELS = {
     "random": "random Latin hypercube",
     "lhsdesign": "best of 20 Latin hypercubes",
     "optimal": "optimal Latin hypercube",
@@ -37,7 +38,8 @@ METHODS = {
 def random_lhs(n: int, d: int, rng: np.random.Generator) -> np.ndarray:
     """Draw a random Latin hypercube (n, d) in the unit cube.
 
-    The strata of the columns are paired at random, and so are the positions in them.
+    The strata of the columns are paired at random, and each position within a stratum is
+    random.
     """
     position = rng.uniform(EDGE_MARGIN, 1.0 - EDGE_MARGIN, (n, d))
     stratum = np.stack([rng.permutation(n) for _ in range(d)], axis=1)
@@ -47,7 +49,7 @@ def random_lhs(n: int, d: int, rng: np.random.Generator) -> np.ndarray:
 def minimum_distance(points: np.ndarray) -> float:
     """Compute the smallest Euclidean distance between two points (n, d).
 
-    A design for which it is large is good: the maximin criterion, Eq. 5 of the paper.
+    A large distance is good. This is the maximin criterion, Eq. 5 of the paper.
     """
     from scipy.spatial.distance import pdist
 
@@ -57,9 +59,9 @@ def minimum_distance(points: np.ndarray) -> float:
 def phi_p(points: np.ndarray) -> float:
     """Compute Morris and Mitchell's criterion of points (n, d); a small value is good.
 
-    It is (sum of distance^-p over all pairs)^(1 / p) with p = `PHI_POWER`. As p grows
-    it goes to 1 / minimum distance (Morris and Mitchell 1995, J. Stat. Plan. Inference
-    43:381).
+    The criterion is (sum of distance^-p over all pairs)^(1 / p) with p = `PHI_POWER`. It
+    approaches 1 / minimum distance as p grows (Morris and Mitchell 1995, J. Stat. Plan.
+    Inference 43:381).
     """
     from scipy.spatial.distance import pdist
 
@@ -67,21 +69,22 @@ def phi_p(points: np.ndarray) -> float:
 
 
 def lhsdesign(n: int, d: int, rng: np.random.Generator) -> np.ndarray:
-    """Draw random Latin hypercubes (n, d), and return the best, as the paper does.
+    """Draw `N_CANDIDATES` random Latin hypercubes (n, d), and return the best one.
 
-    It is the one with the largest minimum distance.
+    The best one has the largest minimum distance. The name is that of MATLAB's function,
+    which the paper uses.
     """
-    candidates = (random_lhs(n, d, rng) for _ in range(CANDIDATES))
+    candidates = (random_lhs(n, d, rng) for _ in range(N_CANDIDATES))
     return max(candidates, key=minimum_distance)
 
 
 def optimal_lhs(n: int, d: int, seed: int | list[int]) -> np.ndarray:
     """Make a Latin hypercube whose points are far apart.
 
-    Enhanced stochastic evolution on phi_p improves the `lhsdesign` of the same seed,
-    for powers that grow (Jin, Chen and Sudjianto 2005, J. Stat. Plan. Inference
-    134:268). This takes up to a minute, and a study asks for its design at each of its
-    turns. So the last designs are kept.
+    Enhanced stochastic evolution on phi_p improves the `lhsdesign` of the same seed, for
+    rising powers (Jin, Chen and Sudjianto 2005, J. Stat. Plan. Inference 134:268). This
+    takes up to a minute, and a study needs its design at each of its turns. So the last
+    designs are cached.
 
     Parameters
     ----------
@@ -101,21 +104,21 @@ def optimal_lhs(n: int, d: int, seed: int | list[int]) -> np.ndarray:
 
 @functools.lru_cache(maxsize=16)
 def _optimal_lhs(n: int, d: int, seed: int | tuple[int, ...]) -> np.ndarray:
-    """Make the design of `optimal_lhs`, which the caller must not change."""
+    """Make the design of `optimal_lhs`; the caller must not change the cached array."""
     rng = np.random.default_rng(seed)
     best = lhsdesign(n, d, rng=rng)
     # With two points or one column there is nothing to exchange.
     if n < 3 or d < 2:
         return best
-    # Each power goes on from the design of smallest phi_p of the power before it.
+    # Continue for each power from the best design of the power before.
     current = best.copy()
     for doublings in PHI_DOUBLINGS:
-        current, widest = evolve(current, doublings, ROUNDS_PER_POWER, rng)
+        current, widest = evolve_design(current, doublings, ROUNDS_PER_POWER, rng)
         best = max((best, current, widest), key=minimum_distance)
     return best
 
 
-def compare(designs: Mapping[str, np.ndarray]) -> pd.DataFrame:
+def compare_designs(designs: Mapping[str, np.ndarray]) -> pd.DataFrame:
     """Compute the criteria of designs by method.
 
     Returns
@@ -138,40 +141,45 @@ def compare(designs: Mapping[str, np.ndarray]) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def design(
+def make_designs(
     space: ParameterSpace, section: DesignSettings
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Choose the parameter sets of a study, and compare the methods of doing so.
+    """Make the design of a study, and compare it with the designs of the other methods.
 
-    The free parameters fill their ranges evenly, also with a prior: the surrogate then
-    holds for every value of the prior, which is applied in the search and in the
-    posterior. With constraints they fill what these allow (`allowed_design`).
+    The free parameters fill their ranges evenly, even those with a prior. The surrogate
+    is then valid over the whole ranges, and the search and the posterior apply the
+    priors. With constraints, the samples fill only the allowed part of the ranges
+    (`make_allowed_design`).
 
     Returns
     -------
     table : pandas.DataFrame
-        The samples of the study, as of `parameter_sets`.
+        The samples of the study, from `tabulate_parameter_sets`.
     comparison : pandas.DataFrame
-        As of `compare`, for all `METHODS`.
+        The criteria of all methods in `METHOD_LABELS`, from `compare_designs`.
     """
     designs = {
-        method: points_in(space, section.samples, method, section.seed)
-        for method in METHODS
+        method: make_points_in_space(space, section.samples, method, section.seed)
+        for method in METHOD_LABELS
     }
-    return parameter_sets(designs[section.method], space), compare(designs)
+    return tabulate_parameter_sets(designs[section.method], space), compare_designs(
+        designs
+    )
 
 
-def points_in(space: ParameterSpace, n: int, method: str, seed: int) -> np.ndarray:
-    """Make the design (n, d) of one of the `METHODS`, as the constraints allow."""
+def make_points_in_space(
+    space: ParameterSpace, n: int, method: str, seed: int
+) -> np.ndarray:
+    """Make a design (n, d) of allowed points by one of the methods in `METHOD_LABELS`."""
 
     def design_of(size: int) -> np.ndarray:
-        return points(size, space.dimensions, method, seed)
+        return make_points(size, space.dimensions, method, seed)
 
-    return allowed_design(design_of, n, space)
+    return make_allowed_design(design_of, n, space)
 
 
-def points(n: int, d: int, method: str, seed: int) -> np.ndarray:
-    """Make the design (n, d) of one of the `METHODS`."""
+def make_points(n: int, d: int, method: str, seed: int) -> np.ndarray:
+    """Make a design (n, d) by one of the methods in `METHOD_LABELS`."""
     if method == "optimal":
         return optimal_lhs(n, d, seed)
     rng = np.random.default_rng(seed)
@@ -180,7 +188,7 @@ def points(n: int, d: int, method: str, seed: int) -> np.ndarray:
     return lhsdesign(n, d, rng)
 
 
-def parameter_sets(
+def tabulate_parameter_sets(
     points: np.ndarray, space: ParameterSpace, first: int = 1
 ) -> pd.DataFrame:
     """Turn points (n, d) of the unit cube into a table of parameter sets.

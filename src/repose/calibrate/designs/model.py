@@ -12,7 +12,7 @@ Term = tuple[int, ...]  # factors that are multiplied: (0,), (0, 1), (0, 0)
 ORDERS = ("linear", "interaction", "quadratic")
 
 
-def terms_of(factors: int, order: str) -> tuple[Term, ...]:
+def list_terms(factors: int, order: str) -> tuple[Term, ...]:
     """List the terms of a model without its constant.
 
     Parameters
@@ -33,13 +33,13 @@ def terms_of(factors: int, order: str) -> tuple[Term, ...]:
     return tuple(terms)
 
 
-def columns(coded: ArrayLike, terms: Sequence[Term]) -> np.ndarray:
+def compute_terms(coded: ArrayLike, terms: Sequence[Term]) -> np.ndarray:
     """Compute the terms (n, terms) at coded points (n, k)."""
     coded = np.asarray(coded, dtype=float)
     return np.column_stack([coded[:, list(term)].prod(axis=1) for term in terms])
 
 
-def label(term: Term, factors: Sequence[str]) -> str:
+def format_term(term: Term, factors: Sequence[str]) -> str:
     """Name a term: ``A``, ``A*B``, ``A^2``."""
     is_square = len(term) == 2 and term[0] == term[1]
     if is_square:
@@ -62,7 +62,7 @@ class Model:
     @property
     def labels(self) -> list[str]:
         """Names of the terms."""
-        return [label(term, self.factors) for term in self.terms]
+        return [format_term(term, self.factors) for term in self.terms]
 
     @property
     def coefficients(self) -> np.ndarray:
@@ -96,19 +96,19 @@ class Model:
 
     def predict(self, coded: ArrayLike) -> np.ndarray:
         """Predict the response (n,) at points (n, k) in coded units."""
-        return self.constant + columns(coded, self.terms) @ self.coefficients
+        return self.constant + compute_terms(coded, self.terms) @ self.coefficients
 
     def standard_error(self, coded: ArrayLike) -> np.ndarray:
         """Compute the standard error (n,) of the mean at points (n, k) in coded units.
 
         nan without degrees of freedom.
         """
-        rows = _with_constant(columns(coded, self.terms))
+        rows = _prepend_ones(compute_terms(coded, self.terms))
         covariance = self.variance * self.inverse
         return np.sqrt(np.einsum("ni,ij,nj->n", rows, covariance, rows))
 
 
-def fit(
+def fit_model(
     coded: ArrayLike,
     response: ArrayLike,
     factors: Sequence[str],
@@ -133,8 +133,8 @@ def fit(
     """
     coded = np.asarray(coded, dtype=float)
     response = np.asarray(response, dtype=float)
-    terms = terms_of(len(factors), order) if isinstance(order, str) else tuple(order)
-    matrix = _with_constant(columns(coded, terms))
+    terms = list_terms(len(factors), order) if isinstance(order, str) else tuple(order)
+    matrix = _prepend_ones(compute_terms(coded, terms))
     rank = int(np.linalg.matrix_rank(matrix))
     n_coefficients = matrix.shape[1]
     if rank < n_coefficients:
@@ -154,6 +154,6 @@ def fit(
     )
 
 
-def _with_constant(values: np.ndarray) -> np.ndarray:
+def _prepend_ones(values: np.ndarray) -> np.ndarray:
     """Put a column of ones before the terms (n, terms)."""
     return np.hstack([np.ones((len(values), 1)), values])

@@ -1,9 +1,10 @@
-"""Runs of a design at allowed places, chosen by D-optimality.
+"""Replace the forbidden runs of a design by D-optimal ones.
 
-A textbook design has runs at places that constraints may forbid. Its allowed runs stay.
-In place of the others come as many new ones for which the determinant of X'X of the model
-is largest, so all coefficients stay estimable and together are determined best. The
-search is the coordinate exchange of Meyer and Nachtsheim (Technometrics 37 (1995) 60-69).
+Constraints may forbid some runs of a textbook design. Its allowed runs stay. Each other
+run is replaced by a new one. The new runs are those for which the determinant of X'X is
+largest, where X is the matrix of the model. So the coefficients of the model can be
+estimated, and their joint uncertainty is smallest. The search is the coordinate exchange
+of Meyer and Nachtsheim (Technometrics 37 (1995) 60-69).
 """
 
 from collections.abc import Sequence
@@ -11,17 +12,17 @@ from typing import NamedTuple
 
 import numpy as np
 
-from repose.calibrate.designs.model import Term, columns, terms_of
+from repose.calibrate.designs.model import Term, compute_terms, list_terms
 from repose.calibrate.designs.region import Region
 
 # Levels of a factor among which the exchange chooses.
 LEVELS = np.linspace(-1.0, 1.0, 21)
-# Searches from different runs; the best result counts.
-STARTS = 10
-# Rounds of exchanges through all new runs, at most.
-MOST_ROUNDS = 100
-# An exchange that raises the log determinant by less is not made.
-LEAST_GAIN = 1e-9
+# Number of searches, each from different runs. The best result is used.
+N_STARTS = 10
+# Largest number of rounds, each of which tries exchanges in all new runs.
+MAX_ROUNDS = 100
+# An exchange must raise the log determinant by more than this, which is rounding.
+MIN_GAIN = 1e-9
 # Added to the diagonal of X'X, which is singular as long as there are too few runs.
 RIDGE = 1e-8
 
@@ -43,14 +44,14 @@ def replace_forbidden(
     coded : numpy.ndarray, (n, factors)
         The design, without runs of its centre.
     region : Region or None
-        What is allowed; None where all is.
+        The allowed part of the cube; None if all of it is allowed.
     order : str
-        Of the model, one of `repose.calibrate.designs.model.ORDERS`.
+        Order of the model, one of `repose.calibrate.designs.model.ORDERS`.
 
     Returns
     -------
     AllowedDesign
-        With as many runs, those that were allowed at their places.
+        As many runs. The allowed runs keep their rows.
 
     Raises
     ------
@@ -62,11 +63,11 @@ def replace_forbidden(
     is_new = ~region.is_allowed(coded)
     if not is_new.any():
         return AllowedDesign(coded, is_new)
-    terms = terms_of(coded.shape[1], order)
-    new_runs = added_runs(coded[~is_new], int(is_new.sum()), region, terms)
+    terms = list_terms(coded.shape[1], order)
+    new_runs = choose_added_runs(coded[~is_new], int(is_new.sum()), region, terms)
     runs = coded.copy()
     runs[is_new] = new_runs
-    rank = int(np.linalg.matrix_rank(_rows(runs, terms)))
+    rank = int(np.linalg.matrix_rank(_make_model_rows(runs, terms)))
     if rank < len(terms) + 1:
         raise ValueError(
             f"{len(runs)} allowed runs determine {rank} coefficients; expected all "
@@ -75,72 +76,79 @@ def replace_forbidden(
     return AllowedDesign(runs, is_new)
 
 
-def added_runs(
+def choose_added_runs(
     kept: np.ndarray, count: int, region: Region, terms: Sequence[Term]
 ) -> np.ndarray:
-    """Choose runs (count, factors) that determine a model best, together with others.
+    """Choose D-optimal runs (count, factors) to add to the kept runs.
+
+    They maximise the determinant of X'X of the kept and the new runs together.
 
     Parameters
     ----------
     kept : numpy.ndarray, (n, factors)
-        The other runs.
+        The runs that stay.
     count : int
+        Number of runs to add.
     region : Region
-        Where runs are allowed.
+        The part of the cube where runs are allowed.
     terms : sequence of tuple
         Terms of the model besides the constant.
     """
     best = np.empty((0, kept.shape[1]))
     best_value = -np.inf
-    for start in range(STARTS):
-        # Each start is another part of the points that are spread over the region.
+    for start in range(N_STARTS):
+        # Start from the next `count` of the points that are spread over the region.
         rows = (start * count + np.arange(count)) % len(region.points)
         runs = region.points[rows].copy()
-        _exchange(runs, kept, region, terms)
-        value = log_determinant(np.vstack([kept, runs]), terms)
-        if value > best_value + LEAST_GAIN:
+        _exchange_coordinates(runs, kept, region, terms)
+        value = compute_log_determinant(np.vstack([kept, runs]), terms)
+        if value > best_value + MIN_GAIN:
             best_value = value
             best = runs
     return best
 
 
-def _exchange(
+def _exchange_coordinates(
     runs: np.ndarray, kept: np.ndarray, region: Region, terms: Sequence[Term]
 ) -> None:
-    """Exchange coordinates of runs, in place, until none raises the determinant."""
-    for _ in range(MOST_ROUNDS):
+    """Exchange coordinates of the new runs until no exchange raises the determinant.
+
+    The array `runs` is changed in place. An exchange gives one factor of a run another
+    of the `LEVELS`.
+    """
+    for _ in range(MAX_ROUNDS):
         is_changed = False
         for row in range(len(runs)):
             others = np.vstack([kept, np.delete(runs, row, axis=0)])
             # A run with the row f of the model multiplies the determinant of the
             # others, that of M, by 1 + f' M^-1 f.
-            inverse = np.linalg.inv(_information(others, terms))
+            inverse = np.linalg.inv(_compute_information(others, terms))
             for factor in range(runs.shape[1]):
                 candidates = np.repeat(runs[row][None], len(LEVELS) + 1, axis=0)
                 candidates[1:, factor] = LEVELS
                 candidates = candidates[region.is_allowed(candidates)]
-                rows = _rows(candidates, terms)
+                rows = _make_model_rows(candidates, terms)
                 gains = np.log1p((rows @ inverse * rows).sum(axis=1))
                 best = gains.argmax()
-                # The first candidate is the run as it is.
-                if gains[best] > gains[0] + LEAST_GAIN:
+                # The first candidate is the unchanged run, which is allowed.
+                if gains[best] > gains[0] + MIN_GAIN:
                     runs[row] = candidates[best]
                     is_changed = True
         if not is_changed:
             return
 
 
-def log_determinant(coded: np.ndarray, terms: Sequence[Term]) -> float:
+def compute_log_determinant(coded: np.ndarray, terms: Sequence[Term]) -> float:
     """Compute the logarithm of the determinant of X'X of runs (n, factors)."""
-    return float(np.linalg.slogdet(_information(coded, terms)).logabsdet)
+    return float(np.linalg.slogdet(_compute_information(coded, terms)).logabsdet)
 
 
-def _information(coded: np.ndarray, terms: Sequence[Term]) -> np.ndarray:
+def _compute_information(coded: np.ndarray, terms: Sequence[Term]) -> np.ndarray:
     """Compute X'X (p, p) of runs (n, factors), with the ridge."""
-    X = _rows(coded, terms)
+    X = _make_model_rows(coded, terms)
     return X.T @ X + RIDGE * np.eye(X.shape[1])
 
 
-def _rows(coded: np.ndarray, terms: Sequence[Term]) -> np.ndarray:
+def _make_model_rows(coded: np.ndarray, terms: Sequence[Term]) -> np.ndarray:
     """Compute the rows (n, p) of the model at points: the constant and the terms."""
-    return np.hstack([np.ones((len(coded), 1)), columns(coded, terms)])
+    return np.hstack([np.ones((len(coded), 1)), compute_terms(coded, terms)])

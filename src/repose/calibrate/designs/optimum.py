@@ -6,19 +6,21 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from repose.calibrate.designs.coding import two_level
+from repose.calibrate.designs.coding import make_full_factorial
 from repose.calibrate.designs.model import Model
 from repose.calibrate.designs.region import Region
 
 # Deviations from the targets, in their scales.
-MET = 1e-6  # below this a target counts as met
-NEARLY_MET = 1e-3  # below this the search looks for points that meet all targets
-# Sum of squared deviations, below which such a search starts from a point.
-GOOD_START = 1e-6
+MET_DEVIATION = 1e-6  # below this a target counts as met
+NEARLY_MET_DEVIATION = (
+    1e-3  # below this the search looks for points that meet all targets
+)
+# A minimum starts such a search if its sum of squared deviations is below this.
+GOOD_START_SQUARE = 1e-6
 
 
 class Optimum(NamedTuple):
-    """Result of `optimum`."""
+    """Result of `find_optimum`."""
 
     coded: np.ndarray  # (k,)
     predicted: np.ndarray  # (responses,)
@@ -26,7 +28,7 @@ class Optimum(NamedTuple):
     desirability: float
 
 
-def desirability(
+def compute_desirability(
     predicted: ArrayLike, aims: ArrayLike, low: ArrayLike, high: ArrayLike
 ) -> np.ndarray:
     """Compute the desirability of predictions (Derringer and Suich 1980).
@@ -58,9 +60,9 @@ def desirability(
 
 
 class _Deviations:
-    """Deviations of the models' predictions from the aims, at points (k,).
+    """Deviations of the models' predictions from the aims, as functions of a point (k,).
 
-    `scale` (responses,) is the unit of each deviation.
+    `scale` (responses,) is the unit of the scaled deviations.
     """
 
     def __init__(
@@ -76,7 +78,7 @@ class _Deviations:
         return np.array(predicted) - self.aims
 
     def scaled(self, point: np.ndarray) -> np.ndarray:
-        """Compute the deviations in their scales."""
+        """Compute the deviations (responses,), divided by the scale."""
         return self(point) / self.scale
 
     def squared(self, point: np.ndarray) -> float:
@@ -88,7 +90,7 @@ class _Deviations:
         return np.abs(self.scaled(point)).max()
 
 
-def optimum(
+def find_optimum(
     models: Sequence[Model],
     aims: ArrayLike,
     scale: ArrayLike,
@@ -118,37 +120,39 @@ def optimum(
     deviations = _Deviations(models, aims, np.asarray(scale, dtype=float))
     n_factors = len(models[0].factors)
     bounds = [(-1.0, 1.0)] * n_factors
-    minima = _minima(deviations, bounds, region)
+    minima = _find_minima(deviations, bounds, region)
     best = min(minima, key=deviations.squared)
 
     # If the targets can be met, move towards the centre along the points that meet them.
-    if deviations.largest(best) < NEARLY_MET:
+    if deviations.largest(best) < NEARLY_MET_DEVIATION:
         central = [
-            _most_central(deviations, point, bounds=bounds, region=region)
+            _find_most_central(deviations, point, bounds=bounds, region=region)
             for point in minima
-            if deviations.squared(point) < GOOD_START
+            if deviations.squared(point) < GOOD_START_SQUARE
         ]
-        exact = [point for point in central if deviations.largest(point) < MET]
+        exact = [
+            point for point in central if deviations.largest(point) < MET_DEVIATION
+        ]
         if exact:
-            best = min(exact, key=_squared_length)
+            best = min(exact, key=_compute_squared_length)
 
     predicted = deviations(best) + aims
-    is_met = bool(np.abs((predicted - aims) / deviations.scale).max() < MET)
+    is_met = bool(np.abs((predicted - aims) / deviations.scale).max() < MET_DEVIATION)
     return Optimum(
         coded=best,
         predicted=predicted,
         met=is_met,
-        desirability=float(desirability(predicted, aims, low, high)[0]),
+        desirability=float(compute_desirability(predicted, aims, low, high)[0]),
     )
 
 
-def _minima(
+def _find_minima(
     deviations: _Deviations, bounds: list[tuple[float, float]], region: Region | None
 ) -> list[np.ndarray]:
-    """Minimise the squared deviations from several starts; a point (k,) for each.
+    """Minimise the squared deviations from several starts; return a point (k,) for each.
 
-    The starts are the centre, points half way to each corner, and the middles of the
-    faces of the cube. Forbidden ones are moved to the edge of what is allowed.
+    The starts are the centre of the cube, the points half way to each corner, and the
+    middles of the faces. Forbidden starts are moved to the edge of the region.
     """
     from scipy import optimize
 
@@ -156,65 +160,65 @@ def _minima(
     starts = np.vstack(
         [
             np.zeros(n_factors),
-            0.5 * two_level(n_factors),
+            0.5 * make_full_factorial(n_factors),
             np.eye(n_factors),
             -np.eye(n_factors),
         ]
     )
-    # SLSQP takes constraints; without any, L-BFGS-B is as in published results.
+    # SLSQP allows constraints. Without constraints, L-BFGS-B keeps the published results.
     options: dict[str, Any] = {"method": "L-BFGS-B"}
     if region is not None:
         starts = np.array([region.pull_inside(start) for start in starts])
-        options = {"method": "SLSQP", "constraints": _constraints(region)}
+        options = {"method": "SLSQP", "constraints": _make_scipy_constraints(region)}
     minima = [
         optimize.minimize(
             deviations.squared, start, bounds=bounds, tol=1e-14, **options
         ).x
         for start in starts
     ]
-    return _inside(minima, region)
+    return _pull_inside(minima, region)
 
 
-def _most_central(
+def _find_most_central(
     deviations: _Deviations,
     start: np.ndarray,
     *,
     bounds: list[tuple[float, float]],
     region: Region | None,
 ) -> np.ndarray:
-    """Find the point nearest to the centre at which every target is met.
+    """Find the point nearest to the centre of the cube at which all targets are met.
 
-    The start is a point that nearly does so.
+    The search begins at `start`, where the targets are nearly met.
     """
     from scipy import optimize
 
     found = optimize.minimize(
-        _squared_length,
+        _compute_squared_length,
         start,
         jac=lambda point: 2 * point,
         constraints=[
             {"type": "eq", "fun": deviations.scaled},
-            *_constraints(region),
+            *_make_scipy_constraints(region),
         ],
         bounds=bounds,
         method="SLSQP",
         options={"ftol": 1e-12, "maxiter": 200},
     ).x
-    return _inside([found], region)[0]
+    return _pull_inside([found], region)[0]
 
 
-def _constraints(region: Region | None) -> list[dict[str, Any]]:
-    """Write a region as constraints of SciPy."""
-    return [] if region is None else [{"type": "ineq", "fun": region.room}]
+def _make_scipy_constraints(region: Region | None) -> list[dict[str, Any]]:
+    """Make SciPy's constraints for a region; the list is empty without a region."""
+    return [] if region is None else [{"type": "ineq", "fun": region.compute_slack}]
 
 
-def _inside(points: list[np.ndarray], region: Region | None) -> list[np.ndarray]:
+def _pull_inside(points: list[np.ndarray], region: Region | None) -> list[np.ndarray]:
     """Move points that a search left beyond a constraint to the edge of the region."""
     if region is None:
         return points
     return [region.pull_inside(point) for point in points]
 
 
-def _squared_length(point: np.ndarray) -> float:
+def _compute_squared_length(point: np.ndarray) -> float:
     """Compute the squared distance of a point (k,) from the centre."""
     return float(point @ point)

@@ -6,12 +6,13 @@ from functools import cached_property
 import numpy as np
 
 # Points of the cube that show which part of it is allowed.
-POINTS = 2**13
+N_POINTS = 2**13
 SEED = 1  # of their sequence
-# Room inside a constraint for the rounding of a search, as a share of the largest excess.
-ROOM = 1e-9
+# A search must stay this far inside a constraint, as a share of the largest excess, so
+# that its rounding cannot violate the constraint.
+CONSTRAINT_MARGIN = 1e-9
 # Halvings of the way from a forbidden point to an allowed one.
-HALVINGS = 60
+N_HALVINGS = 60
 
 
 class Region:
@@ -20,9 +21,10 @@ class Region:
     Parameters
     ----------
     excesses : callable
-        From points (n, factors) in coded units to numbers (n, constraints), above 0
-        where a constraint is violated.
+        Function of points (n, factors) in coded units that returns numbers (n,
+        constraints). A number is positive where the constraint is violated.
     factors : int
+        Number of factors.
     """
 
     def __init__(
@@ -47,40 +49,46 @@ class Region:
         """
         from scipy.stats import qmc
 
-        # Scrambled, because regular points lie exactly on constraints such as a <= b.
+        # Scramble the sequence, because its regular points lie exactly on the edge of
+        # constraints such as a <= b.
         sequence = qmc.Sobol(self.factors, rng=SEED)
-        cube = 2 * sequence.random(POINTS) - 1
+        cube = 2 * sequence.random(N_POINTS) - 1
         allowed = cube[self.is_allowed(cube)]
         if not len(allowed):
-            raise ValueError(f"none of {POINTS} points of the cube is allowed")
+            raise ValueError(f"none of {N_POINTS} points of the cube is allowed")
         return allowed
 
     @cached_property
     def centre(self) -> np.ndarray:
-        """The centre (factors,) of the cube, or that of the region if it is forbidden."""
+        """An allowed centre (factors,): of the cube, or else of the region."""
         centre = np.zeros(self.factors)
         if self.is_allowed(centre[None])[0]:
             return centre
         centroid = self.points.mean(axis=0)
         if self.is_allowed(centroid[None])[0]:
             return centroid
-        # A region on a logarithmic scale may be hollow.
+        # On a logarithmic scale the region may not be convex, so even its centroid may be
+        # forbidden. Then use the allowed point that is nearest to it.
         return self.points[np.argmin(((self.points - centroid) ** 2).sum(axis=1))]
 
-    def room(self, point: np.ndarray) -> np.ndarray:
-        """Compute the room (constraints,) of a point (factors,) to each constraint.
+    def compute_slack(self, point: np.ndarray) -> np.ndarray:
+        """Compute how far a point (factors,) is inside each constraint, (constraints,).
 
-        It is negative where the point is forbidden: a constraint of scipy.optimize.
+        A number is negative if the point violates the constraint, as scipy.optimize
+        requires.
         """
-        return -self.excesses(point[None])[0] - ROOM
+        return -self.excesses(point[None])[0] - CONSTRAINT_MARGIN
 
     def pull_inside(self, point: np.ndarray) -> np.ndarray:
-        """Move a forbidden point straight towards the centre until it is allowed."""
+        """Move a forbidden point (factors,) straight towards the centre to the edge.
+
+        An allowed point is returned unchanged.
+        """
         if self.is_allowed(point[None])[0]:
             return point
         allowed = self.centre
         forbidden = point
-        for _ in range(HALVINGS):
+        for _ in range(N_HALVINGS):
             middle = (allowed + forbidden) / 2
             if self.is_allowed(middle[None])[0]:
                 allowed = middle
@@ -88,7 +96,7 @@ class Region:
                 forbidden = middle
         return allowed
 
-    def nearest(self, point: np.ndarray) -> np.ndarray:
+    def find_nearest(self, point: np.ndarray) -> np.ndarray:
         """Find the allowed point of the cube that is nearest to a point (factors,)."""
         from scipy import optimize
 
@@ -98,7 +106,7 @@ class Region:
             lambda other: ((other - point) ** 2).sum(),
             self.pull_inside(point),
             jac=lambda other: 2 * (other - point),
-            constraints={"type": "ineq", "fun": self.room},
+            constraints={"type": "ineq", "fun": self.compute_slack},
             bounds=[(-1.0, 1.0)] * self.factors,
             method="SLSQP",
             options={"ftol": 1e-12, "maxiter": 200},

@@ -119,14 +119,14 @@ class MIGA:
         # Number of the generation within its round, which begins with new random numbers.
         step = self.generation % self.generations
         if step == 0:
-            self._draw()
+            self._draw_round()
         self.generation += 1
 
         # Migrate at the end of a round.
-        order = self._ranked(fitness)
+        order = self._rank(fitness)
         if self.generation % self.generations == 0:
             points, fitness = self._migrate(points, fitness, order)
-            order = self._ranked(fitness)
+            order = self._rank(fitness)
 
         # Choose the two parents of each child by tournaments. Only ranks decide: the
         # winner of three individuals has the smallest of three random ranks.
@@ -153,7 +153,7 @@ class MIGA:
         """Replace the first child of each island by its best (islands, dimensions)."""
         children[:, 0] = best
 
-    def _draw(self) -> None:
+    def _draw_round(self) -> None:
         """Draw all random numbers of one round.
 
         Drawing them together saves calls of the generator, which cost more than the
@@ -175,7 +175,7 @@ class MIGA:
         change = self.mutation_amplitude * self.random.normal(size=genes)
         self._mutation = np.where(is_mutated, change, 0.0)
 
-    def _ranked(self, fitness: np.ndarray) -> np.ndarray:
+    def _rank(self, fitness: np.ndarray) -> np.ndarray:
         """Sort each island; return rows (islands, population), best first."""
         islands, population, _ = self.shape
         by_island = fitness.reshape(islands, population)

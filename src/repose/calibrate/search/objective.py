@@ -20,18 +20,18 @@ from repose.calibrate.search.miga import MIGA
 from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.targets import Targets
 
-Function = Callable[[np.ndarray], np.ndarray]
+ArrayFunction = Callable[[np.ndarray], np.ndarray]
 Deviation = Callable[[np.ndarray], np.ndarray]
-PENALTY = 10.0
+VIOLATION_PENALTY = 10.0
 PRIOR_WEIGHT = 0.01
 # Fitness of a point that violates a constraint between parameters, above that of every
 # other point: with its violation added, only the less violated one is better (Deb 2000,
 # Comput. Methods Appl. Mech. Eng. 186, 311).
-NOT_ALLOWED = 1e12
+FORBIDDEN_FITNESS = 1e12
 # A point that is thinned away may lose its better neighbour later, so the archive has
 # more room than there are solutions.
 ARCHIVED_PER_SOLUTION = 5
-HISTORY = (
+HISTORY_COLUMNS = (
     "round",
     "generation",
     "evaluations",
@@ -80,7 +80,7 @@ class Objective:
         if constrained:
             # Inside the ranges F is at most the sum of the weights.
             self.infeasible = float(self.weight.sum()) + margin
-            self.penalty = PENALTY
+            self.penalty = VIOLATION_PENALTY
         else:
             self.infeasible = 0.0
             self.penalty = 0.0
@@ -271,7 +271,7 @@ class Archive:
         waiting_fitness = [fitness for _, fitness in self._waiting]
         points = np.concatenate([self.points, *waiting_points])
         fitness = np.concatenate([self.fitness, *waiting_fitness])
-        rows = distinct(points, fitness, self.distance, self.capacity)
+        rows = select_distinct(points, fitness, self.distance, self.capacity)
         self.points = points[rows]
         self.fitness = fitness[rows]
         self._waiting = []
@@ -282,7 +282,7 @@ class Archive:
         self._worst = self.fitness[-1] if is_full else math.inf
 
 
-def distinct(
+def select_distinct(
     points: np.ndarray, fitness: np.ndarray, distance: float, limit: int
 ) -> np.ndarray:
     """Find the rows of the best distinct points, best first.
@@ -318,22 +318,22 @@ def distinct(
     return np.array(distinct_rows, dtype=int)
 
 
-class Search(NamedTuple):
-    """Result of `search`."""
+class SearchResult(NamedTuple):
+    """Result of `search_points`."""
 
     archive: Archive  # the best distinct points, thinned
-    history: list[tuple]  # a row with the columns `HISTORY` for each round
+    history: list[tuple]  # a row with the columns `HISTORY_COLUMNS` for each round
     n_feasible: int  # number of feasible points, repeated ones included
 
 
-def search(
-    respond: Function,
+def search_points(
+    respond: ArrayFunction,
     objective: Objective,
     inputs: int,
     settings: MigaSettings,
     preference: Preference | None = None,
-    violation: Function | None = None,
-) -> Search:
+    violation: ArrayFunction | None = None,
+) -> SearchResult:
     """Search for the points of least objective with `MIGA`.
 
     Parameters
@@ -363,7 +363,7 @@ def search(
         populations = []
         for _ in range(settings.generations):
             points = miga.ask()
-            population = _judge(points, respond, objective, preference)
+            population = _evaluate_population(points, respond, objective, preference)
             if violation is None:
                 miga.tell(population.fitness)
             else:
@@ -371,7 +371,7 @@ def search(
                 # allowed, and are kept nowhere else.
                 excess = violation(points)
                 is_allowed = excess <= 0
-                penalty = NOT_ALLOWED * (1 + excess)
+                penalty = FORBIDDEN_FITNESS * (1 + excess)
                 miga.tell(np.where(is_allowed, population.fitness, penalty))
                 population = population.select(is_allowed)
             populations.append(population)
@@ -392,7 +392,7 @@ def search(
         )
         history.append(row)
     archive.thin()
-    return Search(archive, history, n_feasible)
+    return SearchResult(archive, history, n_feasible)
 
 
 class _Population(NamedTuple):
@@ -415,13 +415,13 @@ class _Population(NamedTuple):
         return float(self.fitness.mean()) if len(self.fitness) else math.nan
 
 
-def _judge(
+def _evaluate_population(
     points: np.ndarray,
-    respond: Function,
+    respond: ArrayFunction,
     objective: Objective,
     preference: Preference | None,
 ) -> _Population:
-    """Compute the fitness of points (n, inputs); see `search` for the functions."""
+    """Compute the fitness of points (n, inputs); see `search_points` for the functions."""
     F, V = objective(respond(points))
     fitness = objective.fitness(F, V)
     if preference is not None:

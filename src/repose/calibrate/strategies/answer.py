@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repose.calibrate.bounds import near_bounds
+from repose.calibrate.bounds import find_near_bounds
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.strategies.base import Answer
@@ -43,13 +43,13 @@ def describe_answer(
     parameters_at_bounds = []
     if answer.model is not None:
         values = dict(zip(space.names, answer.values.tolist(), strict=True))
-        parameters_at_bounds = near_bounds(answer.model, values, space)
-    feasible, message = verdict(answer, targets, answer.notes.get("note", ""))
+        parameters_at_bounds = find_near_bounds(answer.model, values, space)
+    feasible, message = judge_answer(answer, targets, answer.notes.get("note", ""))
     return {
         "feasible": feasible,
         "message": message,
         "predicted_error": answer.error,
-        "solutions": solutions(answer, feasible, space, targets),
+        "solutions": tabulate_solutions(answer, feasible, space, targets),
         "near_bounds": parameters_at_bounds,
         "simulated": answer.simulated,
     }
@@ -69,7 +69,7 @@ def _predict_again(answer: Answer, model: Predictor) -> Answer:
     )
 
 
-def verdict(answer: Answer, targets: Targets, note: str = "") -> tuple[bool, str]:
+def judge_answer(answer: Answer, targets: Targets, note: str = "") -> tuple[bool, str]:
     """Judge whether an answer is predicted inside all ranges.
 
     Returns
@@ -88,7 +88,7 @@ def verdict(answer: Answer, targets: Targets, note: str = "") -> tuple[bool, str
     return feasible, message.rstrip()
 
 
-def solutions(
+def tabulate_solutions(
     answer: Answer, feasible: bool, space: ParameterSpace, targets: Targets
 ) -> pd.DataFrame:
     """List the answer, then the other parameter sets.

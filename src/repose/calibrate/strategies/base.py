@@ -325,6 +325,6 @@ def samples_of(
     -------
     pandas.DataFrame
     """
-    from repose.calibrate.designs.latin_hypercube import parameter_sets
+    from repose.calibrate.designs.latin_hypercube import tabulate_parameter_sets
 
-    return parameter_sets(unit, space, first).assign(seeds=seeds)
+    return tabulate_parameter_sets(unit, space, first).assign(seeds=seeds)

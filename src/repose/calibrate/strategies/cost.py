@@ -4,12 +4,12 @@ from repose.calibrate.strategies.base import Pours, names, strategy
 from repose.common.section import Contradictions, Section
 
 
-def others() -> tuple[str, ...]:
+def list_strategies_with_section() -> tuple[str, ...]:
     """Return the strategies that have a section; the others take the article's steps."""
     return tuple(name for name in names() if strategy(name).settings is not None)
 
 
-def contradictions(
+def find_contradictions(
     name: str, section: Section | None, free: int, responses: int
 ) -> Contradictions:
     """Yield the keys with which a strategy cannot run.
@@ -32,19 +32,19 @@ def contradictions(
         yield f"{name}.{key}", allowed
 
 
-def reason_against(
+def describe_obstacle(
     name: str, section: Section | None, free: int, responses: int
 ) -> str | None:
     """Describe why a strategy cannot run; None if it can.
 
-    The arguments are those of `contradictions`. Of several reasons the first is given.
+    The arguments are those of `find_contradictions`. Of several reasons the first is given.
     """
-    for key, allowed in contradictions(name, section, free, responses):
+    for key, allowed in find_contradictions(name, section, free, responses):
         return f"not with this configuration: {key}; expected {allowed}"
     return None
 
 
-def pours(name: str, section: Section | None, free: int) -> Pours | None:
+def count_max_runs(name: str, section: Section | None, free: int) -> Pours | None:
     """Count the most runs of a strategy; None for the article's method.
 
     Returns

@@ -19,19 +19,19 @@ import numpy as np
 import pandas as pd
 
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.runs import of_bench
+from repose.calibrate.runs import select_bench_runs
 from repose.calibrate.strategies.sequential.goal import Goal
 from repose.calibrate.targets import Targets
-from repose.calibrate.variance import within_covariance
+from repose.calibrate.variance import estimate_within_covariance
 from repose.common.errors import InputError
 from repose.common.files import Path_, read_table
 from repose.common.numbers import rounded
 
-SUCCESS = Path(__file__).with_name("success.csv")
+SUCCESS_FILE = Path(__file__).with_name("success.csv")
 # Noise of the default grain, where none is measured: the scatter of a run in percent of
 # the target, and the correlation of two responses of one bench test.
-NOISE_PERCENT = 5.0
-CORRELATION = 0.8
+DEFAULT_NOISE_PERCENT = 5.0
+DEFAULT_CORRELATION = 0.8
 # Certainty of the number of runs that the noise alone asks for.
 CERTAINTY = 0.9
 # Tolerances of the table, in percent.
@@ -55,7 +55,7 @@ class Plan(NamedTuple):
     budgets : tuple of int
         Numbers of runs.
     success : pandas.DataFrame or None
-        Result of `success_by_budget`; None if the study differs from the campaigns.
+        Result of `estimate_success`; None if the study differs from the campaigns.
     campaigns : str
         The case of the campaigns, in words.
     differences : tuple of str
@@ -71,7 +71,7 @@ class Plan(NamedTuple):
     differences: tuple[str, ...]
 
 
-def plan(
+def make_plan(
     space: ParameterSpace,
     targets: Targets,
     strategy: str,
@@ -88,7 +88,7 @@ def plan(
         Name of the study's strategy.
     runs : pandas.DataFrame, optional
         Earlier runs, from which the noise is estimated. Without them it is
-        `default_noise`.
+        `make_default_noise`.
     source : object, optional
         File of the runs, for an error.
 
@@ -98,17 +98,17 @@ def plan(
         If the runs have too few replicates.
     """
     if runs is None:
-        noise = default_noise(targets)
+        noise = make_default_noise(targets)
     else:
-        noise = measured_noise(runs, targets, source)
+        noise = estimate_noise(runs, targets, source)
     noise_percent = 100 * np.sqrt(np.diagonal(noise)) / targets.whole
     needed = {}
     for tolerance in TOLERANCES:
-        goal = Goal.of(targets, tolerance, space)
-        needed[tolerance] = goal.needed(noise, CERTAINTY)
+        goal = Goal.from_targets(targets, tolerance, space)
+        needed[tolerance] = goal.count_needed_runs(noise, CERTAINTY)
 
     # The probability of success is known for studies like the simulated campaigns.
-    campaigns = pd.read_csv(SUCCESS)
+    campaigns = pd.read_csv(SUCCESS_FILE)
     largest_percent = float(noise_percent.max())
     differences = _list_differences(
         campaigns,
@@ -119,7 +119,7 @@ def plan(
     )
     success = None
     if not differences:
-        success = success_by_budget(len(targets), largest_percent)
+        success = estimate_success(len(targets), largest_percent)
     return Plan(
         noise_percent=noise_percent,
         measured=runs is not None,
@@ -172,7 +172,7 @@ def _list_differences(
     return differences
 
 
-def success_by_budget(n_targets: int, percent: float) -> pd.DataFrame:
+def estimate_success(n_targets: int, percent: float) -> pd.DataFrame:
     """Estimate how probably the sequential strategy succeeds with each budget.
 
     Parameters
@@ -189,7 +189,7 @@ def success_by_budget(n_targets: int, percent: float) -> pd.DataFrame:
         `within_2_percent`, the probabilities that the answer of the sequential strategy
         is so near to all targets; `*_se`, their standard errors.
     """
-    table = pd.read_csv(SUCCESS)
+    table = pd.read_csv(SUCCESS_FILE)
     table = table[table["responses"] == n_targets]
     # The campaigns of one scatter share their hidden sets. So an error is that of these
     # sets, however many budgets the curve is fitted to.
@@ -197,13 +197,13 @@ def success_by_budget(n_targets: int, percent: float) -> pd.DataFrame:
     budgets = truths[["pours"]].copy()
     for tolerance in TOLERANCES:
         name = f"within_{tolerance:g}_percent"
-        curve = Curve.fit(table, name)
+        curve = SuccessCurve.fit(table, name)
         budgets[name] = curve.probability(budgets["pours"], percent)
-        budgets[f"{name}_se"] = share_error(budgets[name], truths["truths"])
+        budgets[f"{name}_se"] = compute_share_error(budgets[name], truths["truths"])
     return budgets
 
 
-class Curve(NamedTuple):
+class SuccessCurve(NamedTuple):
     """Probability of success over the number of runs and their scatter.
 
     Its logit is ``level + by_pours log(pours) + by_noise log(noise)``.
@@ -265,7 +265,7 @@ class Curve(NamedTuple):
         return expit(self.level + self.by_pours * np.log(pours) + noise)
 
 
-def share_error(share: pd.Series, trials: pd.Series) -> pd.Series:
+def compute_share_error(share: pd.Series, trials: pd.Series) -> pd.Series:
     """Compute the standard error of a probability from the share of successful trials.
 
     It is the standard deviation of the beta distribution after these trials, from a
@@ -275,13 +275,13 @@ def share_error(share: pd.Series, trials: pd.Series) -> pd.Series:
     return np.sqrt(mean * (1 - mean) / (trials + 3))
 
 
-def default_noise(targets: Targets) -> np.ndarray:
+def make_default_noise(targets: Targets) -> np.ndarray:
     """Return the covariance (k, k) of a run if nothing is measured."""
-    sd = NOISE_PERCENT / 100 * targets.whole
-    return np.outer(sd, sd) * targets.correlated(CORRELATION)
+    sd = DEFAULT_NOISE_PERCENT / 100 * targets.whole
+    return np.outer(sd, sd) * targets.correlated(DEFAULT_CORRELATION)
 
 
-def measured_noise(
+def estimate_noise(
     runs: pd.DataFrame, targets: Targets, source: object = "runs"
 ) -> np.ndarray:
     """Estimate the covariance (k, k) of single runs about the mean of their sample.
@@ -304,12 +304,12 @@ def measured_noise(
     noise = np.zeros((len(targets), len(targets)))
     for bench, columns in targets.benches.items():
         names = [targets.names[k] for k in columns]
-        bench_runs = of_bench(runs, bench)
+        bench_runs = select_bench_runs(runs, bench)
         is_ok = bench_runs["status"] == "ok"
         is_good = is_ok & bench_runs[names].notna().all(axis=1)
         good = bench_runs[is_good]
         responses = good[names].to_numpy(float)
-        covariance, freedom = within_covariance(responses, good["sample"])
+        covariance, freedom = estimate_within_covariance(responses, good["sample"])
         has_full_rank = np.linalg.matrix_rank(covariance) == len(columns)
         if freedom <= len(columns) or not has_full_rank:
             allowed = (

@@ -33,7 +33,7 @@ OK = "ok"
 # Status of a run without a status of its own, if a response is not a finite number.
 FAILED = "failed"
 # Statuses of a good run. Numbers such as 0 and 1 are excluded, as they are ambiguous.
-GOOD = (
+GOOD_STATUSES = (
     OK,
     "success",
     "successful",
@@ -49,22 +49,22 @@ GOOD = (
 Rows = Sequence[Mapping[str, Any]]
 Table: TypeAlias = pd.DataFrame | Rows
 # A number as pandas and spreadsheets write it in a column of whole numbers with gaps.
-WHOLE = re.compile(r"\d+\.0")
-NUMBERS = ("sample", "run")
-TURNS = Column(TURN_COLUMN, int, low=0, high=1e9, empty=True)
-OPTIONAL = ("status", TURN_COLUMN)
+WHOLE_NUMBER = re.compile(r"\d+\.0")
+NUMBER_COLUMNS = ("sample", "run")
+TURN_COLUMN = Column(TURN_COLUMN, int, low=0, high=1e9, empty=True)
+OPTIONAL_COLUMNS = ("status", TURN_COLUMN)
 # The largest size of a response; a larger one counts as infinite.
-LARGEST = 1e100
-RESPONSE = "a finite number, or for a failed run NaN"
+MAX_RESPONSE = 1e100
+RESPONSE_WORDS = "a finite number, or for a failed run NaN"
 # Responses are dependent if an eigenvalue of their correlations is at most this large.
-ALIKE = 1e-12
+DEPENDENT_EIGENVALUE = 1e-12
 # Largest error of a parameter, as a share of its range, from rounding by a spreadsheet.
-ROUNDED = 1e-6
+MAX_ROUNDING_SHARE = 1e-6
 # Names of samples with at most this many digits are kept as numbers.
-MOST_DIGITS = 9
+MAX_DIGITS = 9
 
 
-def runs_of(samples: pd.DataFrame) -> pd.DataFrame:
+def list_runs(samples: pd.DataFrame) -> pd.DataFrame:
     """Make a row for each run of the samples of a batch.
 
     The runs of a sample differ in the random numbers of the simulator alone.
@@ -80,7 +80,7 @@ def runs_of(samples: pd.DataFrame) -> pd.DataFrame:
     return table
 
 
-def next_number(data: pd.DataFrame) -> int:
+def find_next_sample(data: pd.DataFrame) -> int:
     """Return the number of the next sample."""
     numbers = pd.to_numeric(data["sample"], errors="coerce")
     if numbers.notna().all():
@@ -120,11 +120,11 @@ def check_responses(data: pd.DataFrame, targets: Targets) -> None:
     # If responses are linearly dependent, their correlation matrix has an eigenvalue of 0.
     # The components of its eigenvector show which responses these are.
     eigenvalues, eigenvectors = np.linalg.eigh(complete.corr())
-    if not eigenvalues[0] > ALIKE:
+    if not eigenvalues[0] > DEPENDENT_EIGENVALUE:
         dependent = [
             name
             for name, component in zip(names, eigenvectors[:, 0], strict=True)
-            if abs(component) > ROUNDED
+            if abs(component) > MAX_ROUNDING_SHARE
         ]
         allowed = (
             "responses none of which follows from the others: leave one of them out"
@@ -172,7 +172,7 @@ def samples_of_runs(
     return pd.DataFrame(rows).astype(dict.fromkeys(number_columns, float))
 
 
-def runs_by_bench(data: pd.DataFrame, targets: Targets) -> pd.DataFrame:
+def split_by_bench(data: pd.DataFrame, targets: Targets) -> pd.DataFrame:
     """List the runs of each bench test as rows, as the stage `dataset` writes them.
 
     Parameters
@@ -205,12 +205,17 @@ def read_runs(path: Path_, study: Study) -> pd.DataFrame:
     return checked_runs(study, read_rows(path, study), path)
 
 
-def columns_of(study: Study) -> tuple[str, ...]:
+def list_columns(study: Study) -> tuple[str, ...]:
     """Return the names of the columns that are read from a table of runs."""
-    return (*NUMBERS, *OPTIONAL, *study.parameters.names, *study.targets.names)
+    return (
+        *NUMBER_COLUMNS,
+        *OPTIONAL_COLUMNS,
+        *study.parameters.names,
+        *study.targets.names,
+    )
 
 
-def unread_columns(study: Study, rows: Rows) -> dict[str, str]:
+def describe_unread_columns(study: Study, rows: Rows) -> dict[str, str]:
     """Describe each column of a table of runs that is not read, unless it is constant.
 
     Such a column may record failed runs under another name.
@@ -221,7 +226,7 @@ def unread_columns(study: Study, rows: Rows) -> dict[str, str]:
         A sentence by the name of the column.
     """
     names = dict.fromkeys(name for row in rows for name in row)
-    read_names = columns_of(study)
+    read_names = list_columns(study)
     cells = {
         name: [row.get(name) for row in rows]
         for name in names
@@ -259,12 +264,12 @@ def read_rows(path: Path_, study: Study) -> Rows:
     status = Column("status", str, needed=False, empty=True)
     needed = ", ".join([*study.parameters.free, *study.targets.names])
     what = f"a CSV file of runs with the columns {needed}"
-    table = read(path, [*columns, status], what, optional=NUMBERS)
+    table = read(path, [*columns, status], what, optional=NUMBER_COLUMNS)
     # Check that all rows or none have the numbers of sample and run.
-    for key in NUMBERS:
+    for key in NUMBER_COLUMNS:
         if key not in table.values:
             continue
-        cells = without_point(table.values[key])
+        cells = strip_decimal_points(table.values[key])
         allowed = "a number, as in the other rows; a row that sums up is no run"
         faults = [(k, key, "", allowed) for k, cell in enumerate(cells) if not cell]
         refuse(path, faults)
@@ -272,13 +277,13 @@ def read_rows(path: Path_, study: Study) -> Rows:
     return table.rows()
 
 
-def without_point(cells: Iterable[Any]) -> list[str]:
+def strip_decimal_points(cells: Iterable[Any]) -> list[str]:
     """Write numbers of samples or runs as text, without the .0 of a whole column.
 
     Pandas and spreadsheets add it.
     """
     texts = [str(cell).strip() for cell in cells]
-    if all(map(WHOLE.fullmatch, texts)):
+    if all(map(WHOLE_NUMBER.fullmatch, texts)):
         return [text[:-2] for text in texts]
     return texts
 
@@ -319,12 +324,12 @@ def checked_runs(
     space = study.parameters
     parameters = list(space.names)
     responses = study.targets.names
-    new_names = match_column_names(rows[0], columns_of(study))
+    new_names = match_column_names(rows[0], list_columns(study))
     rows = [{new_names.get(key, key): row[key] for key in row} for row in rows]
-    needed = needed_responses(study, [row.get("status") for row in rows])
+    needed = list_needed_responses(study, [row.get("status") for row in rows])
     require_columns(source, rows[0], (*space.free, *needed))
-    rows = with_missing(rows, study)
-    columns = (*parameters, *responses, *OPTIONAL)
+    rows = add_missing_columns(rows, study)
+    columns = (*parameters, *responses, *OPTIONAL_COLUMNS)
     cells = {name: [row.get(name) for row in rows] for name in columns}
 
     # Check all columns before refusing the table, so that one error lists all faults.
@@ -334,7 +339,7 @@ def checked_runs(
     )
     sets, faults_of_sets = convert_columns(cells, parameter_columns)
     outcomes = judge_runs(cells, responses)
-    turns, faults_of_turns = convert_columns(cells, [TURNS])
+    turns, faults_of_turns = convert_columns(cells, [TURN_COLUMN])
     refuse(source, [*faults_of_sets, *outcomes.faults, *faults_of_turns])
 
     table = pd.DataFrame({"status": outcomes.statuses, **sets, **outcomes.values})
@@ -395,7 +400,7 @@ def judge_runs(
         name: [_replace_infinite(cell) for cell in cells.get(name, empty_column)]
         for name in responses
     }
-    columns = [Column(name, empty=True, words=RESPONSE) for name in responses]
+    columns = [Column(name, empty=True, words=RESPONSE_WORDS) for name in responses]
     values, faults_of_responses = convert_columns(numbers, columns, failed_rows)
 
     # If one response of a run is missing, the run failed and loses all its responses.
@@ -409,7 +414,7 @@ def judge_runs(
     return Outcomes(statuses, values, [*faults, *faults_of_responses])
 
 
-def cells_of_result(
+def make_cells(
     result: Mapping[Any, Any], responses: Sequence[str]
 ) -> tuple[dict[str, Any], str]:
     """Turn the result of a function for one run into a valid row of a table of runs.
@@ -456,7 +461,9 @@ def cells_of_result(
     return cells, f"a run without a number for {names} failed; simulate gave {result}"
 
 
-def needed_responses(study: Study, statuses: Iterable[Any] | None) -> tuple[str, ...]:
+def list_needed_responses(
+    study: Study, statuses: Iterable[Any] | None
+) -> tuple[str, ...]:
     """Return the responses that a table needs.
 
     There are none if the status of every run reports a failure.
@@ -468,13 +475,13 @@ def needed_responses(study: Study, statuses: Iterable[Any] | None) -> tuple[str,
 def _read_status(cell: Any) -> str:
     """Read the status of a run; `OK` if it is missing or any of the good statuses."""
     status = OK if cell is None or is_missing(cell) else str(cell).strip()
-    return OK if status.casefold() in GOOD else status
+    return OK if status.casefold() in GOOD_STATUSES else status
 
 
 def _replace_infinite(cell: Any) -> Any:
     """Return NaN for an infinite number, and any other cell as it is."""
     try:
-        is_infinite = abs(parse_number(cell)) > LARGEST
+        is_infinite = abs(parse_number(cell)) > MAX_RESPONSE
     except (TypeError, ValueError, OverflowError):
         return cell
     return math.nan if is_infinite else cell
@@ -510,7 +517,7 @@ def _require_enough_samples(
 def _describe_parameter_column(name: str, low: float, high: float) -> Column:
     """Declare the column of a parameter, with a tolerance for rounded numbers."""
     size = (high - low) or abs(high) or 1.0
-    slack = ROUNDED * size
+    slack = MAX_ROUNDING_SHARE * size
     if low == high:
         allowed = f"{low:g}, as it is fixed"
     else:
@@ -541,13 +548,13 @@ def _number_samples(
     if "sample" not in rows[0]:
         return set_numbers
 
-    sample_names = without_point(row["sample"] for row in rows)
+    sample_names = strip_decimal_points(row["sample"] for row in rows)
     repeats_points = strategy(study.settings.strategy).repeats_points
     _refuse_mixed_samples(sample_names, set_numbers, repeats_points, source)
 
     # Keep the names if they are distinct numbers, unlike 3 and 003. Otherwise number the
     # samples from 1.
-    if all(name.isdecimal() and len(name) <= MOST_DIGITS for name in sample_names):
+    if all(name.isdecimal() and len(name) <= MAX_DIGITS for name in sample_names):
         numbers = [int(name) for name in sample_names]
         if len(set(numbers)) == len(set(sample_names)):
             return numbers
@@ -596,7 +603,7 @@ def _refuse_mixed_samples(
     refuse(source, faults)
 
 
-def with_missing(rows: Rows, study: Study) -> list[dict[str, Any]]:
+def add_missing_columns(rows: Rows, study: Study) -> list[dict[str, Any]]:
     """Add the columns of fixed parameters, and empty ones of responses, to the rows."""
     missing = {**study.parameters.fixed, **dict.fromkeys(study.targets.names, "")}
     return [missing | dict(row) for row in rows]

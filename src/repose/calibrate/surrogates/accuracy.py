@@ -3,7 +3,7 @@
 import numpy as np
 
 
-def r2(y: np.ndarray, predicted: np.ndarray) -> float | None:
+def compute_r2(y: np.ndarray, predicted: np.ndarray) -> float | None:
     """Compute the coefficient of determination R2 (Eq. 13 of the paper).
 
     None where y does not vary, or is empty.

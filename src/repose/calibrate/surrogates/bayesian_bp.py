@@ -34,39 +34,42 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from repose.calibrate.surrogates.base import Noise, Surrogate, register
-from repose.calibrate.surrogates.evidence import posterior_root, spread_over_weights
+from repose.calibrate.surrogates.evidence import (
+    compute_posterior_root,
+    spread_over_weights,
+)
 from repose.calibrate.surrogates.levenberg_marquardt import (
     CONVERGED,
-    STATISTICS,
+    STATISTIC_NAMES,
     TrainingSettings,
     train_again,
     train_start,
 )
 from repose.calibrate.surrogates.samples import (
-    checked_points,
-    checked_samples,
-    independent_mixing,
-    pure_error,
+    check_points,
+    check_samples,
+    compute_pure_error,
+    find_independent_mixing,
 )
 from repose.calibrate.surrogates.settings import AS_PUBLISHED, NetworkSettings
 from repose.calibrate.surrogates.two_layer import (
-    ARRAYS,
+    ARRAY_NAMES,
     PRIORS,
-    class_names,
-    evaluate,
-    jacobian,
+    compute_jacobian,
+    compute_widths,
+    draw_first_weights,
+    evaluate_network,
+    list_weight_classes,
+    make_response_function,
     mix_outputs,
-    nguyen_widrow,
-    response_function,
-    scale,
-    unpack,
-    weight_classes,
-    width,
+    name_weight_classes,
+    scale_columns,
+    unpack_weights,
 )
 
 # Number of points at which the derivatives of several networks by all weights are in
 # memory together.
-CHUNK = 256
+CHUNK_SIZE = 256
 
 
 @register("network")
@@ -146,7 +149,7 @@ class BayesianBP(TrainingSettings, Surrogate):
             If settings or samples are invalid, or if no start has a finite evidence.
         """
         self._check_settings()
-        X, Y, count, precision = checked_samples(X, y, sample_weight, **noise)
+        X, Y, count, precision = check_samples(X, y, sample_weight, **noise)
         self.one_output_ = np.ndim(y) == 1
 
         # Scale inputs and outputs, and make the noises of the outputs independent.
@@ -154,18 +157,20 @@ class BayesianBP(TrainingSettings, Surrogate):
         self.input_max_ = X.max(axis=0)
         self.output_min_ = Y.min(axis=0)
         self.output_max_ = Y.max(axis=0)
-        x = scale(X, self.input_min_, self.input_max_, self.scaled_range)
+        x = scale_columns(X, self.input_min_, self.input_max_, self.scaled_range)
         noise_covariance = noise.get("noise_covariance")
-        self._mixing = independent_mixing(
+        self._mixing = find_independent_mixing(
             noise_covariance, self._compute_stretch(), precision
         )
-        scaled_outputs = scale(Y, self.output_min_, self.output_max_, self.scaled_range)
+        scaled_outputs = scale_columns(
+            Y, self.output_min_, self.output_max_, self.scaled_range
+        )
         t = scaled_outputs @ self._mixing
 
         # Train from each start. Samples are weighted by their count times their precision.
         outputs = t.shape[1]
         weight = count[:, None] * precision
-        scatter = pure_error(
+        scatter = compute_pure_error(
             noise_covariance,
             freedom=noise.get("noise_freedom", 0.0),
             stretch=self._compute_stretch(),
@@ -195,7 +200,7 @@ class BayesianBP(TrainingSettings, Surrogate):
     def _draw_first_weights(self, start: int, inputs: int, outputs: int) -> np.ndarray:
         """Draw the weights (N,) with which a start begins."""
         seed = (self.seed, start)
-        return nguyen_widrow(inputs, self.hidden, outputs, self.scaled_range, seed)
+        return draw_first_weights(inputs, self.hidden, outputs, self.scaled_range, seed)
 
     def refit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
         """Train a copy on other responses, as in `Surrogate.refit`.
@@ -216,16 +221,19 @@ class BayesianBP(TrainingSettings, Surrogate):
             The copy.
         """
         # Scale and mix the outputs as `fit` does.
-        X, Y, count, precision = checked_samples(X, Y, **noise)
+        X, Y, count, precision = check_samples(X, Y, **noise)
         weight = count[:, None] * precision
         noise_covariance = noise.get("noise_covariance")
-        mixing = independent_mixing(
+        mixing = find_independent_mixing(
             noise_covariance, self._compute_stretch(), precision
         )
-        t = scale(Y, self.output_min_, self.output_max_, self.scaled_range) @ mixing
+        t = (
+            scale_columns(Y, self.output_min_, self.output_max_, self.scaled_range)
+            @ mixing
+        )
         training_end = train_again(
             w=mix_outputs(self._weights(), mixing, self.hidden),
-            x=scale(X, self.input_min_, self.input_max_, self.scaled_range),
+            x=scale_columns(X, self.input_min_, self.input_max_, self.scaled_range),
             t=t,
             root_weight=np.sqrt(weight),
             alpha=np.atleast_1d(self.alpha_),
@@ -241,7 +249,7 @@ class BayesianBP(TrainingSettings, Surrogate):
             "noise_covariance": noise_covariance,
         }
         network._set_layers(training_end["w"])
-        weight_root = posterior_root(
+        weight_root = compute_posterior_root(
             training_end["alpha_of_weight"], self.beta_, training_end["JJ"]
         )
         network._set_errors(weight_root, mixing)
@@ -256,7 +264,7 @@ class BayesianBP(TrainingSettings, Surrogate):
         ends = self.ends_
         self.starts_ = []
         for k, end in enumerate(ends):
-            statistics = {key: end[key] for key in STATISTICS}
+            statistics = {key: end[key] for key in STATISTIC_NAMES}
             self.starts_.append({"start": k} | statistics)
 
         # Choose the largest evidence among the converged starts, or else among all.
@@ -266,11 +274,13 @@ class BayesianBP(TrainingSettings, Surrogate):
         self.best_start_ = max(candidates, key=lambda k: ends[k]["log_evidence"])
 
         # Record the classes of weights whose alpha has reached its upper limit.
-        names = class_names(self.prior, self.inputs or range(len(self.input_min_)))
+        names = name_weight_classes(
+            self.prior, self.inputs or range(len(self.input_min_))
+        )
         self.at_cap_ = [names[c] for c in ends[self.best_start_]["at_cap"]]
         self._set_network(ends[self.best_start_])
 
-    def of_start(self, k: int) -> Self:
+    def get_network_of_start(self, k: int) -> Self:
         """Return the network at the end of start k of `fit`."""
         network = copy.copy(self)
         network._set_network(self.ends_[k])
@@ -301,13 +311,13 @@ class BayesianBP(TrainingSettings, Surrogate):
         self.log_evidence_ = end["log_evidence"]
         self.epochs_ = end["epochs"]
         self.stop_reason_ = end["stop_reason"]
-        root = posterior_root(end["alpha_of_weight"], self.beta_, end["JJ"])
+        root = compute_posterior_root(end["alpha_of_weight"], self.beta_, end["JJ"])
         self._set_errors(root, self._mixing)
 
     def _set_layers(self, mixed: np.ndarray) -> None:
         """Set the layers from all weights (N,) of the mixed outputs."""
         w = mix_outputs(mixed, np.linalg.inv(self._mixing), self.hidden)
-        layers = unpack(
+        layers = unpack_weights(
             w,
             inputs=len(self.input_min_),
             hidden=self.hidden,
@@ -340,13 +350,13 @@ class BayesianBP(TrainingSettings, Surrogate):
         """
         if not hasattr(self, "W1_"):
             raise ValueError("predict was called before fit")
-        X = checked_points(X, len(self.input_min_))
-        Y = evaluate(self._collect_arrays(), X)
+        X = check_points(X, len(self.input_min_))
+        Y = evaluate_network(self._collect_arrays(), X)
         if self.one_output_:
             Y = Y[:, 0]
         if not return_std:
             return Y
-        roots = weight_roots([self], X, self._weights()[None])[0]
+        roots = compute_output_roots([self], X, self._weights()[None])[0]
         variance = (roots**2).sum(axis=2) * self._compute_stretch() ** 2
         std = np.sqrt(variance + noise * self.noise_std_**2)
         if self.one_output_:
@@ -359,18 +369,18 @@ class BayesianBP(TrainingSettings, Surrogate):
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
         """Compute the covariance (samples, outputs, outputs) by the weights alone."""
-        return covariances([self], X)[0]
+        return compute_covariances([self], X)[0]
 
     def response_function(
         self, low: np.ndarray, high: np.ndarray
     ) -> Callable[[np.ndarray], np.ndarray]:
-        return response_function(self._collect_arrays(), low, high)
+        return make_response_function(self._collect_arrays(), low, high)
 
     def shifted(self, offset: np.ndarray) -> Self:
         # The output biases are scaled; the offset is in the units of the responses.
         bottom, top = self.scaled_range
         scaled_offset = (
-            offset * (top - bottom) / width(self.output_min_, self.output_max_)
+            offset * (top - bottom) / compute_widths(self.output_min_, self.output_max_)
         )
         network = copy.copy(self)
         network.b2_ = self.b2_ + scaled_offset
@@ -415,7 +425,7 @@ class BayesianBP(TrainingSettings, Surrogate):
             "scaled_range": list(self.scaled_range),
             "activation": ["tansig", "purelin"],
         }
-        for key in ARRAYS:
+        for key in ARRAY_NAMES:
             content[key] = getattr(self, f"{key}_").tolist()
         if hasattr(self, "training_"):
             content["training"] = {
@@ -439,7 +449,7 @@ class BayesianBP(TrainingSettings, Surrogate):
             Result of `to_dict`, perhaps with the numbers of the ``samples``. If its
             entry ``training`` is missing, the network predicts without errors.
         """
-        arrays = {key: np.asarray(content[key], dtype=float) for key in ARRAYS}
+        arrays = {key: np.asarray(content[key], dtype=float) for key in ARRAY_NAMES}
         model = cls(
             hidden=len(arrays["b1"]), scaled_range=tuple(content["scaled_range"])
         )
@@ -484,20 +494,20 @@ class BayesianBP(TrainingSettings, Surrogate):
         X = self.training_["inputs"][order]
         weight = self.training_["weight"][order]
         n_outputs = len(self.b2_)
-        mixing = independent_mixing(
+        mixing = find_independent_mixing(
             self.training_["noise_covariance"], self._compute_stretch(), weight
         )
         w = mix_outputs(self._weights(), mixing, self.hidden)
-        x = scale(X, self.input_min_, self.input_max_, self.scaled_range)
-        _, J = jacobian(w, x, n_outputs)
+        x = scale_columns(X, self.input_min_, self.input_max_, self.scaled_range)
+        _, J = compute_jacobian(w, x, n_outputs)
         J = (J * np.sqrt(weight)[:, :, None]).reshape(-1, w.size)
 
         # The regularisation of each weight is that of its class.
-        classes = weight_classes(self.prior, X.shape[1], self.hidden, n_outputs)
+        classes = list_weight_classes(self.prior, X.shape[1], self.hidden, n_outputs)
         alpha_of_weight = spread_over_weights(
             np.atleast_1d(self.alpha_), classes, w.size
         )
-        weight_root = posterior_root(alpha_of_weight, self.beta_, J.T @ J)
+        weight_root = compute_posterior_root(alpha_of_weight, self.beta_, J.T @ J)
         self._set_errors(weight_root, mixing)
 
     def _set_errors(self, root: np.ndarray, mixing: np.ndarray) -> None:
@@ -528,7 +538,7 @@ class BayesianBP(TrainingSettings, Surrogate):
 
     def _collect_arrays(self) -> dict[str, Any]:
         """Collect scalings and weights, as `two_layer.evaluate` reads them."""
-        arrays = {key: getattr(self, f"{key}_") for key in ARRAYS}
+        arrays = {key: getattr(self, f"{key}_") for key in ARRAY_NAMES}
         return arrays | {"scaled_range": self.scaled_range}
 
     def _check_settings(self) -> None:
@@ -557,10 +567,10 @@ class BayesianBP(TrainingSettings, Surrogate):
     def _compute_stretch(self) -> np.ndarray:
         """Compute one unit of each scaled output (outputs,), in the response's unit."""
         low, high = self.scaled_range
-        return width(self.output_min_, self.output_max_) / (high - low)
+        return compute_widths(self.output_min_, self.output_max_) / (high - low)
 
 
-def covariances(
+def compute_covariances(
     networks: Sequence[BayesianBP], X: ArrayLike, weights: np.ndarray | None = None
 ) -> np.ndarray:
     """Compute `BayesianBP.covariance` of networks that share their scalings.
@@ -583,13 +593,13 @@ def covariances(
     stretch = networks[0]._compute_stretch()[:, None]
     # Process the samples in parts, because the derivatives need much memory.
     parts = []
-    for points in np.array_split(X, 1 + len(X) // CHUNK):
-        roots = weight_roots(networks, points, weights) * stretch
+    for points in np.array_split(X, 1 + len(X) // CHUNK_SIZE):
+        roots = compute_output_roots(networks, points, weights) * stretch
         parts.append(roots @ roots.swapaxes(-1, -2))
     return np.concatenate(parts, axis=1)
 
 
-def weight_roots(
+def compute_output_roots(
     networks: Sequence[BayesianBP], X: np.ndarray, weights: np.ndarray
 ) -> np.ndarray:
     """Compute roots of the covariance of the scaled outputs of networks.
@@ -620,8 +630,8 @@ def weight_roots(
             "it predicts without errors"
         )
     first = networks[0]
-    x = scale(X, first.input_min_, first.input_max_, first.scaled_range)
-    _, J = jacobian(weights, x, outputs=len(first.b2_))
+    x = scale_columns(X, first.input_min_, first.input_max_, first.scaled_range)
+    _, J = compute_jacobian(weights, x, outputs=len(first.b2_))
     # Overwrite the derivatives in place, because a copy would need much memory.
     for derivatives, network in zip(J, networks, strict=True):
         rows = derivatives.reshape(-1, derivatives.shape[-1])

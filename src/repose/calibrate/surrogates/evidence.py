@@ -16,14 +16,14 @@ from typing import Any
 
 import numpy as np
 
-Each = float | np.ndarray  # one number for all weights, or one for each class
+NumberPerClass = float | np.ndarray  # one number for all weights, or one for each class
 
 
-def log_evidence(
-    alpha: Each,
+def compute_log_evidence(
+    alpha: NumberPerClass,
     beta: float,
     Ed: float,
-    Ew: Each,
+    Ew: NumberPerClass,
     JJ: np.ndarray,
     n: float,
     classes: Sequence[Any] = (slice(None),),
@@ -78,7 +78,9 @@ def log_evidence(
     return float(evidence) if math.isfinite(evidence) else -math.inf
 
 
-def posterior_root(alpha: np.ndarray, beta: float, JJ: np.ndarray) -> np.ndarray:
+def compute_posterior_root(
+    alpha: np.ndarray, beta: float, JJ: np.ndarray
+) -> np.ndarray:
     """Compute a root R (N, N) of the covariance of the weights, R R' = H^-1 (M92).
 
     H = 2 beta J'J + 2 diag(alpha), with alpha (N,) for each weight. H is first divided

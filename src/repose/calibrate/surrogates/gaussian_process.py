@@ -18,13 +18,13 @@ from numpy.typing import ArrayLike
 
 from repose.calibrate.surrogates.base import Noise, Surrogate, register
 from repose.calibrate.surrogates.samples import (
-    Combined,
-    checked_points,
-    checked_samples,
-    independent_mixing,
+    CombinedOutputs,
+    check_points,
+    check_samples,
+    find_independent_mixing,
 )
 from repose.calibrate.surrogates.settings import NetworkSettings
-from repose.calibrate.surrogates.two_layer import width
+from repose.calibrate.surrogates.two_layer import compute_widths
 
 VARIANCE_BOUNDS = (1e-2, 1e3)  # of the process, in variances of the response
 LENGTH_BOUNDS = (0.05, 100.0)  # in ranges of an input
@@ -32,11 +32,11 @@ NOISE_BOUNDS = (1e-5, 1e5)  # in variances of the response
 FIRST_VARIANCE = 1.0  # in variances of the response
 FIRST_LENGTH = 1.0  # in ranges of an input
 FIRST_NOISE = 0.1  # in variances of the response
-FEWEST_SAMPLES = 2
+MIN_SAMPLES = 2
 
 
 @register("gaussian_process")
-class GaussianProcess(Combined, Surrogate):
+class GaussianProcess(CombinedOutputs, Surrogate):
     """Processes with a squared exponential covariance and noise.
 
     The covariance is s^2 exp(-1/2 sum ((x_i - x'_i) / l_i)^2) (RW06, eq. 5.1). The
@@ -53,7 +53,7 @@ class GaussianProcess(Combined, Surrogate):
         Without `noise_covariance` the responses are learned independently. With it,
         their combinations with independent noises are learned (A35).
         """
-        X, Y, _, precision = checked_samples(X, Y, **noise)
+        X, Y, _, precision = check_samples(X, Y, **noise)
         self._set_samples(X, Y, precision, noise.get("noise_covariance"))
         first = {
             "variance": FIRST_VARIANCE,
@@ -66,7 +66,7 @@ class GaussianProcess(Combined, Surrogate):
 
     def refit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
         """Learn other responses, as in `Surrogate.refit`; the hyperparameters stay."""
-        X, Y, _, precision = checked_samples(X, Y, **noise)
+        X, Y, _, precision = check_samples(X, Y, **noise)
         process = type(self)()
         process.describe(self.inputs, self.outputs, self.definitions, self.samples)
         process._set_samples(X, Y, precision, noise.get("noise_covariance"))
@@ -100,14 +100,16 @@ class GaussianProcess(Combined, Surrogate):
             If there are fewer than two samples.
         """
         n_samples, n_outputs = Y.shape
-        if n_samples < FEWEST_SAMPLES:
-            raise ValueError(f"{n_samples} samples; expected at least {FEWEST_SAMPLES}")
+        if n_samples < MIN_SAMPLES:
+            raise ValueError(f"{n_samples} samples; expected at least {MIN_SAMPLES}")
         self.training_ = {"inputs": X, "outputs": Y, "precision": precision}
         self.noise_covariance_ = noise_covariance
         self.low_ = X.min(axis=0)
-        self.width_ = width(X.min(axis=0), X.max(axis=0))
+        self.width_ = compute_widths(X.min(axis=0), X.max(axis=0))
         self.offset_ = np.zeros(n_outputs)
-        mixing = independent_mixing(noise_covariance, np.ones(n_outputs), precision)
+        mixing = find_independent_mixing(
+            noise_covariance, np.ones(n_outputs), precision
+        )
         self._combine(Y, mixing)
 
     def _fit_processes(
@@ -124,7 +126,11 @@ class GaussianProcess(Combined, Surrogate):
             takes them.
         """
         # Importing scikit-learn takes half a second, so it is done only for a fit.
-        from repose.calibrate.surrogates.process import Process, SampleNoise, smooth
+        from repose.calibrate.surrogates.process import (
+            Process,
+            SampleNoise,
+            make_smooth_kernel,
+        )
 
         variance_bounds, length_bounds, noise_bounds = bounds
         x = self._scale_inputs(self.training_["inputs"])
@@ -133,7 +139,7 @@ class GaussianProcess(Combined, Surrogate):
             kernels, self.values.T, self.training_["precision"].T, strict=True
         ):
             # The noise of a sample is smaller with a larger precision.
-            kernel = smooth(
+            kernel = make_smooth_kernel(
                 start["variance"], start["lengths"], (variance_bounds, length_bounds)
             )
             noise = SampleNoise(start["noise_variance"], noise_bounds, precision)
@@ -141,7 +147,7 @@ class GaussianProcess(Combined, Surrogate):
 
     def _scale_inputs(self, X: ArrayLike) -> np.ndarray:
         """Scale parameter sets to ranges of the inputs."""
-        return (checked_points(X, len(self.low_)) - self.low_) / self.width_
+        return (check_points(X, len(self.low_)) - self.low_) / self.width_
 
     def predict(
         self, X: ArrayLike, return_std: bool = False, noise: bool = True
@@ -163,7 +169,7 @@ class GaussianProcess(Combined, Surrogate):
         """
         x = self._scale_inputs(X)
         scaled_means = np.column_stack([process.mean(x) for process in self.processes_])
-        means = self.unmixed(scaled_means) + self.offset_
+        means = self.unmix(scaled_means) + self.offset_
         if not return_std:
             return means
         # The processes are independent, so their variances add up in the responses.

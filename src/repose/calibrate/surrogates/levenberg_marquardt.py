@@ -38,17 +38,20 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from repose.calibrate.surrogates.evidence import log_evidence, spread_over_weights
+from repose.calibrate.surrogates.evidence import (
+    compute_log_evidence,
+    spread_over_weights,
+)
 from repose.calibrate.surrogates.samples import NO_SCATTER, Scatter
 from repose.calibrate.surrogates.settings import AS_PUBLISHED
 from repose.calibrate.surrogates.two_layer import (
-    hidden_neurons,
-    jacobian,
-    unpack,
-    weight_classes,
+    compute_jacobian,
+    count_hidden_neurons,
+    list_weight_classes,
+    unpack_weights,
 )
 
-STATISTICS = (
+STATISTIC_NAMES = (
     "log_evidence",
     "gamma",
     "alpha",
@@ -61,18 +64,22 @@ STATISTICS = (
 )
 FIRST_ALPHA = 0.01
 FIRST_BETA = 1.0
-LARGEST_ALPHA = 1e6  # weights of 0.0007 in scaled units: an input that has faded
-SMALLEST = 1e-30  # E_d of outputs that a network meets exactly
+MAX_ALPHA = 1e6  # weights of 0.0007 in scaled units: an input that has faded
+MIN_SQUARES = 1e-30  # E_d of outputs that a network meets exactly
 PATIENCE = 60  # epochs without a larger evidence
-NEAR = 1.0  # F above its minimum, in nats, below which Laplace's approximation holds
+NEAR_MINIMUM = (
+    1.0  # F above its minimum, in nats, below which Laplace's approximation holds
+)
 # F above its minimum at which a start has converged: the weights are 0.14 of a standard
 # deviation from the best ones.
 CONVERGED = 0.01
-DESCENT = 100  # largest number of steps to the minimum of F at fixed alpha and beta
-LEAST_FALL = 0.003  # of F in a step, in nats, below which `train_again` ends
+MAX_DESCENT_STEPS = (
+    100  # largest number of steps to the minimum of F at fixed alpha and beta
+)
+MIN_DECREASE = 0.003  # of F in a step, in nats, below which `train_again` ends
 # mu is only ever multiplied, so from 0 it could not rise again. From any number above 0
 # it rises in time: it takes at most one trial for each step that lowered it.
-SMALLEST_MU = float(np.finfo(float).tiny)
+MIN_MU = float(np.finfo(float).tiny)
 
 
 @dataclass(eq=False, repr=False)
@@ -141,7 +148,7 @@ class _State(NamedTuple):
 
     def evidence(self, data: _Data) -> float:
         """Compute the log evidence, replicates included."""
-        return log_evidence(
+        return compute_log_evidence(
             alpha=self.alpha,
             beta=self.beta,
             Ed=self.at.Ed + data.pure_error,
@@ -200,7 +207,7 @@ def train_start(
     Returns
     -------
     dict
-        `STATISTICS` of the end; with the weights `w`, their J'J as `JJ`, and the
+        `STATISTIC_NAMES` of the end; with the weights `w`, their J'J as `JJ`, and the
         `alpha_of_weight` (N,).
     """
     sum_of_squares, freedom = pure_error
@@ -230,7 +237,7 @@ def train_start(
         "epochs": epochs,
         "stop_reason": reason,
         "decrement": state.decrement(),
-        "at_cap": np.flatnonzero(state.alpha >= LARGEST_ALPHA).tolist(),
+        "at_cap": np.flatnonzero(state.alpha >= MAX_ALPHA).tolist(),
     }
 
 
@@ -281,8 +288,8 @@ def train_again(
 
     # Take steps until F hardly falls any more.
     F = state.F()
-    mu = max(settings.mu, SMALLEST_MU)
-    for _ in range(DESCENT):
+    mu = max(settings.mu, MIN_MU)
+    for _ in range(MAX_DESCENT_STEPS):
         weights, next_mu = _find_step(state, mu, data, settings)
         if weights is None:
             break
@@ -292,7 +299,7 @@ def train_again(
         # F in nats: a decrease of less than LEAST_FALL no longer matters.
         decrease = F - state.F()
         F -= decrease
-        if decrease < LEAST_FALL:
+        if decrease < MIN_DECREASE:
             break
     return {
         "w": state.at.w,
@@ -307,8 +314,8 @@ def _list_weight_classes(
     """List the classes of the weights w (N,) of a network from x to t."""
     inputs = x.shape[1]
     outputs = t.shape[1]
-    hidden = hidden_neurons(w.size, inputs, outputs)
-    return weight_classes(settings.prior, inputs, hidden, outputs)
+    hidden = count_hidden_neurons(w.size, inputs, outputs)
+    return list_weight_classes(settings.prior, inputs, hidden, outputs)
 
 
 def _count_class_sizes(w: np.ndarray, classes: Sequence[Any]) -> np.ndarray:
@@ -330,7 +337,7 @@ def _train_to_end(w: np.ndarray, data: _Data, settings: TrainingSettings) -> _En
     settings : TrainingSettings
     """
     state = _make_first_state(w, data)
-    mu = max(settings.mu, SMALLEST_MU)
+    mu = max(settings.mu, MIN_MU)
     best: _Best | None = None
     epoch = 0
     reason = "epochs"
@@ -385,7 +392,7 @@ def _choose_better(
     A new state is considered only near the minimum of F, where its evidence is valid. The
     result is None until there is such a state.
     """
-    if not state.decrement() < NEAR:
+    if not state.decrement() < NEAR_MINIMUM:
         return best
     evidence = state.evidence(data)
     largest = -np.inf if best is None else best.evidence
@@ -409,8 +416,8 @@ def _descend(state: _State, data: _Data, settings: TrainingSettings) -> _State:
     _State
         The minimum, or the last point if no step lowers F any more.
     """
-    mu = max(settings.mu, SMALLEST_MU)
-    for _ in range(DESCENT):
+    mu = max(settings.mu, MIN_MU)
+    for _ in range(MAX_DESCENT_STEPS):
         if state.decrement() < CONVERGED / 100:
             break
         weights, mu = _find_step(state, mu, data, settings)
@@ -451,10 +458,10 @@ def _find_step(
         damped = state.beta * point.JJ + (state.alpha_of_weight + mu) * identity
         weights = point.w - np.linalg.solve(damped, half_gradient)
         # Compute F at the new weights, and raise the damping unless F is lower there.
-        new_residuals = residuals(weights, data.x, data.t, data.root_weight)
+        new_residuals = compute_residuals(weights, data.x, data.t, data.root_weight)
         new_Ew = _sum_squares(weights, data.classes)
         if state.beta * (new_residuals @ new_residuals) + state.alpha @ new_Ew < F:
-            return weights, max(mu * settings.mu_decrease, SMALLEST_MU)
+            return weights, max(mu * settings.mu_decrease, MIN_MU)
         mu *= settings.mu_increase
     return None, mu
 
@@ -476,9 +483,11 @@ def _re_estimate(at: _Point, state: _State, data: _Data) -> _State:
     """
     gamma = _compute_gamma(state._replace(at=at), data)
     # The gamma of a class that has faded may be lost in rounding; its alpha stays.
-    alpha = np.where(gamma > 0, gamma / (2 * np.maximum(at.Ew, SMALLEST)), state.alpha)
-    alpha = np.minimum(alpha, LARGEST_ALPHA)
-    beta = (data.n - gamma.sum()) / (2 * max(at.Ed + data.pure_error, SMALLEST))
+    alpha = np.where(
+        gamma > 0, gamma / (2 * np.maximum(at.Ew, MIN_SQUARES)), state.alpha
+    )
+    alpha = np.minimum(alpha, MAX_ALPHA)
+    beta = (data.n - gamma.sum()) / (2 * max(at.Ed + data.pure_error, MIN_SQUARES))
     return _State(
         at=at,
         alpha=alpha,
@@ -490,7 +499,7 @@ def _re_estimate(at: _Point, state: _State, data: _Data) -> _State:
 
 def _make_linear_model(w: np.ndarray, data: _Data) -> _Point:
     """Linearise the residuals about weights."""
-    e, J = linearise(w, data.x, data.t, data.root_weight)
+    e, J = linearise_residuals(w, data.x, data.t, data.root_weight)
     return _Point(
         w=w, Ed=e @ e, Ew=_sum_squares(w, data.classes), JJ=J.T @ J, Je=J.T @ e
     )
@@ -501,27 +510,27 @@ def _sum_squares(w: np.ndarray, classes: Sequence[Any]) -> np.ndarray:
     return np.array([w[members] @ w[members] for members in classes])
 
 
-def residuals(
+def compute_residuals(
     w: np.ndarray, x: np.ndarray, t: np.ndarray, root_weight: np.ndarray
 ) -> np.ndarray:
     """Compute the weighted residuals (samples * outputs,); x and t are scaled."""
     inputs = x.shape[1]
     outputs = t.shape[1]
-    hidden = hidden_neurons(w.size, inputs, outputs)
-    W1, b1, W2, b2 = unpack(w, inputs, hidden, outputs)
+    hidden = count_hidden_neurons(w.size, inputs, outputs)
+    W1, b1, W2, b2 = unpack_weights(w, inputs, hidden, outputs)
     y = np.tanh(x @ W1.T + b1) @ W2.T + b2
     return ((y - t) * root_weight).ravel()
 
 
-def linearise(
+def linearise_residuals(
     w: np.ndarray, x: np.ndarray, t: np.ndarray, root_weight: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compute the weighted residuals and their derivatives by the weights.
 
-    The residuals (samples * outputs,) are those of `residuals`; the derivatives have
+    The residuals (samples * outputs,) are those of `compute_residuals`; the derivatives have
     the shape (samples * outputs, N).
     """
-    y, J = jacobian(w, x, t.shape[1])
+    y, J = compute_jacobian(w, x, t.shape[1])
     e = ((y - t) * root_weight).ravel()
     J = (J * root_weight[:, :, None]).reshape(t.size, w.size)
     return e, J

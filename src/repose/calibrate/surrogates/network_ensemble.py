@@ -20,16 +20,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from repose.calibrate.surrogates.base import Noise, Surrogate, register
-from repose.calibrate.surrogates.bayesian_bp import BayesianBP, covariances
+from repose.calibrate.surrogates.bayesian_bp import BayesianBP, compute_covariances
 from repose.calibrate.surrogates.levenberg_marquardt import CONVERGED
-from repose.calibrate.surrogates.samples import checked_points
+from repose.calibrate.surrogates.samples import check_points
 from repose.calibrate.surrogates.settings import NetworkSettings
-from repose.calibrate.surrogates.two_layer import response_function, scale, unscale
+from repose.calibrate.surrogates.two_layer import (
+    make_response_function,
+    scale_columns,
+    unscale_columns,
+)
 
 # Laplace's approximation of the evidence has errors of this size, in nats. The networks
 # of starts further below the best are worse.
-NATS = 50.0
-OF_EACH = ("W1", "b1", "W2", "b2")
+MAX_EVIDENCE_GAP = 50.0
+MEMBER_ARRAYS = ("W1", "b1", "W2", "b2")
 ALL_WEIGHTS = "all weights"
 
 
@@ -44,7 +48,7 @@ class _Prediction(NamedTuple):
 class NetworkEnsemble(Surrogate):
     """Networks of all converged starts whose log evidence is near the largest.
 
-    Near means within `NATS`. `members_` are the networks, the best first.
+    Near means within `MAX_EVIDENCE_GAP`. `members_` are the networks, the best first.
     """
 
     is_network = True
@@ -88,11 +92,13 @@ class NetworkEnsemble(Surrogate):
         # Choose the starts that converged to nearly the evidence of the best one.
         self.member_starts_ = []
         for start in best.starts_:
-            is_near = start["log_evidence"] >= best.log_evidence_ - NATS
+            is_near = start["log_evidence"] >= best.log_evidence_ - MAX_EVIDENCE_GAP
             if is_near and start["decrement"] < CONVERGED:
                 self.member_starts_.append(start["start"])
         others = [
-            best.of_start(k) for k in self.member_starts_ if k != best.best_start_
+            best.get_network_of_start(k)
+            for k in self.member_starts_
+            if k != best.best_start_
         ]
         self._set_members([best, *others])
         return self
@@ -118,7 +124,9 @@ class NetworkEnsemble(Surrogate):
         """Compute the covariance (n, k, k) of the mixture, without noise (LPB17)."""
         means = self._predict_means(X)
         deviations = means - means.mean(axis=0)
-        within = covariances(self.members_, X, self._stack(ALL_WEIGHTS)).mean(axis=0)
+        within = compute_covariances(self.members_, X, self._stack(ALL_WEIGHTS)).mean(
+            axis=0
+        )
         between = np.einsum("mni,mnj->nij", deviations, deviations) / len(self.members_)
         return within + between
 
@@ -126,7 +134,7 @@ class NetworkEnsemble(Surrogate):
         self, low: np.ndarray, high: np.ndarray
     ) -> Callable[[np.ndarray], np.ndarray]:
         # The mean of networks is one network that has all their neurons.
-        return response_function(self._join(), low, high)
+        return make_response_function(self._join(), low, high)
 
     def shifted(self, offset: np.ndarray) -> Self:
         ensemble = copy.copy(self)
@@ -174,10 +182,10 @@ class NetworkEnsemble(Surrogate):
         array (members, n, k)
         """
         first = self.members_[0]
-        X = checked_points(X, len(first.input_min_))
+        X = check_points(X, len(first.input_min_))
         if self._last is not None and np.array_equal(X, self._last.points):
             return self._last.means
-        x = scale(X, first.input_min_, first.input_max_, first.scaled_range)
+        x = scale_columns(X, first.input_min_, first.input_max_, first.scaled_range)
         # All networks share their scalings, so their weights can be stacked.
         W1 = self._stack("W1")
         b1 = self._stack("b1")
@@ -186,14 +194,16 @@ class NetworkEnsemble(Surrogate):
         # Indices: member m, sample n, input i, hidden neuron h, response k (Eq. 6-8).
         hidden = np.tanh(np.einsum("ni,mhi->mnh", x, W1) + b1[:, None])
         y = np.einsum("mnh,mkh->mnk", hidden, W2) + b2[:, None]
-        means = unscale(y, first.output_min_, first.output_max_, first.scaled_range)
+        means = unscale_columns(
+            y, first.output_min_, first.output_max_, first.scaled_range
+        )
         self._last = _Prediction(points=X.copy(), means=means)
         return means
 
     def _stack(self, key: str) -> np.ndarray:
         """Stack an array of all networks as (members, ...), and keep it.
 
-        The key is one of `OF_EACH`, or `ALL_WEIGHTS`.
+        The key is one of `MEMBER_ARRAYS`, or `ALL_WEIGHTS`.
         """
         if key not in self._stacks:
             if key == ALL_WEIGHTS:
@@ -218,6 +228,6 @@ def _select_weights(content: Mapping[str, Any]) -> dict[str, Any]:
 
     Scalings and samples are the same in all networks.
     """
-    weights = {key: content[key] for key in OF_EACH}
+    weights = {key: content[key] for key in MEMBER_ARRAYS}
     training = {key: content["training"][key] for key in ("alpha", "beta")}
     return weights | {"training": training}

@@ -28,14 +28,14 @@ from sklearn.gaussian_process.kernels import (
 )
 
 JITTER = 1e-10  # of the diagonal, where the noise is a part of the kernel
-LEAST_VARIANCE = 1e-12
-FIXED = ("fixed", "fixed")
+MIN_VARIANCE = 1e-12
+FIXED_BOUNDS = ("fixed", "fixed")
 
 
-def smooth(
+def make_smooth_kernel(
     variance: float,
     lengths: ArrayLike,
-    bounds: Any = FIXED,
+    bounds: Any = FIXED_BOUNDS,
     smoothness: float | None = None,
 ) -> ConstantKernel:
     """Make the covariance of a smooth function.
@@ -58,7 +58,7 @@ def smooth(
     return ConstantKernel(variance, variance_bounds) * shape
 
 
-def straight(slope: float) -> ConstantKernel:
+def make_linear_kernel(slope: float) -> ConstantKernel:
     """Make the covariance of a straight line, 1 + slope^2 x x'."""
     return ConstantKernel(slope**2, "fixed") * DotProduct(1.0 / slope, "fixed")
 
@@ -163,7 +163,7 @@ class Process:
         """Predict means (m,) at points (m, d)."""
         return self.kernel(x, self.x) @ self.weights
 
-    def weights_of(self, values: np.ndarray) -> np.ndarray:
+    def compute_weights(self, values: np.ndarray) -> np.ndarray:
         """Compute the weights (n, f) of other values (n, f) at the same points."""
         return linalg.cho_solve((self.root, True), values)
 
@@ -174,9 +174,9 @@ class Process:
             self.root, between.T, lower=True, check_finite=False
         )
         variance = self.kernel.diag(x) - (solved**2).sum(axis=0)
-        return between @ self.weights, np.maximum(variance, LEAST_VARIANCE)
+        return between @ self.weights, np.maximum(variance, MIN_VARIANCE)
 
-    def left_out(self) -> tuple[np.ndarray, np.ndarray]:
+    def predict_left_out(self) -> tuple[np.ndarray, np.ndarray]:
         """Predict each value from all the others.
 
         The results are means and variances (n,), without noise. With K the covariance
@@ -187,7 +187,7 @@ class Process:
         inverse = linalg.cho_solve((self.root, True), np.eye(len(self.x)))
         precision = inverse.diagonal()
         means = self.values - self.weights / precision
-        variances = np.maximum(1 / precision - self.errors, LEAST_VARIANCE)
+        variances = np.maximum(1 / precision - self.errors, MIN_VARIANCE)
         return means, variances
 
 
@@ -248,7 +248,7 @@ class SparseProcess:
         self._scaled = features / np.sqrt(self._noise)
         precision = np.eye(len(centres)) + self._scaled @ self._scaled.T
         self._root = linalg.cholesky(precision, lower=True)
-        self.weights = self.weights_of(values)
+        self.weights = self.compute_weights(values)
 
         # The values lower the variance of the features by the root of I - precision^-1
         # times its transpose. One product with a matrix then takes a covariance with the
@@ -263,7 +263,7 @@ class SparseProcess:
         """Predict means (m,) at points (m, d)."""
         return self.kernel(x, self.x) @ self.weights
 
-    def weights_of(self, values: np.ndarray) -> np.ndarray:
+    def compute_weights(self, values: np.ndarray) -> np.ndarray:
         """Compute the weights (M, f) of other values (n, f) at the same points."""
         scaled = (values.T / np.sqrt(self._noise)).T
         solved = linalg.cho_solve((self._root, True), self._scaled @ scaled)
@@ -275,10 +275,10 @@ class SparseProcess:
         """Predict means and variances (m,) at points (m, d), without noise."""
         between = self.kernel(x, self.x)
         variance = self.kernel.diag(x) - ((between @ self._gain) ** 2).sum(axis=1)
-        return between @ self.weights, np.maximum(variance, LEAST_VARIANCE)
+        return between @ self.weights, np.maximum(variance, MIN_VARIANCE)
 
-    def left_out(self) -> tuple[np.ndarray, np.ndarray]:
-        """Predict each value from all the others, as `Process.left_out`.
+    def predict_left_out(self) -> tuple[np.ndarray, np.ndarray]:
+        """Predict each value from all the others, as `Process.predict_left_out`.
 
         K is the sum of what the centres explain and of the noise, so the matrix inversion
         lemma gives K^-1.
@@ -288,7 +288,7 @@ class SparseProcess:
         scaled = self.values / np.sqrt(self._noise)
         weights = (scaled - solved.T @ (solved @ scaled)) / np.sqrt(self._noise)
         means = self.values - weights / precision
-        variances = np.maximum(1 / precision - self.errors, LEAST_VARIANCE)
+        variances = np.maximum(1 / precision - self.errors, MIN_VARIANCE)
         return means, variances
 
     @staticmethod
@@ -297,7 +297,7 @@ class SparseProcess:
         return linalg.solve_triangular(root, right, lower=True, check_finite=False)
 
 
-def spread_centres(kernel: Any, x: np.ndarray, count: int) -> np.ndarray:
+def choose_centres(kernel: Any, x: np.ndarray, count: int) -> np.ndarray:
     """Choose points that explain the variance of a process at all the others.
 
     Each is the point of the largest variance that those before it leave: the pivots of

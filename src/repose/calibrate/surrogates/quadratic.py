@@ -18,13 +18,13 @@ from numpy.typing import ArrayLike
 
 from repose.calibrate.surrogates.base import Noise, Surrogate, register
 from repose.calibrate.surrogates.samples import (
-    checked_points,
-    checked_samples,
-    independent_mixing,
+    check_points,
+    check_samples,
+    find_independent_mixing,
 )
 from repose.calibrate.surrogates.settings import NetworkSettings
-from repose.calibrate.surrogates.support import quadratic_terms
-from repose.calibrate.surrogates.two_layer import width
+from repose.calibrate.surrogates.support import compute_quadratic_terms
+from repose.calibrate.surrogates.two_layer import compute_widths
 
 
 @register("quadratic")
@@ -68,13 +68,15 @@ class QuadraticSurface(Surrogate):
         ValueError
             If there are no more samples than terms.
         """
-        X, Y, _, precision = checked_samples(X, Y, **noise)
+        X, Y, _, precision = check_samples(X, Y, **noise)
         n_outputs = Y.shape[1]
-        independent_mixing(noise.get("noise_covariance"), np.ones(n_outputs), precision)
+        find_independent_mixing(
+            noise.get("noise_covariance"), np.ones(n_outputs), precision
+        )
         self.training_ = {"inputs": X, "outputs": Y, "precision": precision}
         self.offset_ = np.zeros(n_outputs)
         self.low_ = X.min(axis=0)
-        self.width_ = width(X.min(axis=0), X.max(axis=0))
+        self.width_ = compute_widths(X.min(axis=0), X.max(axis=0))
         self.varies_ = X.max(axis=0) > self.low_
 
         # The noise is estimated from residuals, so there must be more samples than terms.
@@ -99,7 +101,7 @@ class QuadraticSurface(Surrogate):
     def predict(
         self, X: ArrayLike, return_std: bool = False, noise: bool = True
     ) -> Any:
-        a = self._compute_terms(checked_points(X, len(self.low_)))
+        a = self._compute_terms(check_points(X, len(self.low_)))
         mean = a @ self.coefficients_ + self.offset_
         if not return_std:
             return mean
@@ -115,7 +117,7 @@ class QuadraticSurface(Surrogate):
         For responses k and l it is S_kl a' R_k R_l' a, with S the covariance of the
         residuals and R the roots of `_fit_weighted`.
         """
-        a = self._compute_terms(checked_points(X, len(self.low_)))
+        a = self._compute_terms(check_points(X, len(self.low_)))
         products = np.stack([a @ root for root in self._roots], axis=1)
         return products @ products.transpose(0, 2, 1) * self.residual_covariance_
 
@@ -151,7 +153,7 @@ class QuadraticSurface(Surrogate):
 
     def terms(self, unit: np.ndarray) -> np.ndarray:
         """Compute the terms (n, terms) of the model at points (n, d) in [0, 1]."""
-        return quadratic_terms(unit)
+        return compute_quadratic_terms(unit)
 
     def _compute_terms(self, X: np.ndarray) -> np.ndarray:
         """Compute the terms (n, terms) at parameter sets."""

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-LEAST_SCALE = 1e-12  # of a combination that does not vary
+MIN_SCALE = 1e-12  # of a combination that does not vary
 
 
 class Samples(NamedTuple):
@@ -31,7 +31,7 @@ class Scatter(NamedTuple):
 NO_SCATTER = Scatter(0.0, 0.0)
 
 
-def independent_mixing(
+def find_independent_mixing(
     noise_covariance: ArrayLike | None, stretch: np.ndarray, precision: np.ndarray
 ) -> np.ndarray:
     """Find combinations of the outputs that have independent noise (A35).
@@ -85,7 +85,7 @@ def independent_mixing(
     return np.linalg.inv(root).T * geometric_mean
 
 
-class Combined:
+class CombinedOutputs:
     """Base of models with a process for each combination of k responses.
 
     The combinations are scaled to mean 0 and variance 1.
@@ -102,10 +102,10 @@ class Combined:
         self._mixing = mixing
         self._unmixing = np.linalg.inv(mixing)
         self._middle = mixed.mean(axis=0)
-        self._scale = np.maximum(mixed.std(axis=0), LEAST_SCALE)
+        self._scale = np.maximum(mixed.std(axis=0), MIN_SCALE)
         self.values = (mixed - self._middle) / self._scale
 
-    def unmixed(self, scaled: np.ndarray) -> np.ndarray:
+    def unmix(self, scaled: np.ndarray) -> np.ndarray:
         """Compute responses (..., k) from scaled combinations (..., k)."""
         return (scaled * self._scale + self._middle) @ self._unmixing
 
@@ -118,7 +118,7 @@ class Combined:
         return roots.transpose(0, 2, 1) @ roots
 
 
-def pure_error(
+def compute_pure_error(
     noise_covariance: ArrayLike | None,
     freedom: float,
     stretch: np.ndarray,
@@ -134,7 +134,7 @@ def pure_error(
         Degrees of freedom from which replicates estimated the covariance. With 0 the
         covariance is known only up to a factor, and there is no scatter.
     stretch, mixing : array
-        As in `independent_mixing`.
+        As in `find_independent_mixing`.
 
     Raises
     ------
@@ -155,7 +155,7 @@ def pure_error(
     )
 
 
-def checked_samples(
+def check_samples(
     X: ArrayLike,
     y: ArrayLike,
     sample_weight: ArrayLike | None = None,
@@ -167,7 +167,7 @@ def checked_samples(
     """Check the samples of a fit, and convert them to arrays of standard shape.
 
     Samples of weight 0 are dropped. `noise_covariance` and `noise_freedom` are ignored
-    here, and checked by `independent_mixing` and `pure_error`. They are accepted so that
+    here, and checked by `find_independent_mixing` and `compute_pure_error`. They are accepted so that
     callers can pass the noise of `Surrogate.fit` unchanged.
 
     Parameters
@@ -261,7 +261,7 @@ def _check_weights(
         )
 
 
-def checked_points(X: ArrayLike, inputs: int) -> np.ndarray:
+def check_points(X: ArrayLike, inputs: int) -> np.ndarray:
     """Convert parameter sets to an array; ValueError unless (samples, inputs)."""
     X = np.asarray(X, dtype=float)
     if X.ndim != 2 or X.shape[1] != inputs:

@@ -33,7 +33,7 @@ PUBLISHED: dict[str, Any] = {
     "validation_noise": False,
 }
 SHARES = "three shares (training, validation, test) that sum to 1"
-LARGEST_ROUNDING = 1e-6  # of the sum of the shares
+MAX_ROUNDING = 1e-6  # of the sum of the shares
 Shares = Annotated[tuple[Share, Share, Share], Field(strict=False), Allowed(SHARES)]
 
 
@@ -99,7 +99,7 @@ class NetworkSettings(Section):
     )
 
     @classmethod
-    def of(cls, keys: Mapping[str, Any]) -> Self:
+    def from_keys(cls, keys: Mapping[str, Any]) -> Self:
         """Take the known keys of a mapping, unchecked; the others are as published."""
         known = {key: keys[key] for key in cls.model_fields if key in keys}
         return cls.model_construct(None, **PUBLISHED | known)
@@ -111,7 +111,7 @@ class NetworkSettings(Section):
         if shares == AUTO:
             return shares
         training, _, test = shares
-        if abs(sum(shares) - 1) > LARGEST_ROUNDING or training == 0 or test == 0:
+        if abs(sum(shares) - 1) > MAX_ROUNDING or training == 0 or test == 0:
             refuse([("", "three shares that sum to 1, training and test above 0")])
         return shares
 
@@ -124,4 +124,4 @@ class NetworkSettings(Section):
             )
 
 
-AS_PUBLISHED = NetworkSettings.of({})
+AS_PUBLISHED = NetworkSettings.from_keys({})

@@ -21,7 +21,7 @@ from repose.common.files import Path_, read_table
 
 BOUND_SHARE = 0.01  # of a range, within which a parameter is at its bound
 DISTANCE_QUANTILE = 0.95
-FEWEST_SAMPLES = 2
+MIN_SAMPLES = 2
 
 
 class Support:
@@ -69,7 +69,7 @@ class Support:
         self.low, self.high = to_coordinates(ends, self.names, self.scale)
         self._is_free = self.high > self.low
         d = len(self.names)
-        if points.ndim != 2 or len(points) < FEWEST_SAMPLES or points.shape[1] != d:
+        if points.ndim != 2 or len(points) < MIN_SAMPLES or points.shape[1] != d:
             raise ValueError(
                 f"points has shape {points.shape}; expected at least two rows of {d}"
             )
@@ -79,33 +79,33 @@ class Support:
         distances, _ = self.tree.query(unit, k=2)
         self.farthest = float(np.quantile(distances[:, 1], DISTANCE_QUANTILE))
         # With too few samples for a quadratic model, no leverage is too large.
-        self._inverse_R = _compute_inverse_root(quadratic_terms(unit))
+        self._inverse_R = _compute_inverse_root(compute_quadratic_terms(unit))
         self.largest_leverage = np.inf
         if self._inverse_R is not None:
             self.largest_leverage = float(self.leverage(points).max())
 
     @classmethod
-    def of(cls, points: np.ndarray, space: ParameterSpace) -> Self:
+    def from_space(cls, points: np.ndarray, space: ParameterSpace) -> Self:
         """Make the support of parameter sets (n, p) of a study."""
         low, high = space.complete(np.array([space.low, space.high]))
         return cls(points, low, high, space.names, space.scale)
 
     @classmethod
-    def of_dataset(cls, dataset_csv: Path_, space: ParameterSpace) -> Self:
+    def from_dataset(cls, dataset_csv: Path_, space: ParameterSpace) -> Self:
         """Make the support of the usable samples in a study's dataset.csv.
 
         InputError for a bad file, or for fewer than two usable samples.
         """
         table = read_table(dataset_csv, ("sample", *space.names, "status"))
         usable = table[table["status"] == "ok"]
-        if len(usable) < FEWEST_SAMPLES:
+        if len(usable) < MIN_SAMPLES:
             raise InputError(
                 dataset_csv,
                 "usable samples",
                 len(usable),
-                f"at least {FEWEST_SAMPLES} with status ok",
+                f"at least {MIN_SAMPLES} with status ok",
             )
-        return cls.of(usable[list(space.names)].to_numpy(float), space)
+        return cls.from_space(usable[list(space.names)].to_numpy(float), space)
 
     def at_bounds(self, points: np.ndarray) -> np.ndarray:
         """Mark the parameters (m, d) of points that lie at an end of their range.
@@ -153,7 +153,7 @@ class Support:
         """
         if self._inverse_R is None:
             return np.zeros(len(points))
-        terms = quadratic_terms(self._scale_to_ranges(points))
+        terms = compute_quadratic_terms(self._scale_to_ranges(points))
         return ((terms @ self._inverse_R) ** 2).sum(axis=1)
 
     def is_thin(self, points: np.ndarray) -> np.ndarray:
@@ -238,7 +238,7 @@ def _compute_inverse_root(terms: np.ndarray) -> np.ndarray | None:
     return np.linalg.inv(np.linalg.qr(terms, mode="r"))
 
 
-def quadratic_terms(unit: np.ndarray) -> np.ndarray:
+def compute_quadratic_terms(unit: np.ndarray) -> np.ndarray:
     """Compute the terms of a quadratic model at points (m, d) of the unit cube.
 
     The terms (m, (d + 1)(d + 2) / 2) are 1, x_i and x_i x_j with the centred points

@@ -24,8 +24,17 @@ from typing import Any, NamedTuple
 import numpy as np
 
 PRIORS = ("one", "layers", "inputs")
-ARRAYS = ("input_min", "input_max", "output_min", "output_max", "W1", "b1", "W2", "b2")
-Function = Callable[[np.ndarray], np.ndarray]
+ARRAY_NAMES = (
+    "input_min",
+    "input_max",
+    "output_min",
+    "output_max",
+    "W1",
+    "b1",
+    "W2",
+    "b2",
+)
+ArrayFunction = Callable[[np.ndarray], np.ndarray]
 
 
 class Layers(NamedTuple):
@@ -37,13 +46,13 @@ class Layers(NamedTuple):
     b2: np.ndarray  # (..., outputs)
 
 
-def evaluate(network: Mapping[str, Any], X: np.ndarray) -> np.ndarray:
+def evaluate_network(network: Mapping[str, Any], X: np.ndarray) -> np.ndarray:
     """Compute the responses of a network (Eq. 6-8).
 
     Parameters
     ----------
     network : mapping
-        The arrays named in `ARRAYS`, and the interval `scaled_range`.
+        The arrays named in `ARRAY_NAMES`, and the interval `scaled_range`.
     X : array (samples, inputs)
         Parameter sets, in their units.
 
@@ -52,9 +61,9 @@ def evaluate(network: Mapping[str, Any], X: np.ndarray) -> np.ndarray:
     array (samples, outputs)
         In the units of the responses.
     """
-    arrays = _float_arrays(network)
+    arrays = _convert_arrays(network)
     low, high = arrays["scaled_range"]
-    x = scale(
+    x = scale_columns(
         np.asarray(X, dtype=float),
         arrays["input_min"],
         arrays["input_max"],
@@ -62,12 +71,12 @@ def evaluate(network: Mapping[str, Any], X: np.ndarray) -> np.ndarray:
     )
     hidden = np.tanh(x @ arrays["W1"].T + arrays["b1"])
     y = hidden @ arrays["W2"].T + arrays["b2"]
-    return unscale(y, arrays["output_min"], arrays["output_max"], (low, high))
+    return unscale_columns(y, arrays["output_min"], arrays["output_max"], (low, high))
 
 
-def response_function(
+def make_response_function(
     network: Mapping[str, Any], low: np.ndarray, high: np.ndarray
-) -> Function:
+) -> ArrayFunction:
     """Return a fast function that computes a network's responses at points in [-1, 1].
 
     All scalings are absorbed into the weights, so a call needs only two matrix products.
@@ -75,7 +84,7 @@ def response_function(
     Parameters
     ----------
     network : mapping
-        As for `evaluate`.
+        As for `evaluate_network`.
     low, high : array (inputs,)
         The parameter values that -1 and 1 stand for.
 
@@ -84,30 +93,32 @@ def response_function(
     callable
         From points (n, inputs) to responses (n, outputs).
     """
-    arrays = _float_arrays(network)
+    arrays = _convert_arrays(network)
     bottom, top = arrays["scaled_range"]
 
     # A parameter set is X = (low + high) / 2 + point * (high - low) / 2. It is scaled to
     # x = bottom + (X - input_min) * per_unit. So x is linear in the point.
-    per_unit = (top - bottom) / width(arrays["input_min"], arrays["input_max"])
+    per_unit = (top - bottom) / compute_widths(arrays["input_min"], arrays["input_max"])
     centre = bottom + ((low + high) / 2 - arrays["input_min"]) * per_unit
     W1 = np.ascontiguousarray((arrays["W1"] * per_unit * (high - low) / 2).T)
     b1 = arrays["b1"] + arrays["W1"] @ centre
 
     # The responses are linear in the scaled outputs.
-    stretch = width(arrays["output_min"], arrays["output_max"]) / (top - bottom)
+    stretch = compute_widths(arrays["output_min"], arrays["output_max"]) / (
+        top - bottom
+    )
     W2 = np.ascontiguousarray((arrays["W2"] * stretch[:, None]).T)
     b2 = arrays["output_min"] + (arrays["b2"] - bottom) * stretch
     return lambda points: np.tanh(points @ W1 + b1) @ W2 + b2
 
 
-def _float_arrays(network: Mapping[str, Any]) -> dict[str, np.ndarray]:
+def _convert_arrays(network: Mapping[str, Any]) -> dict[str, np.ndarray]:
     """Convert the entries of a network to arrays of floats."""
-    keys = (*ARRAYS, "scaled_range")
+    keys = (*ARRAY_NAMES, "scaled_range")
     return {key: np.asarray(network[key], dtype=float) for key in keys}
 
 
-def nguyen_widrow(
+def draw_first_weights(
     inputs: int, hidden: int, outputs: int, scaled_range: tuple[float, float], seed: Any
 ) -> np.ndarray:
     """Draw random weights so that the neurons cover the range of the inputs (NW90).
@@ -146,7 +157,7 @@ def nguyen_widrow(
     return np.concatenate([W1.ravel(), b1, output_weights])
 
 
-def unpack(w: np.ndarray, inputs: int, hidden: int, outputs: int) -> Layers:
+def unpack_weights(w: np.ndarray, inputs: int, hidden: int, outputs: int) -> Layers:
     """View a vector of weights (..., N) by layer."""
     end_of_W1 = hidden * inputs
     end_of_b1 = hidden * (inputs + 1)
@@ -187,7 +198,9 @@ def mix_outputs(w: np.ndarray, mixing: np.ndarray, hidden: int) -> np.ndarray:
     return np.concatenate(parts)
 
 
-def weight_classes(prior: str, inputs: int, hidden: int, outputs: int) -> list[Any]:
+def list_weight_classes(
+    prior: str, inputs: int, hidden: int, outputs: int
+) -> list[Any]:
     """List the classes of weights that share an alpha (M92, M94).
 
     The prior "one" has a single class. The prior "layers" has three: input weights, hidden
@@ -218,8 +231,8 @@ def weight_classes(prior: str, inputs: int, hidden: int, outputs: int) -> list[A
     return [*input_classes, hidden_biases, output_weights]
 
 
-def class_names(prior: str, inputs: Sequence[Any]) -> list[str]:
-    """Name the classes of weights, in the order of `weight_classes`."""
+def name_weight_classes(prior: str, inputs: Sequence[Any]) -> list[str]:
+    """Name the classes of weights, in the order of `list_weight_classes`."""
     if prior == "one":
         return ["all weights"]
     if prior == "inputs":
@@ -229,7 +242,7 @@ def class_names(prior: str, inputs: Sequence[Any]) -> list[str]:
     return [*input_classes, "hidden biases", "output weights"]
 
 
-def jacobian(
+def compute_jacobian(
     w: np.ndarray, x: np.ndarray, outputs: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compute the outputs and their derivatives with respect to the weights.
@@ -257,8 +270,8 @@ def jacobian(
     """
     inputs = x.shape[1]
     N = w.shape[-1]
-    hidden = hidden_neurons(N, inputs, outputs)
-    W1, b1, W2, b2 = unpack(w, inputs, hidden, outputs)
+    hidden = count_hidden_neurons(N, inputs, outputs)
+    W1, b1, W2, b2 = unpack_weights(w, inputs, hidden, outputs)
     a = np.tanh(x @ W1.swapaxes(-1, -2) + b1[..., None, :])  # (Eq. 6-7)
     y = a @ W2.swapaxes(-1, -2) + b2[..., None, :]  # (Eq. 8)
 
@@ -279,27 +292,27 @@ def jacobian(
     return y, J
 
 
-def hidden_neurons(N: int, inputs: int, outputs: int) -> int:
+def count_hidden_neurons(N: int, inputs: int, outputs: int) -> int:
     """Count the hidden neurons of a network with N weights."""
     return (N - outputs) // (inputs + 1 + outputs)
 
 
-def scale(
+def scale_columns(
     X: np.ndarray, minimum: np.ndarray, maximum: np.ndarray, interval: Sequence[float]
 ) -> np.ndarray:
     """Map each column's minimum and maximum to the ends of an interval."""
     low, high = interval
-    return low + (X - minimum) / width(minimum, maximum) * (high - low)
+    return low + (X - minimum) / compute_widths(minimum, maximum) * (high - low)
 
 
-def unscale(
+def unscale_columns(
     y: np.ndarray, minimum: np.ndarray, maximum: np.ndarray, interval: Sequence[float]
 ) -> np.ndarray:
-    """Map an interval back to each column's range; the inverse of `scale`."""
+    """Map an interval back to each column's range; the inverse of `scale_columns`."""
     low, high = interval
-    return minimum + (y - low) / (high - low) * width(minimum, maximum)
+    return minimum + (y - low) / (high - low) * compute_widths(minimum, maximum)
 
 
-def width(minimum: np.ndarray, maximum: np.ndarray) -> np.ndarray:
+def compute_widths(minimum: np.ndarray, maximum: np.ndarray) -> np.ndarray:
     """Compute the width of each column's range; 1 for a column that does not vary."""
     return np.where(maximum > minimum, maximum - minimum, 1.0)

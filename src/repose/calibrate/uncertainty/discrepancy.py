@@ -6,9 +6,9 @@ A shape study, where there is one, gives the evidence. Its plausible models have
 axes, mass, volume and packing of the measured grain, and differ in unknown features:
 surface, tension, filling, definition of the angle. With the same parameters their piles
 differ. Weighted by how well each model describes the published piles, the spread of the
-piles is the discrepancy (`shape_study_discrepancy`).
+piles is the discrepancy (`estimate_from_shape_study`).
 
-Otherwise the discrepancy is stated, as a share of each response's value (`of_targets`).
+Otherwise the discrepancy is stated, as a share of each response's value (`compute_stated_covariance`).
 Within a bench test the discrepancies are correlated, because one wrong shape or filling
 moves all numbers of a pile at once. The signs of the correlations are those with which
 the responses vary together over the design: a steeper pile is higher and narrower.
@@ -20,20 +20,20 @@ from typing import NamedTuple
 import numpy as np
 import pandas as pd
 
-from repose.calibrate.responses import derived
-from repose.calibrate.targets import LARGEST, Targets
+from repose.calibrate.responses import name_derived_column
+from repose.calibrate.targets import MAX_SIZE, Targets
 from repose.common.errors import InputError
 from repose.common.files import Path_, read_table
 from repose.common.numbers import rounded
 from repose.common.tables import Column, refuse
 
-FEWEST_MODELS = 5
-DIFFERENCE = f"a finite number, at most {LARGEST:g} in size"
+MIN_MODELS = 5
+DIFFERENCE_WORDS = f"a finite number, at most {MAX_SIZE:g} in size"
 # Limits of an eligible model: its distance in standard deviations, beyond which its
 # weight is 0, and a difference or an error over the value of the target.
-FARTHEST = 30.0
-LARGEST_SHARE = 3.0
-MODEL = ("particle", "tension", "filling")
+MAX_DISTANCE = 30.0
+MAX_SHARE = 3.0
+MODEL_COLUMNS = ("particle", "tension", "filling")
 
 
 class ShapeStudyDiscrepancy(NamedTuple):
@@ -44,7 +44,7 @@ class ShapeStudyDiscrepancy(NamedTuple):
     models: float  # effective number of models by their weights, 1 / sum w^2
 
 
-def of_targets(
+def compute_stated_covariance(
     targets: Targets, runs: pd.DataFrame, percent: float, correlation: float
 ) -> np.ndarray:
     """Compute the covariance S_d (k, k) of the stated discrepancies of k targets.
@@ -62,10 +62,10 @@ def of_targets(
     means = runs.groupby("sample")[list(targets.names)].mean().to_numpy()
     sd = percent / 100 * np.array([target.whole_value for target in targets])
     apparatus = [response.apparatus for response in targets.responses]
-    return covariance(apparatus, sd, means, correlation)
+    return compute_covariance(apparatus, sd, means, correlation)
 
 
-def shape_study_discrepancy(
+def estimate_from_shape_study(
     combinations_csv: Path_, targets: Targets
 ) -> ShapeStudyDiscrepancy:
     """Compute mean and covariance of the responses over the models of a shape study.
@@ -97,7 +97,7 @@ def shape_study_discrepancy(
         a whole variance.
     """
     # Leave out combinations that were not simulated, or are not eligible.
-    columns = [derived(name, "difference") for name in targets.names]
+    columns = [name_derived_column(name, "difference") for name in targets.names]
     table = _read_combinations(combinations_csv, targets, columns)
     plausible = table[table["eligible"]].dropna(subset=["distance", *columns])
     _check_sizes(combinations_csv, targets, columns, plausible)
@@ -105,15 +105,15 @@ def shape_study_discrepancy(
     # Weight the rows by their distance, and the models by the sum of their rows.
     weight = np.exp(-(plausible["distance"] ** 2) / 2)
     weight /= weight.sum()
-    weight_of_model = weight.groupby([plausible[key] for key in MODEL]).sum()
+    weight_of_model = weight.groupby([plausible[key] for key in MODEL_COLUMNS]).sum()
     sum_of_squares = (weight_of_model**2).sum()
     n_models = 1 / sum_of_squares if len(plausible) else 0.0
-    if not n_models >= FEWEST_MODELS:
+    if not n_models >= MIN_MODELS:
         raise InputError(
             combinations_csv,
             "eligible",
             f"{n_models:.1f} models by their weights",
-            f"at least {FEWEST_MODELS}",
+            f"at least {MIN_MODELS}",
         )
 
     # Subtract the noise of the simulations from the variances.
@@ -167,15 +167,17 @@ def _read_combinations(
         A row for each combination; cells of combinations that were not simulated are
         NaN.
     """
-    declared = [Column(name, str) for name in MODEL]
+    declared = [Column(name, str) for name in MODEL_COLUMNS]
     declared.append(Column("eligible", bool))
     declared.append(Column("distance", low=0.0, empty=True))
     for name in columns:
         declared.append(
-            Column(name, low=-LARGEST, high=LARGEST, empty=True, words=DIFFERENCE)
+            Column(
+                name, low=-MAX_SIZE, high=MAX_SIZE, empty=True, words=DIFFERENCE_WORDS
+            )
         )
     for name in targets.errors:
-        declared.append(Column(name, low=0.0, high=LARGEST, empty=True))
+        declared.append(Column(name, low=0.0, high=MAX_SIZE, empty=True))
     return read_table(
         path,
         declared,
@@ -200,10 +202,10 @@ def _check_sizes(
     """
     # Set the limit of each column: a number for the distance, and a share of the target
     # for differences and errors.
-    limits = {"distance": FARTHEST}
+    limits = {"distance": MAX_DISTANCE}
     for names in (columns, targets.errors):
         for name, target in zip(names, targets, strict=True):
-            limits[name] = LARGEST_SHARE * abs(target.whole_value)
+            limits[name] = MAX_SHARE * abs(target.whole_value)
     faults = []
     for row, values in plausible[list(limits)].iterrows():
         for name, limit in limits.items():
@@ -213,7 +215,7 @@ def _check_sizes(
     refuse(path, faults)
 
 
-def covariance(
+def compute_covariance(
     apparatus: Sequence[str], sd: np.ndarray, means: np.ndarray, correlation: float
 ) -> np.ndarray:
     """Compute the covariance S_d of the discrepancies of responses.

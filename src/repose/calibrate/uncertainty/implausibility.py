@@ -23,25 +23,25 @@ from scipy.stats import qmc, rankdata
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.surrogates.base import Surrogate
 from repose.calibrate.targets import Targets
-from repose.calibrate.uncertainty.likelihood import Observed, log_likelihood
-from repose.calibrate.uncertainty.sampler import BINS, bits_of_shares
+from repose.calibrate.uncertainty.likelihood import Observation, compute_log_likelihood
+from repose.calibrate.uncertainty.sampler import N_BINS, compute_bits_of_shares
 
-CREDIBLE = 0.95
+CREDIBLE_PROBABILITY = 0.95
 # Weight of a point that adds nothing: a million of them add less than 1e-12 bits.
-NEGLIGIBLE = 1e-20
-POINTS = 2**14
+NEGLIGIBLE_WEIGHT = 1e-20
+N_POINTS = 2**14
 # Stated discrepancies: sizes, and the correlation within a bench test.
-PERCENT = (0.0, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
-CORRELATED = 0.9
-IMPLAUSIBLE = 3.0  # standard deviations (P94)
-CELLS = 16  # of each parameter in a projection on two
-REGION = ["x", "y", "x_quantile", "y_quantile", "least_implausibility", "share"]
+STATED_PERCENTS = (0.0, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
+STATED_CORRELATION = 0.9
+IMPLAUSIBLE_SDS = 3.0  # standard deviations (P94)
+N_CELLS = 16  # of each parameter in a projection on two
+REGION_COLUMNS = ["x", "y", "x_quantile", "y_quantile", "least_implausibility", "share"]
 
-Observation = Callable[[float, float], Observed]
+ObservationFunction = Callable[[float, float], Observation]
 """From size in percent and correlation of a stated discrepancy to the observation."""
 
 
-class Points:
+class PriorPoints:
     """Points of the prior, with the surrogate's predictions there.
 
     Attributes
@@ -68,7 +68,7 @@ class Points:
         self.space = space
         sequence = qmc.Sobol(space.dimensions, scramble=False)
         # Half a step moves the first point away from the corner.
-        self.quantile = sequence.random(POINTS) + 0.5 / POINTS
+        self.quantile = sequence.random(N_POINTS) + 0.5 / N_POINTS
         if space.constraints:
             unit = space.from_prior(self.quantile)
             self.quantile = self.quantile[space.is_allowed(unit)]
@@ -81,16 +81,16 @@ class Region(NamedTuple):
     """The part of the prior that is not implausible."""
 
     share: float  # of the prior
-    # A row for each cell of each pair of parameters, with the columns `REGION`: middle
+    # A row for each cell of each pair of parameters, with the columns `REGION_COLUMNS`: middle
     # of the cell, least implausibility in it, and share of its points in the region
     projections: pd.DataFrame
 
 
-def curve(
-    points: Points,
+def compute_information_curve(
+    points: PriorPoints,
     targets: Targets,
-    observed: Observation,
-    shape_study: Observed | None = None,
+    observed: ObservationFunction,
+    shape_study: Observation | None = None,
 ) -> pd.DataFrame:
     """Compute information and intervals over the size of the discrepancy.
 
@@ -110,10 +110,10 @@ def curve(
         A row for each size and correlation, and a last one for the shape study.
     """
     has_correlation = len(targets.apparatus) < len(targets)
-    correlations = (0.0, CORRELATED) if has_correlation else (0.0,)
+    correlations = (0.0, STATED_CORRELATION) if has_correlation else (0.0,)
     rows = []
     for correlation in correlations:
-        for percent in PERCENT:
+        for percent in STATED_PERCENTS:
             row = {
                 "discrepancy_percent": percent,
                 "discrepancy_correlation": correlation,
@@ -146,7 +146,7 @@ def _describe_shape_study(discrepancy: np.ndarray, targets: Targets) -> dict[str
     }
 
 
-def _describe_information(points: Points, observed: Observed) -> dict[str, Any]:
+def _describe_information(points: PriorPoints, observed: Observation) -> dict[str, Any]:
     """Compute the information of a measurement, and what it tells of each parameter.
 
     Parameters
@@ -164,12 +164,12 @@ def _describe_information(points: Points, observed: Observed) -> dict[str, Any]:
     """
     # Weight each point by its likelihood. The number of points with equal weights that
     # are worth the same is 1 / sum w^2.
-    log_weight = log_likelihood(points.predicted, points.covariance, observed)
+    log_weight = compute_log_likelihood(points.predicted, points.covariance, observed)
     weight = np.exp(log_weight - log_weight.max())
     weight /= weight.sum()
     effective_points = 1 / float(weight @ weight)
     row: dict[str, Any] = {
-        "information_bits": joint_bits(weight),
+        "information_bits": compute_joint_bits(weight),
         "effective_points": effective_points,
     }
     for k in range(points.space.dimensions):
@@ -178,7 +178,7 @@ def _describe_information(points: Points, observed: Observed) -> dict[str, Any]:
 
 
 def _describe_parameter(
-    points: Points, k: int, weight: np.ndarray, effective: float
+    points: PriorPoints, k: int, weight: np.ndarray, effective: float
 ) -> dict[str, float]:
     """Compute the credible interval and the information of a free parameter.
 
@@ -203,9 +203,9 @@ def _describe_parameter(
 
     # Find the ends of the interval, as quantiles of the prior, by the cumulative weights.
     order = np.argsort(quantile)
-    tail = (1 - CREDIBLE) / 2
+    tail = (1 - CREDIBLE_PROBABILITY) / 2
     end_quantiles = np.interp(
-        np.array([tail, (1 + CREDIBLE) / 2]),
+        np.array([tail, (1 + CREDIBLE_PROBABILITY) / 2]),
         np.cumsum(weight[order]),
         quantile[order],
     )
@@ -221,17 +221,17 @@ def _describe_parameter(
     # those among the allowed points.
     if space.constraints:
         quantile = (rankdata(quantile) - 0.5) / len(quantile)
-    bin_number = np.minimum((quantile * BINS).astype(int), BINS - 1)
-    bin_shares = np.bincount(bin_number, weight, BINS)
+    bin_number = np.minimum((quantile * N_BINS).astype(int), N_BINS - 1)
+    bin_shares = np.bincount(bin_number, weight, N_BINS)
     return {
         f"{name}_low": low,
         f"{name}_high": high,
-        f"{name}_bits": bits_of_shares(bin_shares, effective),
+        f"{name}_bits": compute_bits_of_shares(bin_shares, effective),
     }
 
 
-def implausibility(
-    points: Points, mean: np.ndarray, covariance: np.ndarray
+def compute_implausibility(
+    points: PriorPoints, mean: np.ndarray, covariance: np.ndarray
 ) -> np.ndarray:
     """Compute the implausibility (n,) of points (C97).
 
@@ -243,7 +243,7 @@ def implausibility(
     return np.sqrt((points.predicted - mean) ** 2 / variance).max(axis=1)
 
 
-def region(points: Points, values: np.ndarray) -> Region:
+def find_region(points: PriorPoints, values: np.ndarray) -> Region:
     """Find the region that is not implausible, and project it on pairs of parameters.
 
     Parameters
@@ -255,16 +255,18 @@ def region(points: Points, values: np.ndarray) -> Region:
     """
     n_parameters = points.space.dimensions
     pairs = itertools.combinations(range(n_parameters), 2)
-    tables = [_project(points, values, i, j) for i, j in pairs]
+    tables = [_project_region(points, values, i, j) for i, j in pairs]
     if tables:
         projections = pd.concat(tables, ignore_index=True)
     else:
-        projections = pd.DataFrame(columns=REGION)
-    is_inside = values < IMPLAUSIBLE
+        projections = pd.DataFrame(columns=REGION_COLUMNS)
+    is_inside = values < IMPLAUSIBLE_SDS
     return Region(float(is_inside.mean()), projections)
 
 
-def _project(points: Points, values: np.ndarray, i: int, j: int) -> pd.DataFrame:
+def _project_region(
+    points: PriorPoints, values: np.ndarray, i: int, j: int
+) -> pd.DataFrame:
     """Project the region on two free parameters.
 
     The cells of a parameter have the same prior probability.
@@ -281,47 +283,47 @@ def _project(points: Points, values: np.ndarray, i: int, j: int) -> pd.DataFrame
     Returns
     -------
     pandas.DataFrame
-        A row for each cell, with the columns `REGION`.
+        A row for each cell, with the columns `REGION_COLUMNS`.
     """
     # Number the cells of the pair row by row, and find the cell of each point.
-    cells = np.minimum((points.quantile * CELLS).astype(int), CELLS - 1)
-    cell_number = cells[:, i] * CELLS + cells[:, j]
-    x_cell, y_cell = np.divmod(np.arange(CELLS**2), CELLS)
+    cells = np.minimum((points.quantile * N_CELLS).astype(int), N_CELLS - 1)
+    cell_number = cells[:, i] * N_CELLS + cells[:, j]
+    x_cell, y_cell = np.divmod(np.arange(N_CELLS**2), N_CELLS)
 
     # Find the least implausibility in each cell, and count its points in the region.
-    least_implausibility = np.full(CELLS**2, np.inf)
+    least_implausibility = np.full(N_CELLS**2, np.inf)
     np.minimum.at(least_implausibility, cell_number, values)
-    is_inside = values < IMPLAUSIBLE
-    n_points = np.bincount(cell_number, minlength=CELLS**2)
-    n_inside = np.bincount(cell_number, is_inside, minlength=CELLS**2)
+    is_inside = values < IMPLAUSIBLE_SDS
+    n_points = np.bincount(cell_number, minlength=N_CELLS**2)
+    n_inside = np.bincount(cell_number, is_inside, minlength=N_CELLS**2)
     return pd.DataFrame(
         {
             "x": points.space.free[i],
             "y": points.space.free[j],
-            "x_quantile": (x_cell + 0.5) / CELLS,
-            "y_quantile": (y_cell + 0.5) / CELLS,
+            "x_quantile": (x_cell + 0.5) / N_CELLS,
+            "y_quantile": (y_cell + 0.5) / N_CELLS,
             "least_implausibility": least_implausibility,
             "share": n_inside / np.maximum(n_points, 1),
         }
     )
 
 
-def joint_bits(weight: np.ndarray) -> float:
+def compute_joint_bits(weight: np.ndarray) -> float:
     """Compute the divergence of weighted points from equal weights, in bits.
 
     It is that of Kullback and Leibler; `weight` (n,) sums to 1.
     """
-    heavy = weight[weight > NEGLIGIBLE]
+    heavy = weight[weight > NEGLIGIBLE_WEIGHT]
     return float(heavy @ np.log2(heavy * len(weight)))
 
 
-def message(table: pd.DataFrame, share: float) -> str:
+def describe_curve(table: pd.DataFrame, share: float) -> str:
     """Describe the curve and the share of the region in lines of text.
 
     Parameters
     ----------
     table : pandas.DataFrame
-        Result of `curve`.
+        Result of `compute_information_curve`.
     share : float
         Share of the prior that is not implausible.
 
@@ -344,6 +346,6 @@ def message(table: pd.DataFrame, share: float) -> str:
         )
     lines.append(
         f"{100 * share:.0f} % of the prior is not implausible: no response lies "
-        f"{IMPLAUSIBLE:g} standard deviations or more from its measurement"
+        f"{IMPLAUSIBLE_SDS:g} standard deviations or more from its measurement"
     )
     return "\n".join(lines)

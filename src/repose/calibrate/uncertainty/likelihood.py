@@ -31,16 +31,16 @@ from scipy import stats
 from repose.calibrate.targets import Targets
 
 
-class Observed(NamedTuple):
+class Observation(NamedTuple):
     """The physical means, with the covariance that does not depend on parameters."""
 
     mean: np.ndarray  # y (k,)
     covariance: np.ndarray  # S_y + S_d (k, k)
 
 
-def observation(
+def make_observation(
     targets: Targets, correlation: np.ndarray, discrepancy: np.ndarray
-) -> Observed:
+) -> Observation:
     """Combine the physical means of the targets with their uncertainty.
 
     Parameters
@@ -63,11 +63,13 @@ def observation(
             "expected a positive definite matrix"
         )
     error = targets.standard_error
-    return Observed(targets.value, np.outer(error, error) * correlation + discrepancy)
+    return Observation(
+        targets.value, np.outer(error, error) * correlation + discrepancy
+    )
 
 
-def log_likelihood(
-    responses: np.ndarray, covariances: np.ndarray, observed: Observed
+def compute_log_likelihood(
+    responses: np.ndarray, covariances: np.ndarray, observed: Observation
 ) -> np.ndarray:
     """Compute the log likelihood of the physical means.
 
@@ -86,30 +88,34 @@ def log_likelihood(
     mean, covariance = observed
     total = covariance + covariances
     deviations = mean - responses
-    distance = _squared_distance(deviations, total)
+    distance = _compute_squared_distances(deviations, total)
     _, log_det = np.linalg.slogdet(total)
     k = deviations.shape[1]
     return -0.5 * (distance + log_det + k * math.log(2 * math.pi))
 
 
-def misfit(
-    responses: np.ndarray, covariances: np.ndarray, observed: Observed
+def compute_misfit(
+    responses: np.ndarray, covariances: np.ndarray, observed: Observation
 ) -> dict[str, float]:
     """Compute the distance of the best parameter set from the measurements.
 
-    The arguments are those of `log_likelihood`. The result has the `squared_distance`
+    The arguments are those of `compute_log_likelihood`. The result has the `squared_distance`
     in standard deviations, and its `p_value` as chi^2 of k degrees of freedom.
     """
     mean, covariance = observed
     deviations = mean - responses
-    least = float(_squared_distance(deviations, covariance + covariances).min())
+    least = float(
+        _compute_squared_distances(deviations, covariance + covariances).min()
+    )
     return {
         "squared_distance": least,
         "p_value": float(stats.chi2.sf(least, deviations.shape[1])),
     }
 
 
-def _squared_distance(deviations: np.ndarray, covariances: np.ndarray) -> np.ndarray:
+def _compute_squared_distances(
+    deviations: np.ndarray, covariances: np.ndarray
+) -> np.ndarray:
     """Square the lengths (n,) of deviations (n, k), in standard deviations.
 
     The covariances have the shape (n, k, k).

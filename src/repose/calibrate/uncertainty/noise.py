@@ -11,21 +11,21 @@ from typing import Any, NamedTuple
 import numpy as np
 import pandas as pd
 
-from repose.calibrate.runs import of_bench
+from repose.calibrate.runs import select_bench_runs
 from repose.calibrate.targets import Target, Targets
 from repose.calibrate.variance import (
     CONFIDENCE,
     Components,
-    residual_correlation,
+    estimate_residual_correlation,
     variance_components,
 )
 from repose.common.errors import InputError
 from repose.common.files import Path_, read_table, write_json, write_table
 
-MOST_SEEDS = 64
-ERROR_PERCENT = (0.5, 1.0, 2.0)  # standard errors, in percent of the target
+MAX_SEEDS = 64
+ERROR_PERCENTS = (0.5, 1.0, 2.0)  # standard errors, in percent of the target
 
-Pairs = dict[str, dict[str, float]]
+PairCorrelations = dict[str, dict[str, float]]
 """Correlations by the names of the two responses, ``"aor_deg, height_mm"``."""
 
 
@@ -34,7 +34,7 @@ class NoiseFloor(NamedTuple):
 
     # noise.csv: a row for each target with variances, ICC and reachable R2
     responses: pd.DataFrame
-    # seeds.csv: error and reachable R2 of a mean over 1 to `MOST_SEEDS` seeds
+    # seeds.csv: error and reachable R2 of a mean over 1 to `MAX_SEEDS` seeds
     seeds: pd.DataFrame
     # noise.json: the rows by response, and the correlations
     summary: dict[str, Any]
@@ -44,7 +44,7 @@ class WithinCorrelation(NamedTuple):
     """Correlation of the responses from run to run of one sample."""
 
     matrix: np.ndarray  # (k, k), 0 between bench tests
-    pairs: Pairs  # within a bench test, with intervals
+    pairs: PairCorrelations  # within a bench test, with intervals
 
 
 def read_runs(runs_csv: Path_, targets: Targets) -> pd.DataFrame:
@@ -57,7 +57,7 @@ def read_runs(runs_csv: Path_, targets: Targets) -> pd.DataFrame:
     """
     runs = read_table(runs_csv, ("sample", "seed", "status", *targets.names))
     for name in targets.names:
-        sizes = good_runs(runs, (name,)).groupby("sample").size()
+        sizes = select_good_runs(runs, (name,)).groupby("sample").size()
         if len(sizes) < 2 or sizes.max() < 2:
             largest = int(sizes.max()) if len(sizes) else 0
             raise InputError(
@@ -66,13 +66,15 @@ def read_runs(runs_csv: Path_, targets: Targets) -> pd.DataFrame:
     return runs
 
 
-def good_runs(runs: pd.DataFrame, names: tuple[str, ...]) -> pd.DataFrame:
+def select_good_runs(runs: pd.DataFrame, names: tuple[str, ...]) -> pd.DataFrame:
     """Select the runs with status ok and a number for each of the responses."""
     has_numbers = runs[list(names)].notna().all(axis=1)
     return runs[(runs["status"] == "ok") & has_numbers]
 
 
-def within_correlation(runs: pd.DataFrame, targets: Targets) -> WithinCorrelation:
+def estimate_within_correlation(
+    runs: pd.DataFrame, targets: Targets
+) -> WithinCorrelation:
     """Compute the correlation of the responses between runs of the same sample.
 
     Parameters
@@ -93,15 +95,15 @@ def within_correlation(runs: pd.DataFrame, targets: Targets) -> WithinCorrelatio
         If the runs of a bench test are too few.
     """
     matrix = np.eye(len(targets))
-    pairs: Pairs = {}
+    pairs: PairCorrelations = {}
     for rows in targets.benches.values():
         # Use the same runs for all pairs of a bench test. This makes the matrix positive
         # semidefinite.
-        complete = good_runs(runs, tuple(targets.names[k] for k in rows))
+        complete = select_good_runs(runs, tuple(targets.names[k] for k in rows))
         for i, j in combinations(rows, 2):
             first = targets.names[i]
             second = targets.names[j]
-            correlation = residual_correlation(
+            correlation = estimate_residual_correlation(
                 complete[first], complete[second], complete["sample"]
             )
             value, low, high, freedom = correlation
@@ -116,7 +118,7 @@ def within_correlation(runs: pd.DataFrame, targets: Targets) -> WithinCorrelatio
     return WithinCorrelation(matrix, pairs)
 
 
-def correlation_record(pairs: Pairs) -> dict[str, Any]:
+def make_correlation_record(pairs: PairCorrelations) -> dict[str, Any]:
     """Return correlations as in the JSON files.
 
     They are by the names of the pair; a single pair stands without its names.
@@ -127,7 +129,7 @@ def correlation_record(pairs: Pairs) -> dict[str, Any]:
     return pairs
 
 
-def noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
+def compute_noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
     """Compute the variance components of every target, and the gain from more seeds.
 
     Parameters
@@ -140,20 +142,20 @@ def noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
     -------
     NoiseFloor
     """
-    seeds = np.arange(1, MOST_SEEDS + 1)
+    seeds = np.arange(1, MAX_SEEDS + 1)
     seeds_table = pd.DataFrame({"seeds": seeds})
     rows = []
     for target in targets:
-        bench_runs = of_bench(runs, target.response.apparatus)
-        good = good_runs(bench_runs, (target.name,))
+        bench_runs = select_bench_runs(runs, target.response.apparatus)
+        good = select_good_runs(bench_runs, (target.name,))
         failed = bench_runs[bench_runs["status"] != "ok"]
         components = variance_components(good[target.name], good["sample"])
         _add_seed_columns(seeds_table, target, components)
         rows.append(_describe_target(target, components, good, failed))
-    correlation = within_correlation(runs, targets)
+    correlation = estimate_within_correlation(runs, targets)
     summary = {
         "responses": {row["response"]: row for row in rows},
-        "correlation": correlation_record(correlation.pairs),
+        "correlation": make_correlation_record(correlation.pairs),
         "confidence": CONFIDENCE,
     }
     return NoiseFloor(pd.DataFrame(rows), seeds_table, summary)
@@ -223,13 +225,15 @@ def _describe_target(
         "r2_single_runs": float(components.reachable_r2(1)),
         "r2_sample_means": float(components.reachable_r2(components.harmonic_seeds)),
     }
-    for percent in ERROR_PERCENT:
+    for percent in ERROR_PERCENTS:
         error = percent / 100 * target.whole
         row[f"seeds_for_{percent:g}_percent"] = components.seeds_for(error)
     return row
 
 
-def run(runs_csv: Path_, targets: Targets, out_dir: Path_) -> dict[str, Any]:
+def write_noise_floor(
+    runs_csv: Path_, targets: Targets, out_dir: Path_
+) -> dict[str, Any]:
     """Compute the noise floor of a study from its runs, and write its tables.
 
     Parameters
@@ -253,7 +257,7 @@ def run(runs_csv: Path_, targets: Targets, out_dir: Path_) -> dict[str, Any]:
     runs = read_runs(runs_csv, targets)
     # The statistics do not know the file, so name it in their errors.
     try:
-        floor = noise_floor(runs, targets)
+        floor = compute_noise_floor(runs, targets)
     except ValueError as error:
         raise InputError(
             runs_csv,
@@ -268,7 +272,7 @@ def run(runs_csv: Path_, targets: Targets, out_dir: Path_) -> dict[str, Any]:
     return floor.summary
 
 
-def message(summary: dict[str, Any], targets: Targets) -> str:
+def describe_noise_floor(summary: dict[str, Any], targets: Targets) -> str:
     """Write the noise floor as text, a line for each response."""
     lines = []
     for target in targets:

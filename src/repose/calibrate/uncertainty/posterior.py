@@ -18,46 +18,48 @@ import pandas as pd
 
 from repose.calibrate import training as train
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.responses import Definitions, derived
+from repose.calibrate.responses import Definitions, name_derived_column
 from repose.calibrate.scales import to_coordinates
 from repose.calibrate.surrogates.base import Predictor
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
 from repose.calibrate.uncertainty import discrepancy, implausibility, noise
 from repose.calibrate.uncertainty.likelihood import (
-    Observed,
-    log_likelihood,
-    misfit,
-    observation,
+    Observation,
+    compute_log_likelihood,
+    compute_misfit,
+    make_observation,
 )
 from repose.calibrate.uncertainty.sampler import (
     Chains,
     Information,
-    information_bits,
-    joint_information_bits,
-    sample,
-    split_r_hat,
+    compute_information_bits,
+    compute_joint_information,
+    compute_split_r_hat,
+    draw_chains,
 )
 from repose.calibrate.uncertainty.settings import PosteriorSettings
 from repose.common.errors import InputError, require
 from repose.common.files import Path_, read_table, write_json, write_table
 from repose.common.numbers import rounded
 
-CREDIBLE = 0.95
+CREDIBLE_PROBABILITY = 0.95
 # Runs beyond the first of a sample that a correlation needs, in addition to one for
 # each response of a bench test.
 SPARE_FREEDOM = 2
-DRAWS_KEPT = 4000
+MAX_KEPT_DRAWS = 4000
 # Convergence: Vehtari et al. 2021, Bayesian Analysis 16, 667.
-LARGEST_R_HAT = 1.01
-FEWEST_EFFECTIVE = 400
+MAX_R_HAT = 1.01
+MIN_EFFECTIVE_DRAWS = 400
 # Kullback-Leibler information, in bits: half the range is worth 1 bit.
-DETERMINED = 1.0
-UNDETERMINED = 0.2
+DETERMINED_BITS = 1.0
+UNDETERMINED_BITS = 0.2
 # Width of an interval over that of the prior, above which a parameter is not
 # determined, whatever its bits.
-WIDE = 0.75
-MOSTLY = 0.5  # share of the draws where samples are thin, above which a warning is due
+WIDE_RATIO = 0.75
+MAX_THIN_SHARE = (
+    0.5  # share of the draws where samples are thin, above which a warning is due
+)
 STATED = "stated"
 SHAPE_STUDY = "shape study"
 
@@ -74,15 +76,15 @@ class Posterior(NamedTuple):
 class Measurement(NamedTuple):
     """The physical measurement of k targets, with all that is uncertain about it."""
 
-    observed: Observed  # physical means, and their covariance S_y + S_d
+    observed: Observation  # physical means, and their covariance S_y + S_d
     correlation: np.ndarray  # (k, k), of the measured responses
-    pairs: noise.Pairs  # correlations of simulated runs within a bench test
+    pairs: noise.PairCorrelations  # correlations of simulated runs within a bench test
     discrepancy: np.ndarray  # S_d (k, k)
     evidence: str  # of the discrepancy, `STATED` or `SHAPE_STUDY`
 
 
 class InputFiles(NamedTuple):
-    """Files that `run` reads."""
+    """Files that `infer_from_files` reads."""
 
     network: Path_  # the trained surrogate
     predictions: Path_
@@ -109,12 +111,12 @@ class Convergence(NamedTuple):
     @property
     def is_reached(self) -> bool:
         """Whether the draws are from the posterior, and enough."""
-        are_alike = (self.r_hat <= LARGEST_R_HAT).all()
-        are_enough = (self.effective_draws >= FEWEST_EFFECTIVE).all()
+        are_alike = (self.r_hat <= MAX_R_HAT).all()
+        are_enough = (self.effective_draws >= MIN_EFFECTIVE_DRAWS).all()
         return bool(are_alike and are_enough)
 
 
-def measurement_of(
+def make_measurement(
     targets: Targets,
     runs: pd.DataFrame,
     settings: PosteriorSettings,
@@ -141,7 +143,7 @@ def measurement_of(
     correlation, pairs = _find_measured_correlation(targets, runs, settings)
     if shape_study is None:
         evidence = STATED
-        S_d = discrepancy.of_targets(
+        S_d = discrepancy.compute_stated_covariance(
             targets,
             runs,
             percent=settings.discrepancy_percent,
@@ -151,7 +153,7 @@ def measurement_of(
         evidence = SHAPE_STUDY
         S_d = shape_study
     return Measurement(
-        observed=observation(targets, correlation, S_d),
+        observed=make_observation(targets, correlation, S_d),
         correlation=correlation,
         pairs=pairs,
         discrepancy=S_d,
@@ -185,17 +187,17 @@ def _find_measured_correlation(
     """
     stated_correlation = settings.measured_correlation
     if isinstance(stated_correlation, str):
-        simulated = noise.within_correlation(runs, targets)
+        simulated = noise.estimate_within_correlation(runs, targets)
         _check_freedom(targets, simulated.pairs)
         return simulated
-    pairs: noise.Pairs = {}
+    pairs: noise.PairCorrelations = {}
     # A stated correlation can be used even if there are too few runs to estimate one.
     with contextlib.suppress(ValueError):
-        pairs = noise.within_correlation(runs, targets).pairs
+        pairs = noise.estimate_within_correlation(runs, targets).pairs
     return noise.WithinCorrelation(targets.correlated(stated_correlation), pairs)
 
 
-def _check_freedom(targets: Targets, pairs: noise.Pairs) -> None:
+def _check_freedom(targets: Targets, pairs: noise.PairCorrelations) -> None:
     """Raise ValueError for a bench test with too few runs for a correlation.
 
     The matrix would be singular, or nearly so.
@@ -212,7 +214,7 @@ def _check_freedom(targets: Targets, pairs: noise.Pairs) -> None:
                 )
 
 
-def infer(
+def infer_posterior(
     model: Predictor,
     support: Support,
     *,
@@ -242,13 +244,13 @@ def infer(
 
     def likelihood(unit: np.ndarray) -> np.ndarray:
         means, covariances = model.moments(space.values(unit))
-        return log_likelihood(means, covariances, measurement.observed)
+        return compute_log_likelihood(means, covariances, measurement.observed)
 
     def log_density(unit: np.ndarray) -> np.ndarray:
         return likelihood(unit) + space.log_prior(unit)
 
     # Draw from the posterior.
-    chains = sample(
+    chains = draw_chains(
         log_density,
         dimensions=space.dimensions,
         walkers=settings.walkers,
@@ -258,7 +260,7 @@ def infer(
     unit = chains.points.reshape(-1, space.dimensions)
     convergence = _compute_convergence(chains)
     log_likelihoods = chains.log_density.ravel() - space.log_prior(unit)
-    information = joint_information_bits(
+    information = compute_joint_information(
         likelihood,
         drawn=log_likelihoods,
         effective=log_likelihoods.size / chains.density_time,
@@ -270,18 +272,18 @@ def infer(
     # random: draws at a regular distance in time may all be of one walker.
     table = _tabulate_parameters(space, unit, convergence, references)
     order = np.random.default_rng(settings.seed).permutation(len(unit))
-    kept = unit[np.sort(order[:DRAWS_KEPT])]
+    kept = unit[np.sort(order[:MAX_KEPT_DRAWS])]
     X = space.values(kept)
     Y, std = model.predict(X, return_std=True, noise=False)
     draws = pd.DataFrame(X, columns=list(space.names))
     for k, response in enumerate(targets.responses):
         draws[response.predicted] = Y[:, k]
-        draws[derived(response.name, f"{model.name}_se")] = std[:, k]
+        draws[name_derived_column(response.name, f"{model.name}_se")] = std[:, k]
 
     summary = _summarise_measurement(measurement)
     summary[f"{model.name}_se"] = np.sqrt((std**2).mean(axis=0)).tolist()
     summary["predicted"] = _summarise_predictions(targets, Y)
-    summary["misfit"] = misfit(Y, model.covariance(X), measurement.observed)
+    summary["misfit"] = compute_misfit(Y, model.covariance(X), measurement.observed)
     summary |= _summarise_information(information, table)
     summary["thin_share"] = float(support.is_thin(X).mean())
     summary |= _summarise_convergence(convergence)
@@ -293,7 +295,7 @@ def infer(
 def _compute_convergence(chains: Chains) -> Convergence:
     """Compute the convergence of each parameter."""
     return Convergence(
-        r_hat=split_r_hat(chains.points),
+        r_hat=compute_split_r_hat(chains.points),
         effective_draws=chains.log_density.size / chains.times,
         autocorrelation_steps=chains.times,
     )
@@ -304,7 +306,7 @@ def _summarise_measurement(measurement: Measurement) -> dict[str, Any]:
     S_d = measurement.discrepancy
     S_y = measurement.observed.covariance - S_d
     return {
-        "correlation": noise.correlation_record(measurement.pairs),
+        "correlation": noise.make_correlation_record(measurement.pairs),
         "physical_se": np.sqrt(np.diag(S_y)).tolist(),
         "discrepancy_sd": np.sqrt(np.diag(S_d)).tolist(),
         "discrepancy_of": measurement.evidence,
@@ -348,7 +350,7 @@ def _collect_statements(space: ParameterSpace, table: pd.DataFrame) -> dict[str,
     return statements
 
 
-def require_free(space: ParameterSpace) -> None:
+def refuse_all_fixed(space: ParameterSpace) -> None:
     """Raise InputError for parameters that are all fixed."""
     require(
         space.dimensions,
@@ -359,7 +361,7 @@ def require_free(space: ParameterSpace) -> None:
     )
 
 
-def run(
+def infer_from_files(
     files: InputFiles,
     *,
     parameters: ParameterSpace,
@@ -397,23 +399,25 @@ def run(
     InputError
         If no parameter is free, for bad files, or for too few runs.
     """
-    require_free(parameters)
-    model = train.restore(files.network, files.predictions, files.dataset)
-    train.require_targets(model, files.network, targets, definitions, source)
-    support = Support.of_dataset(files.dataset, parameters)
+    refuse_all_fixed(parameters)
+    model = train.restore_surrogate(files.network, files.predictions, files.dataset)
+    train.refuse_other_targets(model, files.network, targets, definitions, source)
+    support = Support.from_dataset(files.dataset, parameters)
     references = _read_references(files, parameters)
     runs = noise.read_runs(files.runs, targets)
     shape_study = None
     if settings.shape_study is not None:
-        shape_study = discrepancy.shape_study_discrepancy(settings.shape_study, targets)
+        shape_study = discrepancy.estimate_from_shape_study(
+            settings.shape_study, targets
+        )
     try:
-        measurement = measurement_of(
+        measurement = make_measurement(
             targets,
             runs,
             settings,
             shape_study=None if shape_study is None else shape_study.covariance,
         )
-        result = infer(
+        result = infer_posterior(
             model,
             support,
             parameters=parameters,
@@ -427,14 +431,14 @@ def run(
         raise InputError(files.runs, "runs", str(error), allowed) from None
 
     out = Path(out_dir)
-    points = implausibility.Points(model, parameters)
+    points = implausibility.PriorPoints(model, parameters)
     curve = _compute_curve(points, targets, runs, measurement)
-    region = implausibility.region(
-        points, implausibility.implausibility(points, *measurement.observed)
+    region = implausibility.find_region(
+        points, implausibility.compute_implausibility(points, *measurement.observed)
     )
     summary = result.summary
     summary["not_implausible_share"] = region.share
-    summary["over_the_discrepancy"] = implausibility.message(curve, region.share)
+    summary["over_the_discrepancy"] = implausibility.describe_curve(curve, region.share)
     if shape_study is not None:
         summary["discrepancy_models"] = shape_study.models
         summary["discrepancy_mean"] = shape_study.mean.tolist()
@@ -474,7 +478,7 @@ def _read_references(
 
 
 def _compute_curve(
-    points: implausibility.Points,
+    points: implausibility.PriorPoints,
     targets: Targets,
     runs: pd.DataFrame,
     measurement: Measurement,
@@ -490,18 +494,20 @@ def _compute_curve(
     measurement : Measurement
     """
 
-    def observe(percent: float, correlation: float) -> Observed:
+    def observe(percent: float, correlation: float) -> Observation:
         """Combine the measurement with a discrepancy of this size and correlation."""
-        S_d = discrepancy.of_targets(targets, runs, percent, correlation)
-        return observation(targets, measurement.correlation, S_d)
+        S_d = discrepancy.compute_stated_covariance(targets, runs, percent, correlation)
+        return make_observation(targets, measurement.correlation, S_d)
 
     shape_study = None
     if measurement.evidence == SHAPE_STUDY:
         shape_study = measurement.observed
-    return implausibility.curve(points, targets, observe, shape_study)
+    return implausibility.compute_information_curve(
+        points, targets, observe, shape_study
+    )
 
 
-def statement(row: Mapping[str, Any]) -> str:
+def state_determination(row: Mapping[str, Any]) -> str:
     """State in a sentence how well a parameter is determined.
 
     The classification depends on the information in the data, in bits.
@@ -517,10 +523,10 @@ def statement(row: Mapping[str, Any]) -> str:
         f"{rounded(row['credible_low'], 3)} to {rounded(row['credible_high'], 3)}"
     )
     width = f"{100 * row['width_ratio']:.0f} % of the prior's width, {bits:.2f} bits"
-    if bits < UNDETERMINED:
+    if bits < UNDETERMINED_BITS:
         return f"{name} is not determined: {width}"
     # Little information: tell in which half of the prior the parameter is.
-    if bits < DETERMINED:
+    if bits < DETERMINED_BITS:
         below = row["below_centre"]
         above = 1 - below
         half = "high" if above >= below else "low"
@@ -528,13 +534,13 @@ def statement(row: Mapping[str, Any]) -> str:
             f"{name} is weakly determined, in the {half} half with probability "
             f"{max(above, below):.2f}: {width}"
         )
-    if row["width_ratio"] > WIDE:
+    if row["width_ratio"] > WIDE_RATIO:
         # Much information in spite of a wide interval: the draws form several groups.
         return f"{name} lies in one of several places within {interval}: {width}"
     return f"{name} is determined, {interval}: {width}"
 
 
-def message(summary: Mapping[str, Any]) -> str:
+def describe_posterior(summary: Mapping[str, Any]) -> str:
     """Describe statements, fit and convergence in lines of text.
 
     Parameters
@@ -557,7 +563,7 @@ def message(summary: Mapping[str, Any]) -> str:
         f"{100 * summary['thin_share']:.0f} % of the draws lie where samples are thin"
     )
     lines += summary.get("over_the_discrepancy", "").splitlines()
-    if summary["thin_share"] > MOSTLY:
+    if summary["thin_share"] > MAX_THIN_SHARE:
         lines.append(
             "EXTRAPOLATED: most draws lie beyond the samples, "
             "where the surrogate is only a guess"
@@ -565,9 +571,9 @@ def message(summary: Mapping[str, Any]) -> str:
     if not summary["converged"]:
         lines.append(
             f"NOT CONVERGED: R-hat {summary['largest_r_hat']:.3f} "
-            f"(at most {LARGEST_R_HAT:g}), "
+            f"(at most {MAX_R_HAT:g}), "
             f"effective draws {summary['least_effective_draws']:.0f} "
-            f"(at least {FEWEST_EFFECTIVE}); raise posterior.steps"
+            f"(at least {MIN_EFFECTIVE_DRAWS}); raise posterior.steps"
         )
     return "\n".join(lines)
 
@@ -587,7 +593,7 @@ def _tabulate_parameters(
         Draws in the unit cube.
     convergence : Convergence
     references : mapping
-        As in `infer`. Parameters may be missing: published tables only have the six of
+        As in `infer_posterior`. Parameters may be missing: published tables only have the six of
         the paper.
     """
     quantiles = space.marginal_cdf(unit)
@@ -600,7 +606,7 @@ def _tabulate_parameters(
             "low": space.low[k],
             "high": space.high[k],
             **_describe_distribution(values, space, name, prior_widths[k]),
-            "information_bits": information_bits(
+            "information_bits": compute_information_bits(
                 quantiles[:, k], convergence.effective_draws[k]
             ),
             "below_centre": float((quantiles[:, k] < 0.5).mean()),
@@ -613,7 +619,7 @@ def _tabulate_parameters(
                 row |= _assess_reference(
                     reference, space, k, values, Interval(low, high)
                 )
-        row["statement"] = statement(row)
+        row["statement"] = state_determination(row)
         rows.append(row)
     return pd.DataFrame(rows)
 
@@ -638,7 +644,7 @@ def _describe_distribution(
 
 
 def _compute_prior_widths(space: ParameterSpace) -> np.ndarray:
-    """Compute the widths of the priors' central intervals of probability `CREDIBLE`.
+    """Compute the widths of the priors' central intervals of probability `CREDIBLE_PROBABILITY`.
 
     Parameters
     ----------
@@ -651,12 +657,12 @@ def _compute_prior_widths(space: ParameterSpace) -> np.ndarray:
     """
     # The interval of a uniform prior is this share of the range.
     range_low, range_high = space.coordinate_ends
-    widths = CREDIBLE * (range_high - range_low)
-    tail = np.full(space.dimensions, (1 - CREDIBLE) / 2)
+    widths = CREDIBLE_PROBABILITY * (range_high - range_low)
+    tail = np.full(space.dimensions, (1 - CREDIBLE_PROBABILITY) / 2)
     # Constraints change the priors of all parameters, so use quantiles of allowed sets.
     if space.constraints:
         values = space.marginal_quantiles(
-            np.array([(1 - CREDIBLE) / 2, (1 + CREDIBLE) / 2])
+            np.array([(1 - CREDIBLE_PROBABILITY) / 2, (1 + CREDIBLE_PROBABILITY) / 2])
         )
         low, high = to_coordinates(values, space.free, space.scale)
         return high - low
@@ -672,7 +678,7 @@ def _compute_prior_widths(space: ParameterSpace) -> np.ndarray:
 
 def _find_credible_interval(values: np.ndarray) -> Interval:
     """Find the central interval of probability CREDIBLE of draws (n,)."""
-    tail = (1 - CREDIBLE) / 2
+    tail = (1 - CREDIBLE_PROBABILITY) / 2
     low, high = np.quantile(values, [tail, 1 - tail]).tolist()
     return Interval(low, high)
 

@@ -13,18 +13,18 @@ from typing import Any, NamedTuple
 import numpy as np
 from scipy import optimize, stats
 
-from repose.calibrate.designs.allowed import points_of_sequence
+from repose.calibrate.designs.allowed import take_allowed_points
 from repose.calibrate.parameter_space import ParameterSpace
 
-ENSEMBLES = 4
-BURN_IN = 0.5  # share of the steps that is dropped
-BINS = 40
-PRIOR_DRAWS = 2**15
-CHUNK = 2048  # points at which the likelihood is computed together
+N_ENSEMBLES = 4
+BURN_IN_SHARE = 0.5  # share of the steps that is dropped
+N_BINS = 40
+N_PRIOR_DRAWS = 2**15
+CHUNK_SIZE = 2048  # points at which the likelihood is computed together
 # Of `_draw_starts`.
-POPULATION = 2048  # points
-MOVES = 8  # steps at each power of the density
-LEAST_EFFECTIVE = 0.5  # effective share of the points after the power rises
+N_POPULATION = 2048  # points
+N_MOVES = 8  # steps at each power of the density
+MIN_EFFECTIVE_SHARE = 0.5  # effective share of the points after the power rises
 
 Density = Callable[[np.ndarray], np.ndarray]
 
@@ -48,7 +48,7 @@ class Information(NamedTuple):
     error: float  # standard error
 
 
-def sample(
+def draw_chains(
     log_density: Density, dimensions: int, walkers: int, steps: int, seed: int
 ) -> Chains:
     """Draw from a density in the unit cube.
@@ -84,14 +84,14 @@ def sample(
 
     chains = []
     times = []
-    for k in range(ENSEMBLES):
+    for k in range(N_ENSEMBLES):
         random = np.random.RandomState([seed, k])
         start_points = _draw_starts(in_cube, dimensions, random)[:walkers]
         ensemble = _make_ensemble(len(start_points), dimensions, in_cube, random)
         ensemble.run_mcmc(start_points, steps)
 
         # Append the log density to the coordinates, as a further column.
-        burn_in = int(BURN_IN * steps)
+        burn_in = int(BURN_IN_SHARE * steps)
         points = ensemble.get_chain(discard=burn_in)
         values = ensemble.get_log_prob(discard=burn_in)
         chain = np.dstack([points, values])
@@ -145,7 +145,7 @@ def _draw_starts(
     random : numpy.random.RandomState
     """
     # Start with uniform points, which are draws from the power 0.
-    points = random.uniform(size=(POPULATION, dimensions))
+    points = random.uniform(size=(N_POPULATION, dimensions))
     power = 0.0
     values = log_density(points)
     # Where a constraint excludes points, draw others in their place.
@@ -158,15 +158,15 @@ def _draw_starts(
         power += rise
 
         # Resample the points by their weights, and move them with the sampler.
-        rows = random.choice(POPULATION, POPULATION, p=weight / weight.sum())
+        rows = random.choice(N_POPULATION, N_POPULATION, p=weight / weight.sum())
         tempered = partial(
             _compute_tempered_density, log_density=log_density, power=power
         )
-        ensemble = _make_ensemble(POPULATION, dimensions, tempered, random)
-        last = ensemble.run_mcmc(points[rows], MOVES, skip_initial_state_check=True)
+        ensemble = _make_ensemble(N_POPULATION, dimensions, tempered, random)
+        last = ensemble.run_mcmc(points[rows], N_MOVES, skip_initial_state_check=True)
         points = last.coords
         values = last.log_prob / power
-    return points[random.permutation(POPULATION)]
+    return points[random.permutation(N_POPULATION)]
 
 
 def _compute_tempered_density(
@@ -199,15 +199,15 @@ def _find_power_rise(values: np.ndarray, most: float) -> float:
     def excess(rise: float) -> float:
         """Compute the effective share of the points minus the smallest allowed one."""
         weight = _compute_weights(values, rise)
-        effective = weight.sum() ** 2 / (weight**2).sum() / POPULATION
-        return effective - LEAST_EFFECTIVE
+        effective = weight.sum() ** 2 / (weight**2).sum() / N_POPULATION
+        return effective - MIN_EFFECTIVE_SHARE
 
     if excess(most) >= 0.0:
         return most
     return optimize.brentq(excess, 0.0, most)
 
 
-def split_r_hat(chains: np.ndarray) -> np.ndarray:
+def compute_split_r_hat(chains: np.ndarray) -> np.ndarray:
     """Compute R-hat (d,) of chains (m, n, d), each cut in two.
 
     With the variance W within the halves of n draws, and B / n between their means,
@@ -221,7 +221,7 @@ def split_r_hat(chains: np.ndarray) -> np.ndarray:
     return np.sqrt(((n - 1) / n * W + B / n) / W)
 
 
-def information_bits(draws: np.ndarray, effective: float) -> float:
+def compute_information_bits(draws: np.ndarray, effective: float) -> float:
     """Compute the information of one parameter's posterior over its prior, in bits.
 
     It is the Kullback-Leibler divergence of a histogram, at least 0. Its expected
@@ -235,18 +235,18 @@ def information_bits(draws: np.ndarray, effective: float) -> float:
     effective : float
         Number m of independent draws that they are worth.
     """
-    counts, _ = np.histogram(draws, bins=BINS, range=(0, 1))
-    return bits_of_shares(counts / len(draws), effective)
+    counts, _ = np.histogram(draws, bins=N_BINS, range=(0, 1))
+    return compute_bits_of_shares(counts / len(draws), effective)
 
 
-def bits_of_shares(share: np.ndarray, effective: float) -> float:
-    """Compute `information_bits` from the share of the draws in each of the BINS."""
+def compute_bits_of_shares(share: np.ndarray, effective: float) -> float:
+    """Compute `compute_information_bits` from the share of the draws in each of the BINS."""
     filled = share[share > 0]
     excess = (len(filled) - 1) / (2 * effective * math.log(2))
-    return max(0.0, float(filled @ np.log2(filled * BINS)) - excess)
+    return max(0.0, float(filled @ np.log2(filled * N_BINS)) - excess)
 
 
-def joint_information_bits(
+def compute_joint_information(
     log_likelihood: Density,
     drawn: np.ndarray,
     effective: float,
@@ -273,12 +273,12 @@ def joint_information_bits(
         Of the sequence.
     """
     sequence = stats.qmc.Sobol(space.dimensions, rng=seed)
-    points = points_of_sequence(sequence, PRIOR_DRAWS, space)
-    parts = np.array_split(points, PRIOR_DRAWS // CHUNK)
+    points = take_allowed_points(sequence, N_PRIOR_DRAWS, space)
+    parts = np.array_split(points, N_PRIOR_DRAWS // CHUNK_SIZE)
     prior_log_likelihoods = np.concatenate([log_likelihood(part) for part in parts])
     likelihood = np.exp(prior_log_likelihoods - prior_log_likelihoods.max())
     log_evidence = prior_log_likelihoods.max() + math.log(likelihood.mean())
-    prior_error = likelihood.std() / likelihood.mean() / math.sqrt(PRIOR_DRAWS)
+    prior_error = likelihood.std() / likelihood.mean() / math.sqrt(N_PRIOR_DRAWS)
     posterior_error = drawn.std() / math.sqrt(effective)
     return Information(
         bits=float((drawn.mean() - log_evidence) / math.log(2)),

@@ -29,25 +29,25 @@ from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.responses import Definitions
 from repose.calibrate.surrogates import Surrogate, load
 from repose.calibrate.targets import Targets
-from repose.calibrate.training import require_targets
-from repose.calibrate.uncertainty.posterior import require_free
+from repose.calibrate.training import refuse_other_targets
+from repose.calibrate.uncertainty.posterior import refuse_all_fixed
 from repose.calibrate.uncertainty.settings import SensitivitySettings
 from repose.common.errors import InputError
 from repose.common.files import Path_, write_table
 
 CONFIDENCE = 0.95
-EFFECT_POINTS = 41
-EFFECT_DRAWS = 2048
-ROUNDING = 1e-12  # a constant output varies by no more than this share of it
+N_EFFECT_POINTS = 41
+N_EFFECT_DRAWS = 2048
+ROUNDING_SHARE = 1e-12  # a constant output varies by no more than this share of it
 # Values of a parameter at which each draw of the others is evaluated, with constraints.
-LINE_POINTS = 32
-# A mean at a value of a parameter takes at least so many of the `EFFECT_DRAWS`.
-LEAST_DRAWS = 20
-RESAMPLES_AT_A_TIME = 100
+N_LINE_POINTS = 32
+# A mean at a value of a parameter takes at least so many of the `N_EFFECT_DRAWS`.
+MIN_DRAWS = 20
+RESAMPLES_PER_BLOCK = 100
 
-Function = Callable[[np.ndarray], np.ndarray]
+ArrayFunction = Callable[[np.ndarray], np.ndarray]
 # Marks the allowed points (n, d) of the unit cube.
-Rule = Callable[[np.ndarray], np.ndarray]
+MaskFunction = Callable[[np.ndarray], np.ndarray]
 
 
 class Sensitivity(NamedTuple):
@@ -57,8 +57,8 @@ class Sensitivity(NamedTuple):
     effects: pd.DataFrame  # main_effects.csv: a row for each parameter and value
 
 
-def indices(
-    function: Function,
+def compute_sobol_indices(
+    function: ArrayFunction,
     low: np.ndarray,
     high: np.ndarray,
     samples: int,
@@ -97,9 +97,9 @@ def indices(
     A, B = np.split(sequence.random(samples), 2, axis=1)
     AB = np.repeat(A[None], d, axis=0)
     AB[np.arange(d), :, np.arange(d)] = B.T
-    f_A = _values(function, A, low, high)
-    f_B = _values(function, B, low, high)
-    f_AB = np.array([_values(function, points, low, high) for points in AB])
+    f_A = _evaluate_at(function, A, low, high)
+    f_B = _evaluate_at(function, B, low, high)
+    f_AB = np.array([_evaluate_at(function, points, low, high) for points in AB])
     _require_variation(f_A)
 
     def compute(rows: np.ndarray | slice) -> np.ndarray:
@@ -118,31 +118,31 @@ def indices(
     replicates = [
         compute(random.integers(samples, size=samples)) for _ in range(resamples)
     ]
-    return _with_intervals(
+    return _add_intervals(
         ("first", "total"), compute(slice(None)), np.array(replicates)
     )
 
 
-def shares_of_allowed(
-    function: Function,
+def compute_allowed_shares(
+    function: ArrayFunction,
     low: np.ndarray,
     high: np.ndarray,
     *,
-    is_allowed: Rule,
+    is_allowed: MaskFunction,
     samples: int,
     resamples: int,
     seed: int,
 ) -> dict[str, np.ndarray]:
     """Compute shares of the variance over the allowed part of the ranges.
 
-    Each draw of the other parameters is evaluated at `LINE_POINTS` values of a parameter.
+    Each draw of the other parameters is evaluated at `N_LINE_POINTS` values of a parameter.
     The allowed ones are uniform over what is allowed. Their means at each value give
     Var(E[y | x]), their variances along each line E[Var(y | others)].
 
     Parameters
     ----------
     function, low, high, samples, resamples, seed
-        As of `indices`.
+        As of `compute_sobol_indices`.
     is_allowed : callable
         Marks the allowed points (n, d) of the unit cube.
 
@@ -159,23 +159,23 @@ def shares_of_allowed(
     """
     d = len(low)
     draws = stats.qmc.Sobol(d, rng=seed).random(samples)
-    values = (np.arange(LINE_POINTS) + 0.5) / LINE_POINTS
+    values = (np.arange(N_LINE_POINTS) + 0.5) / N_LINE_POINTS
     shares = []
     for k in range(d):
-        outputs = _along_lines(
+        outputs = _evaluate_along_lines(
             function, draws, k, values=values, ends=(low, high), is_allowed=is_allowed
         )
         _require_variation(outputs[:, ~np.isnan(outputs[0])])
         blocks = []
-        for counts in _counts_of_draws(samples, resamples, seed):
-            blocks.append([_shares(output, counts) for output in outputs])
+        for counts in _draw_counts(samples, resamples, seed):
+            blocks.append([_compute_shares(output, counts) for output in outputs])
         shares.append(np.concatenate(blocks, axis=2))
     # The estimates come before the resamples: (1 + resamples, share, outputs, d).
     table = np.transpose(shares, (3, 2, 1, 0))
-    return _with_intervals(("explained", "remaining"), table[0], table[1:])
+    return _add_intervals(("explained", "remaining"), table[0], table[1:])
 
 
-def _counts_of_draws(samples: int, resamples: int, seed: int) -> Iterator[np.ndarray]:
+def _draw_counts(samples: int, resamples: int, seed: int) -> Iterator[np.ndarray]:
     """Yield how often each draw counts, in blocks (n, samples) that fit in memory.
 
     In the first row it is once, in all others as often as the bootstrap drew it.
@@ -183,19 +183,19 @@ def _counts_of_draws(samples: int, resamples: int, seed: int) -> Iterator[np.nda
     yield np.ones((1, samples))
     random = np.random.default_rng(seed)
     equal = np.full(samples, 1 / samples)
-    for first in range(0, resamples, RESAMPLES_AT_A_TIME):
-        n_rows = min(RESAMPLES_AT_A_TIME, resamples - first)
+    for first in range(0, resamples, RESAMPLES_PER_BLOCK):
+        n_rows = min(RESAMPLES_PER_BLOCK, resamples - first)
         yield random.multinomial(samples, equal, size=n_rows).astype(float)
 
 
-def _along_lines(
-    function: Function,
+def _evaluate_along_lines(
+    function: ArrayFunction,
     draws: np.ndarray,
     k: int,
     *,
     values: np.ndarray,
     ends: tuple[np.ndarray, np.ndarray],
-    is_allowed: Rule | None,
+    is_allowed: MaskFunction | None,
 ) -> np.ndarray:
     """Compute outputs (outputs, values, n) at draws (n, d) with other values of input k.
 
@@ -207,13 +207,13 @@ def _along_lines(
     is_good = np.ones(len(flat), dtype=bool)
     if is_allowed is not None:
         is_good = is_allowed(flat)
-    good = _values(function, flat[is_good], *ends)
+    good = _evaluate_at(function, flat[is_good], *ends)
     outputs = np.full((len(good), len(flat)), np.nan)
     outputs[:, is_good] = good
     return outputs.reshape(len(good), len(values), len(draws))
 
 
-def _shares(output: np.ndarray, counts: np.ndarray) -> np.ndarray:
+def _compute_shares(output: np.ndarray, counts: np.ndarray) -> np.ndarray:
     """Compute the shares (2, resamples) of one output (values, n).
 
     `counts` (resamples, n) is how often each draw counts.
@@ -236,13 +236,13 @@ def _shares(output: np.ndarray, counts: np.ndarray) -> np.ndarray:
 
 def _require_variation(outputs: np.ndarray) -> None:
     """Refuse outputs (outputs, n) of which one is constant."""
-    if not (outputs.std(axis=1) > ROUNDING * np.abs(outputs).max(axis=1)).all():
+    if not (outputs.std(axis=1) > ROUNDING_SHARE * np.abs(outputs).max(axis=1)).all():
         raise ValueError(
             "an output of the function does not vary; expected outputs that do"
         )
 
 
-def _with_intervals(
+def _add_intervals(
     names: tuple[str, str], estimates: np.ndarray, replicates: np.ndarray
 ) -> dict[str, np.ndarray]:
     """Name two estimates (2, ...) and the ends of their bootstrap intervals."""
@@ -256,28 +256,28 @@ def _with_intervals(
     return table
 
 
-def _values(
-    function: Function, unit: np.ndarray, low: np.ndarray, high: np.ndarray
+def _evaluate_at(
+    function: ArrayFunction, unit: np.ndarray, low: np.ndarray, high: np.ndarray
 ) -> np.ndarray:
     """Compute the outputs (outputs, n) at points (n, d) of the unit cube."""
     outputs = np.asarray(function(low + (high - low) * unit), dtype=float)
     return outputs.reshape(len(unit), -1).T
 
 
-def main_effects(
-    function: Function,
+def compute_main_effects(
+    function: ArrayFunction,
     low: np.ndarray,
     high: np.ndarray,
     seed: int,
-    points: int = EFFECT_POINTS,
-    is_allowed: Rule | None = None,
+    points: int = N_EFFECT_POINTS,
+    is_allowed: MaskFunction | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compute the mean outputs along each input, averaged over all other inputs.
 
     Parameters
     ----------
     function, low, high, seed
-        As of `indices`.
+        As of `compute_sobol_indices`.
     points : int
         Number of values of each input.
     is_allowed : callable, optional
@@ -291,7 +291,7 @@ def main_effects(
         nan at values that hardly any allowed point has.
     """
     d = len(low)
-    draws = stats.qmc.Sobol(d, rng=seed).random(EFFECT_DRAWS)
+    draws = stats.qmc.Sobol(d, rng=seed).random(N_EFFECT_DRAWS)
     base = low + (high - low) * draws
     grid = np.linspace(low, high, points, axis=1)
     means = []
@@ -306,22 +306,22 @@ def main_effects(
             if is_allowed is None:
                 outputs = np.asarray(function(changed))
             else:
-                outputs = _outputs_of_allowed(function, changed, is_allowed(unit))
+                outputs = _evaluate_allowed(function, changed, is_allowed(unit))
             means_of_input.append(np.mean(outputs, axis=0))
         means.append(means_of_input)
     return grid, np.array(means)
 
 
-def _outputs_of_allowed(
-    function: Function, points: np.ndarray, is_allowed: np.ndarray
+def _evaluate_allowed(
+    function: ArrayFunction, points: np.ndarray, is_allowed: np.ndarray
 ) -> np.ndarray:
     """Compute the outputs at allowed points; nan if there are too few for a mean."""
-    if is_allowed.sum() >= LEAST_DRAWS:
+    if is_allowed.sum() >= MIN_DRAWS:
         return np.asarray(function(points[is_allowed]))
     return np.full_like(function(points[:1]), np.nan, dtype=float)
 
 
-def analyse(
+def analyse_surrogate(
     model: Surrogate,
     parameters: ParameterSpace,
     targets: Targets,
@@ -351,7 +351,7 @@ def analyse(
         return model.predict(parameters.complete(values))
 
     low, high = parameters.coordinate_ends
-    arrays = shares_of_variance(respond, parameters, settings)
+    arrays = compute_variance_shares(respond, parameters, settings)
     pairs = pd.MultiIndex.from_product(
         [targets.names, parameters.free], names=["response", "parameter"]
     )
@@ -359,7 +359,7 @@ def analyse(
     table = pd.DataFrame(columns, pairs).reset_index()
 
     is_allowed = parameters.is_allowed if parameters.constraints else None
-    grid, means = main_effects(
+    grid, means = compute_main_effects(
         respond, low, high, seed=settings.seed, is_allowed=is_allowed
     )
     grid = parameters.from_coordinates(grid.T).T
@@ -372,13 +372,13 @@ def analyse(
     return Sensitivity(table, effects.dropna(ignore_index=True))
 
 
-def shares_of_variance(
-    respond: Function, parameters: ParameterSpace, settings: SensitivitySettings
+def compute_variance_shares(
+    respond: ArrayFunction, parameters: ParameterSpace, settings: SensitivitySettings
 ) -> dict[str, np.ndarray]:
-    """Compute Sobol indices, or with constraints the shares of `shares_of_allowed`."""
+    """Compute Sobol indices, or with constraints the shares of `compute_allowed_shares`."""
     low, high = parameters.coordinate_ends
     if parameters.constraints:
-        return shares_of_allowed(
+        return compute_allowed_shares(
             respond,
             low,
             high,
@@ -387,7 +387,7 @@ def shares_of_variance(
             resamples=settings.resamples,
             seed=settings.seed,
         )
-    return indices(
+    return compute_sobol_indices(
         respond,
         low=low,
         high=high,
@@ -397,7 +397,7 @@ def shares_of_variance(
     )
 
 
-def run(
+def analyse_from_file(
     surrogate_json: Path_,
     *,
     parameters: ParameterSpace,
@@ -429,11 +429,11 @@ def run(
     InputError
         If no parameter is free, or if the surrogate has other or constant responses.
     """
-    require_free(parameters)
+    refuse_all_fixed(parameters)
     model = load(surrogate_json)
-    require_targets(model, surrogate_json, targets, definitions, source)
+    refuse_other_targets(model, surrogate_json, targets, definitions, source)
     try:
-        result = analyse(model, parameters, targets, settings)
+        result = analyse_surrogate(model, parameters, targets, settings)
     except ValueError as error:
         raise InputError(
             surrogate_json, "surrogate", str(error), "responses that vary"
@@ -443,7 +443,7 @@ def run(
     return result.indices
 
 
-def message(table: pd.DataFrame) -> str:
+def describe_indices(table: pd.DataFrame) -> str:
     """Write the two shares of the variance as text, a line for each response."""
     names = ("first", "total")
     words = "first-order (total)"

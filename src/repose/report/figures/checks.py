@@ -8,7 +8,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from repose.calibrate.responses import derived
+from repose.calibrate.responses import name_derived_column
 from repose.calibrate.targets import Target
 from repose.common.files import read_table
 from repose.stages.published import STALE_WARNING, find_published_responses
@@ -144,8 +144,8 @@ def _draw_published_and_simulated(
     response = target.response
     x = _draw_measurement(panel, table, target)
     unpublished = np.empty(0)
-    published_column = derived(response.name, "published_simulated")
-    measured_column = derived(response.name, "published_measured")
+    published_column = name_derived_column(response.name, "published_simulated")
+    measured_column = name_derived_column(response.name, "published_measured")
     if published_column in table:
         published = table[published_column]
         measured = table.get(measured_column, pd.Series(np.nan, table.index))

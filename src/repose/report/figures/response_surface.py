@@ -11,7 +11,7 @@ from repose.bench.parameters import SYMBOLS
 from repose.calibrate.designs.model import Model
 from repose.calibrate.designs.region import Region
 from repose.calibrate.strategies.response_surface.screening import fit_models
-from repose.calibrate.strategies.response_surface.surface import region_of_surface
+from repose.calibrate.strategies.response_surface.surface import make_surface_region
 from repose.calibrate.targets import Target, Targets
 from repose.common.files import read_json, read_table
 
@@ -217,7 +217,7 @@ def _find_allowed_region(inputs: Inputs, study: StudyView) -> Region | None:
     if not study.parameters.constraints:
         return None
     samples = read_table(inputs["samples"], ("sample", *study.parameters.names))
-    return region_of_surface(samples, study.parameters)
+    return make_surface_region(samples, study.parameters)
 
 
 def _predict_allowed(

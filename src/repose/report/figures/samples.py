@@ -7,7 +7,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from repose.calibrate.designs.latin_hypercube import METHODS
+from repose.calibrate.designs.latin_hypercube import METHOD_LABELS
 from repose.calibrate.responses import Response
 from repose.common.files import read_table
 from repose.common.statuses import describe_failures
@@ -55,7 +55,7 @@ def draw_design_matrix(inputs: Inputs, study: StudyView) -> Figure:
                 lw=0,
             )
     panels.finish_pair_panels(pair_panels, study.parameters)
-    method = METHODS[study.settings.design.method]
+    method = METHOD_LABELS[study.settings.design.method]
     if study.parameters.constraints:
         method = f"allowed ones of a larger {method}"
     text = (
@@ -89,7 +89,7 @@ def _compare_methods(figure: Figure, comparison: pd.DataFrame) -> None:
     """
     panel = figure.add_axes((0.70, 0.70, 0.27, 0.10))
     panel.set_in_layout(False)
-    names = [METHODS[method] for method in comparison["method"]]
+    names = [METHOD_LABELS[method] for method in comparison["method"]]
     distances = comparison["min_distance"]
     colours = [style.GREY, style.ORANGE, style.BLUE][: len(names)]
     panel.barh(names, distances, color=colours, height=0.6)

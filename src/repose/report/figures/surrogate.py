@@ -12,9 +12,9 @@ from matplotlib.ticker import MaxNLocator
 
 from repose.bench.parameters import SYMBOLS
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.responses import Response, derived, response
+from repose.calibrate.responses import Response, name_derived_column, response
 from repose.calibrate.surrogates import Surrogate, load
-from repose.calibrate.surrogates.accuracy import r2
+from repose.calibrate.surrogates.accuracy import compute_r2
 from repose.calibrate.targets import Targets
 from repose.calibrate.uncertainty.settings import SensitivitySettings
 from repose.common.files import read_json, read_table
@@ -261,8 +261,8 @@ def compute_influence(
         Share of the variance and direction, each (outputs, inputs).
     """
     from repose.calibrate.uncertainty.sensitivity import (
-        main_effects,
-        shares_of_variance,
+        compute_main_effects,
+        compute_variance_shares,
     )
 
     shape = len(model.outputs), len(model.inputs)
@@ -278,19 +278,19 @@ def compute_influence(
         samples=INFLUENCE_POINTS, resamples=1, seed=seed
     )
     try:
-        shares = shares_of_variance(respond, parameters, settings)
+        shares = compute_variance_shares(respond, parameters, settings)
     except ValueError:
         # Shares are undefined for a constant output, so leave all at zero.
         return influence
     low, high = parameters.coordinate_ends
     if parameters.constraints:
-        _, means = main_effects(
+        _, means = compute_main_effects(
             respond, low, high, seed=seed, is_allowed=parameters.is_allowed
         )
         rise = np.array([_compute_rise(curve) for curve in means])
         influence.share[:, free_columns] = shares["remaining"]
     else:
-        _, means = main_effects(respond, low, high=high, seed=seed, points=2)
+        _, means = compute_main_effects(respond, low, high=high, seed=seed, points=2)
         rise = means[:, 1] - means[:, 0]
         influence.share[:, free_columns] = shares["total"]
     influence.direction[:, free_columns] = np.sign(rise).T
@@ -407,7 +407,9 @@ def _predict_new_points(inputs: Inputs, targets: Targets) -> pd.DataFrame:
         inputs["fresh"], ("status", *model.inputs, *targets.names, *targets.errors)
     )
     points = points[points["status"] == "ok"].assign(split="new points")
-    predicted_columns = [derived(name, "predicted") for name in model.outputs]
+    predicted_columns = [
+        name_derived_column(name, "predicted") for name in model.outputs
+    ]
     X = points[list(model.inputs)].to_numpy(float)
     points[predicted_columns] = model.predict(X)
     return points
@@ -517,7 +519,7 @@ def _format_accuracy(simulated: np.ndarray, deviation: np.ndarray, unit: str) ->
     """
     if not np.isfinite(deviation).all():
         return "unknown"
-    share = r2(simulated, simulated + deviation)
+    share = compute_r2(simulated, simulated + deviation)
     rmse = np.sqrt(np.mean(deviation**2))
     share_text = "undefined" if share is None else f"{share:.2f}"
     return f"R² {share_text}, RMSE {rmse:.2f} {unit}".rstrip()

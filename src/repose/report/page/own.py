@@ -4,7 +4,7 @@ import io
 import os
 from datetime import date
 
-from repose.calibrate.answer import WITHIN
+from repose.calibrate.answer import WITHIN_COLUMNS
 from repose.calibrate.calibration import Calibration
 from repose.common import provenance
 from repose.common.files import convert_to_path
@@ -30,7 +30,8 @@ def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
     probability: dict[str, float | None] = dict.fromkeys(study.targets.names)
     probability["all"] = calibration.probability["inside"]
     within = {
-        percent: calibration.probability[column] for percent, column in WITHIN.items()
+        percent: calibration.probability[column]
+        for percent, column in WITHIN_COLUMNS.items()
     }
     results = Results(
         label=study.settings.label,

@@ -18,7 +18,7 @@ import numpy as np
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.surrogates.base import Predictor
 from repose.calibrate.surrogates.bayesian_bp import BayesianBP
-from repose.calibrate.surrogates.network_ensemble import OF_EACH, NetworkEnsemble
+from repose.calibrate.surrogates.network_ensemble import MEMBER_ARRAYS, NetworkEnsemble
 from repose.calibrate.surrogates.scaled_inputs import ScaledInputs
 
 CURVE_POINTS = 41
@@ -87,7 +87,7 @@ def _describe_networks(surrogate: BayesianBP | NetworkEnsemble) -> dict[str, Any
     members = []
     for network in networks:
         content = network.to_dict()
-        member = {key: content[key] for key in OF_EACH}
+        member = {key: content[key] for key in MEMBER_ARRAYS}
         member["root"] = pack_array(network.posterior_root_, "<f4")
         members.append(member)
     # All networks share the scaling of the first one.

@@ -10,15 +10,19 @@ import numpy as np
 import pandas as pd
 
 from repose.bench.parameters import LABELS
-from repose.calibrate.answer import NEAR_BOUNDS, describe_optimism, nearness
+from repose.calibrate.answer import (
+    NEAR_BOUNDS_INTRODUCTION,
+    describe_differences,
+    describe_optimism,
+)
 from repose.calibrate.bounds import describe_near_bound
-from repose.calibrate.card import widen_to_value, with_remark
-from repose.calibrate.designs.latin_hypercube import METHODS
+from repose.calibrate.card import add_remark, widen_to_value
+from repose.calibrate.designs.latin_hypercube import METHOD_LABELS
 from repose.calibrate.designs.settings import DesignSettings
-from repose.calibrate.responses import deviation_percent
-from repose.calibrate.runs import error_of, overlap_warning
+from repose.calibrate.responses import compute_deviation_percent
+from repose.calibrate.runs import describe_overlaps, name_error_column
 from repose.calibrate.targets import Target
-from repose.calibrate.uncertainty.posterior import LARGEST_R_HAT
+from repose.calibrate.uncertainty.posterior import MAX_R_HAT
 from repose.common.files import read_json, read_table
 from repose.common.numbers import format_with_error, rounded
 from repose.common.statuses import describe_failures
@@ -137,7 +141,7 @@ class MethodSection:
 def make_answer_section(study: Results) -> AnswerSection:
     """Describe the parameters, their intervals, and whether they meet the targets."""
     posterior = study.posterior
-    is_unsettled = posterior is not None and posterior["r_hat"].max() > LARGEST_R_HAT
+    is_unsettled = posterior is not None and posterior["r_hat"].max() > MAX_R_HAT
     return AnswerSection(
         label=study.label,
         verdict=make_verdict(study),
@@ -228,7 +232,9 @@ def _describe_nearness(study: Results) -> str:
     if not study.get_number("n_seeds"):
         return ""
     checks = list(make_checks(study))
-    sentences = [nearness(replace(check, response=check.label) for check in checks)]
+    sentences = [
+        describe_differences(replace(check, response=check.label) for check in checks)
+    ]
     scatters = [
         f"{rounded(check.standard_error * math.sqrt(check.runs), 2)} {check.unit}"
         for check in checks
@@ -257,7 +263,7 @@ def _describe_near_bounds(study: Results) -> str:
     clauses = [
         describe_near_bound(near) for near in study.summary.get("near_bounds", ())
     ]
-    return f"{NEAR_BOUNDS}: {'; '.join(clauses)}." if clauses else ""
+    return f"{NEAR_BOUNDS_INTRODUCTION}: {'; '.join(clauses)}." if clauses else ""
 
 
 def _make_parameter_table(study: Results) -> Table:
@@ -301,7 +307,7 @@ def _make_parameter_row(study: Results, name: str, value: float) -> list[str]:
         ]
     low, high = parameter_ranges(parameters)[name]
     searched = f"{rounded(low, 3)} to {rounded(high, 3)}"
-    meaning = with_remark(label, interval).removeprefix("; ")
+    meaning = add_remark(label, interval).removeprefix("; ")
     return [name, meaning, f"{rounded(value, 3)}", *interval_cells, searched]
 
 
@@ -350,7 +356,7 @@ def make_check_section(study: Results) -> CheckSection:
         responses=_make_response_table(study),
         has_simulations=study.get_number("n_seeds") is not None,
         failures=_describe_failures(study),
-        overlaps=overlap_warning(study.runs_of_answer),
+        overlaps=describe_overlaps(study.runs_of_answer),
         angle_definitions=_make_table_of_angle_definitions(study),
         has_view="trajectory" in study.files,
         pile_pictures=embed_captioned_pictures(study.files, captions.PILE_PICTURES),
@@ -446,7 +452,7 @@ def _make_table_of_angle_definitions(study: Results) -> Table | None:
     for definition, column in MEAN_KEYS.items():
         line = line_of(measure, definition)
         mean = study.get_number(column)
-        error = study.get_number(error_of(column))
+        error = study.get_number(name_error_column(column))
         remark = "calibrated" if line in calibrated_lines else ""
         rows.append([line, _format_mean_with_error(mean, error, " deg"), remark])
     return Table(["line", "simulated", ""], rows, style="lines")
@@ -539,7 +545,7 @@ def _format_error_percent(predicted: float | None, simulated: float | None) -> s
     """
     if predicted is None or simulated is None:
         return ""
-    percent = deviation_percent(predicted, simulated) if simulated else np.nan
+    percent = compute_deviation_percent(predicted, simulated) if simulated else np.nan
     return f"{percent:.2f}" if np.isfinite(percent) else ""
 
 
@@ -699,7 +705,7 @@ def _describe_design(study: Results, design: DesignSettings) -> str:
     searched = f"{n_free} parameters"
     if n_free < n_parameters:
         searched = f"{n_free} of {n_parameters} parameters, the others fixed"
-    method = METHODS[design.method]
+    method = METHOD_LABELS[design.method]
     return f"Design: {design.samples} parameter sets over {searched} ({method})."
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pandas as pd
 
 from repose.bench.parameters import PARAMETERS
-from repose.calibrate.chance import PERCENT, chance_of_meeting
+from repose.calibrate.chance import REPORTED_PERCENTS, compute_target_probabilities
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.strategies.sequential.kriging import Kriging, SpaceKriging
 from repose.calibrate.strategies.sequential.strategy import arrange_runs
@@ -175,7 +175,8 @@ def read_results(config: Config, jobs: Sequence[str], files: Files) -> Results:
         files["table4"], ("role", *parameters, *targets.predicted)
     )
     within = {
-        percent: chance_of_meeting(runs, targets, percent)["all"] for percent in PERCENT
+        percent: compute_target_probabilities(runs, targets, percent)["all"]
+        for percent in REPORTED_PERCENTS
     }
     # Date the page by the file of the answer, so that it only changes with the results.
     modified = date.fromtimestamp(os.path.getmtime(files["table4"]))
@@ -185,7 +186,7 @@ def read_results(config: Config, jobs: Sequence[str], files: Files) -> Results:
         targets=targets,
         parameters=study.parameters,
         answer_row=_find_representative(checked_sets, files["table4"]),
-        probability=chance_of_meeting(runs, targets),
+        probability=compute_target_probabilities(runs, targets),
         probability_within=within,
         posterior=_read_posterior(files),
         surrogate=_load_surrogate(files, targets, study.parameters, names),

@@ -4,14 +4,14 @@ from collections.abc import Iterator
 from typing import NamedTuple
 
 from repose.calibrate.answer import (
-    DECIDED,
-    NOT_AGAIN,
+    DECISIVE_PROBABILITY,
+    NOT_SIMULATED_AGAIN,
     Assessment,
     Check,
     Verdict,
     describe_optimism,
     format_verdict_line,
-    out_of_reach,
+    is_out_of_reach,
 )
 from repose.measure.settings import describe_line_of_response
 from repose.report.page.study import Results
@@ -51,7 +51,7 @@ def make_verdict(study: Results) -> VerdictText:
         checks=checks,
         feasible=study.summary["feasible"],
         inside=study.probability["all"],
-        out_of_reach=out_of_reach(study.summary),
+        out_of_reach=is_out_of_reach(study.summary),
     )
     is_only_predicted = assessment.feasible and assessment.verdict is Verdict.UNCHECKED
     line = format_verdict_line(
@@ -82,7 +82,7 @@ def _rate_answer(assessment: Assessment, probability: float | None) -> str:
         return "bad"
     if assessment.verdict is Verdict.UNDECIDED or probability is None:
         return "fair"
-    return "good" if probability >= DECIDED else "fair"
+    return "good" if probability >= DECISIVE_PROBABILITY else "fair"
 
 
 def describe_probability(study: Results, names_inside: bool = True) -> str:
@@ -183,12 +183,12 @@ def make_checks(study: Results) -> Iterator[Check]:
     """
     n_runs = study.get_number("n_seeds")
     if n_runs is None:
-        status = NOT_AGAIN
+        status = NOT_SIMULATED_AGAIN
     else:
         status = cell_text(study.answer_row.get("status"))
     for target in study.targets:
         response = target.response
-        yield Check.of(
+        yield Check.from_target(
             target,
             simulated=study.get_number(response.simulated),
             standard_error=study.get_number(response.standard_error),

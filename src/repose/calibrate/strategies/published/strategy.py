@@ -6,19 +6,23 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repose.calibrate.answer import WITHIN
+from repose.calibrate.answer import WITHIN_COLUMNS
 from repose.calibrate.designs import latin_hypercube as design
 from repose.calibrate.inversion import Inversion, invert
-from repose.calibrate.probability import probability_in_box
+from repose.calibrate.probability import compute_box_probability
 from repose.calibrate.strategies.base import Answer, Batch, samples_of
-from repose.calibrate.strategies.runs import next_number, runs_by_bench, samples_of_runs
+from repose.calibrate.strategies.runs import (
+    find_next_sample,
+    samples_of_runs,
+    split_by_bench,
+)
 from repose.calibrate.study import Study
 from repose.calibrate.surrogates.base import Surrogate
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
-from repose.calibrate.training import Training, train
+from repose.calibrate.training import Training, train_surrogate
 
-NOT_LATIN = (
+NOT_LATIN_WARNING = (
     "the samples are spread evenly over what the constraints allow; they are no Latin "
     "hypercube"
 )
@@ -40,7 +44,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     space = study.parameters
     settings = study.settings
     if data.empty:
-        return design_batch(study, settings.seeds)
+        return make_design_batch(study, settings.seeds)
     # Fit a surrogate to the means of the samples, and search on it.
     samples = samples_of_runs(data, space, study.targets)
     training, support = fit_surrogate(study, samples, data)
@@ -58,12 +62,14 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     return replace(answer, notes=notes)
 
 
-def design_batch(study: Study, seeds: int) -> Batch:
+def make_design_batch(study: Study, seeds: int) -> Batch:
     """Make the batch of the design, with a number of runs of each sample."""
     space = study.parameters
     section = study.settings.design
-    unit = design.points_in(space, section.samples, section.method, section.seed)
-    notes = {"why": NOT_LATIN} if space.constraints else {}
+    unit = design.make_points_in_space(
+        space, section.samples, section.method, section.seed
+    )
+    notes = {"why": NOT_LATIN_WARNING} if space.constraints else {}
     return Batch(samples_of(space, unit, seeds), notes)
 
 
@@ -88,9 +94,9 @@ def fit_surrogate(
     """
     settings = study.settings
     names = study.parameters.names
-    training = train(
+    training = train_surrogate(
         samples,
-        runs_by_bench(data, study.targets),
+        split_by_bench(data, study.targets),
         study.targets,
         settings.network,
         names=names,
@@ -100,7 +106,7 @@ def fit_surrogate(
         scale=study.parameters.scale,
     )
     good = samples.loc[samples["status"] == "ok", list(names)].to_numpy(float)
-    return training, Support.of(good, study.parameters)
+    return training, Support.from_space(good, study.parameters)
 
 
 def make_answer(
@@ -138,7 +144,7 @@ def make_answer(
     mean = model.predict(values[None])
     covariance = model.covariance(values[None])
     # The answer becomes a new sample, to be simulated again.
-    samples = samples_of(space, space.unit(values), seeds, next_number(data))
+    samples = samples_of(space, space.unit(values), seeds, find_next_sample(data))
     return Answer(
         values=values,
         mean=mean[0],
@@ -181,13 +187,13 @@ def probability_of(
         `inside` all ranges.
     """
     probabilities = {}
-    for percent, column in WITHIN.items():
+    for percent, column in WITHIN_COLUMNS.items():
         tolerance = percent * (targets.whole / 100)
         low = targets.aim - tolerance
         high = targets.aim + tolerance
         probabilities[column] = float(
-            probability_in_box(mean, covariance, low, high)[0]
+            compute_box_probability(mean, covariance, low, high)[0]
         )
-    inside = probability_in_box(mean, covariance, targets.low, targets.high)
+    inside = compute_box_probability(mean, covariance, targets.low, targets.high)
     probabilities["inside"] = float(inside[0])
     return probabilities

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from repose.calibrate.study import Study
 
 # Most places of the second stage: so many candidates are compared.
-MOST_POURS = 4096
+MAX_POURS = 4096
 
 
 class RefineSettings(Section):
@@ -25,7 +25,7 @@ class RefineSettings(Section):
 
     pours: int = Field(
         ge=2,
-        le=MOST_POURS,
+        le=MAX_POURS,
         description="places where the fit may meet the targets, poured once each",
     )
     tolerance_percent: Percent = Field(

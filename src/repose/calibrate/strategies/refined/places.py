@@ -8,22 +8,22 @@ next fit learns the level of the whole region, and no place is chosen for its no
 
 import numpy as np
 
-from repose.calibrate.designs.allowed import points_of_sequence
+from repose.calibrate.designs.allowed import take_allowed_points
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.probability import probability_in_box
+from repose.calibrate.probability import compute_box_probability
 from repose.calibrate.search.objective import Objective
 from repose.calibrate.surrogates.base import Surrogate
 from repose.calibrate.targets import Targets
 
 # Points of the Sobol sequence that are predicted; a power of two.
-CANDIDATES = 32768
+N_CANDIDATES = 32768
 # Points of least Eq. 11 among them, of which the errors are computed.
-NEAREST = 4096
+N_NEAREST = 4096
 # Points that are predicted at once.
-CHUNK = 4096
+CHUNK_SIZE = 4096
 
 
-def places_near_targets(
+def draw_near_targets(
     surrogate: Surrogate,
     space: ParameterSpace,
     targets: Targets,
@@ -45,7 +45,7 @@ def places_near_targets(
     space : ParameterSpace
     targets : Targets
     count : int
-        Number of places, at most `NEAREST`.
+        Number of places, at most `N_NEAREST`.
     tolerance_percent : float
         In percent of each target.
     random : numpy.random.Generator
@@ -60,18 +60,18 @@ def places_near_targets(
     # Choose the places nearest to the targets by their predictions, which are fast to
     # compute.
     sequence = qmc.Sobol(space.dimensions, scramble=False)
-    unit = points_of_sequence(sequence, CANDIDATES, space, follows_prior=False)
+    unit = take_allowed_points(sequence, N_CANDIDATES, space, follows_prior=False)
     predictions = [
         surrogate.predict(space.values(part))
-        for part in np.split(unit, CANDIDATES // CHUNK)
+        for part in np.split(unit, N_CANDIDATES // CHUNK_SIZE)
     ]
     deviations, _ = Objective(targets)(np.concatenate(predictions))
-    nearest = unit[np.argsort(deviations, kind="stable")[:NEAREST]]
+    nearest = unit[np.argsort(deviations, kind="stable")[:N_NEAREST]]
 
     # Compute the probability of these places from the errors of the predictions.
     parameter_sets = space.values(nearest)
     tolerance = tolerance_percent * (targets.whole / 100)
-    probability = probability_in_box(
+    probability = compute_box_probability(
         surrogate.predict(parameter_sets),
         surrogate.covariance(parameter_sets),
         targets.aim - tolerance,

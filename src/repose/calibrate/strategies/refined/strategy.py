@@ -10,16 +10,24 @@ import numpy as np
 import pandas as pd
 
 from repose.calibrate.inversion import invert
-from repose.calibrate.optimism import Pours, expected_optimism, representative_again
-from repose.calibrate.seeds import PURPOSES
+from repose.calibrate.optimism import (
+    Pours,
+    estimate_optimism,
+    make_representative_search,
+)
+from repose.calibrate.seeds import PURPOSE_STREAMS
 from repose.calibrate.strategies.base import Answer, Batch, samples_of
 from repose.calibrate.strategies.published.strategy import (
-    design_batch,
     fit_surrogate,
     make_answer,
+    make_design_batch,
 )
-from repose.calibrate.strategies.refined.places import places_near_targets
-from repose.calibrate.strategies.runs import next_number, runs_by_bench, samples_of_runs
+from repose.calibrate.strategies.refined.places import draw_near_targets
+from repose.calibrate.strategies.runs import (
+    find_next_sample,
+    samples_of_runs,
+    split_by_bench,
+)
 from repose.calibrate.study import Study
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.training import Training
@@ -40,7 +48,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     """
     section = study.settings.refine
     if data.empty:
-        return design_batch(study, section.design_seeds)
+        return make_design_batch(study, section.design_seeds)
     space = study.parameters
     samples = samples_of_runs(data, space, study.targets)
     # Samples with a number in the column `round` are only used for training, so the test
@@ -96,8 +104,10 @@ def _propose_second_stage(
     """
     section = study.settings.refine
     space = study.parameters
-    random = np.random.default_rng([study.settings.design.seed, PURPOSES["refined"]])
-    places = places_near_targets(
+    random = np.random.default_rng(
+        [study.settings.design.seed, PURPOSE_STREAMS["refined"]]
+    )
+    places = draw_near_targets(
         training.model,
         space,
         study.targets,
@@ -106,7 +116,7 @@ def _propose_second_stage(
         random=random,
     )
     # `propose` tells the stages apart by number: these samples come after the design.
-    first_number = max(next_number(data), study.settings.design.samples + 1)
+    first_number = max(find_next_sample(data), study.settings.design.samples + 1)
     samples = samples_of(space, places, seeds=1, first=first_number)
     parameter_sets = samples[list(space.names)].to_numpy(float)
     # Keep the predictions, to compare them with the runs.
@@ -139,14 +149,14 @@ def _estimate_optimism(
         Their runs.
     """
     settings = study.settings.miga
-    runs = runs_by_bench(data, study.targets)
+    runs = split_by_bench(data, study.targets)
     pours = Pours.collect(training.model, samples, runs, study.targets)
     if pours is None or not settings.replicates:
         return []
-    table = expected_optimism(
+    table = estimate_optimism(
         training.model,
         pours,
-        representative_again(study.parameters, study.targets, settings, support),
+        make_representative_search(study.parameters, study.targets, settings, support),
         study.targets,
         replicates=settings.replicates,
         seed=settings.seed,

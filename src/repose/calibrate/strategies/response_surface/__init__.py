@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from repose.calibrate.study import Study
 
 # Tables of the models of a step.
-FITTED = ("anova", "effects", "statistics")
+ANALYSIS_TABLES = ("anova", "effects", "statistics")
 
 
 class ResponseSurfaceSettings(Section):
@@ -105,8 +105,8 @@ class ResponseSurface(Strategy[ResponseSurfaceSettings]):
     settings = ResponseSurfaceSettings
     repeats_points = True
     files = (
-        *(f"screening_{table}.csv" for table in FITTED),
-        *(f"surface_{table}.csv" for table in FITTED),
+        *(f"screening_{table}.csv" for table in ANALYSIS_TABLES),
+        *(f"surface_{table}.csv" for table in ANALYSIS_TABLES),
         "screening.json",
         "path.csv",
         "surface.csv",

@@ -14,45 +14,52 @@ import numpy as np
 import pandas as pd
 
 from repose.calibrate.designs import ascent
-from repose.calibrate.designs.anova import anova, effects, limits, statistics
-from repose.calibrate.designs.model import Model, fit
+from repose.calibrate.designs.anova import (
+    compute_pareto_limits,
+    compute_statistics,
+    list_effects,
+    make_anova_table,
+)
+from repose.calibrate.designs.model import Model, fit_model
 from repose.calibrate.designs.plackett_burman import plackett_burman
 from repose.calibrate.designs.region import Region
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.strategies.response_surface import ResponseSurfaceSettings
 from repose.calibrate.strategies.response_surface.steps import (
-    CODED,
-    allowed_design,
+    CODED_PREFIX,
+    add_new_run_column,
+    compute_scale,
     count_new_runs,
-    factors_of,
-    good_samples,
-    region_of,
-    samples,
-    scale_of,
-    sentence_of_new_runs,
-    with_new_runs,
+    describe_new_runs,
+    list_factors,
+    make_region,
+    make_samples,
+    move_forbidden_runs,
+    select_good_samples,
 )
 from repose.calibrate.study import Study
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 
 
-def _effects_with_limits(model: Model) -> pd.DataFrame:
+def _tabulate_effects(model: Model) -> pd.DataFrame:
     """Make the table of effects, with the two limits of the Pareto chart."""
-    columns = {f"limit_{name}": limit for name, limit in limits(model).items()}
-    return effects(model).assign(**columns)
+    columns = {
+        f"limit_{name}": limit for name, limit in compute_pareto_limits(model).items()
+    }
+    return list_effects(model).assign(**columns)
 
 
-def _statistics(model: Model) -> pd.DataFrame:
+def _tabulate_statistics(model: Model) -> pd.DataFrame:
     """Make the table of statistics, one row."""
-    return pd.DataFrame([statistics(model)])
+    return pd.DataFrame([compute_statistics(model)])
 
 
 # Tables of a model by name, as in `repose.calibrate.designs.anova`.
-TABLES = {
-    "anova": anova,
-    "effects": _effects_with_limits,
-    "statistics": _statistics,
+TABLE_MAKERS = {
+    "anova": make_anova_table,
+    "effects": _tabulate_effects,
+    "statistics": _tabulate_statistics,
 }
 
 
@@ -65,7 +72,7 @@ def analyse_screening(
     ----------
     study : Study
     table : pandas.DataFrame
-        The samples, from `design`.
+        The samples, from `make_screening_samples`.
     dataset : pandas.DataFrame
         All samples with their responses.
 
@@ -84,13 +91,15 @@ def analyse_screening(
     targets = study.targets
     names = targets.names
     section = study.settings.response_surface
-    corner_samples, centre_samples = corners_and_centre(table, section.centres)
+    corner_samples, centre_samples = split_corners_and_centre(table, section.centres)
     models = fit_models(corner_samples, dataset, targets, "linear")
-    corner_means = good_samples(corner_samples, dataset)[list(names)].mean()
-    centre_means = good_samples(centre_samples, dataset)[list(names)].mean()
-    kept = kept_factors(models, section)
+    corner_means = select_good_samples(corner_samples, dataset)[list(names)].mean()
+    centre_means = select_good_samples(centre_samples, dataset)[list(names)].mean()
+    kept = choose_factors(models, section)
     try:
-        ascent_samples = path(models, centre_means.to_numpy(), kept, study)
+        ascent_samples = make_ascent_samples(
+            models, centre_means.to_numpy(), kept, study
+        )
     except ValueError as error:
         raise InputError(
             "runs", "targets", str(error), "a way towards the targets"
@@ -106,12 +115,14 @@ def analyse_screening(
     why = f"kept {', '.join(kept)}; dropped {', '.join(dropped) or 'none'}"
     if count_new_runs(table):
         result["new_runs"] = count_new_runs(table)
-        why += "." + sentence_of_new_runs(table).removesuffix(".")
-    tables = analysis_tables("screening", models, targets)
+        why += "." + describe_new_runs(table).removesuffix(".")
+    tables = make_analysis_tables("screening", models, targets)
     return ascent_samples, {**tables, "screening": result, "why": why}
 
 
-def design(space: ParameterSpace, section: ResponseSurfaceSettings) -> pd.DataFrame:
+def make_screening_samples(
+    space: ParameterSpace, section: ResponseSurfaceSettings
+) -> pd.DataFrame:
     """List the samples of the screening.
 
     Every free parameter is at an end of its range; the centre follows `centres` times.
@@ -125,20 +136,20 @@ def design(space: ParameterSpace, section: ResponseSurfaceSettings) -> pd.DataFr
     corners = plackett_burman(space.dimensions, section.screening_runs)
     region = _region_of_ranges(space)
     # The linear model is fitted to the corners alone.
-    runs = allowed_design(corners, region, "linear", space)
+    runs = move_forbidden_runs(corners, region, "linear", space)
     centre = np.zeros(space.dimensions) if region is None else region.centre
     coded = np.vstack([runs.coded, np.tile(centre, (section.centres, 1))])
     is_new = np.append(runs.is_new, np.full(section.centres, centre.any()))
-    table = samples("screening", space, (1 + coded) / 2, space.free, coded)
-    return with_new_runs(table, is_new, space)
+    table = make_samples("screening", space, (1 + coded) / 2, space.free, coded)
+    return add_new_run_column(table, is_new, space)
 
 
 def _region_of_ranges(space: ParameterSpace) -> Region | None:
     """Return what constraints allow of the whole ranges; None without constraints."""
-    return region_of(space, lambda coded: (1 + coded) / 2, space.dimensions)
+    return make_region(space, lambda coded: (1 + coded) / 2, space.dimensions)
 
 
-def corners_and_centre(
+def split_corners_and_centre(
     table: pd.DataFrame, centres: int
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Split the samples of the screening into the corners and the `centres` last ones."""
@@ -158,20 +169,20 @@ def fit_models(
         All samples with their responses.
     targets : Targets
     order : str
-        Order of the polynomial, as in `repose.calibrate.designs.model.fit`.
+        Order of the polynomial, as in `repose.calibrate.designs.model.fit_model`.
 
     Raises
     ------
     InputError
         If too few samples are usable.
     """
-    rows = good_samples(table, dataset)
-    factors = factors_of(table)
-    coded = rows[[CODED + name for name in factors]].to_numpy(float)
+    rows = select_good_samples(table, dataset)
+    factors = list_factors(table)
+    coded = rows[[CODED_PREFIX + name for name in factors]].to_numpy(float)
     models = []
     for name in targets.names:
         try:
-            models.append(fit(coded, rows[name].to_numpy(float), factors, order))
+            models.append(fit_model(coded, rows[name].to_numpy(float), factors, order))
         except ValueError as error:
             raise InputError(
                 "runs", "samples that are ok", str(error), "enough for the model"
@@ -179,7 +190,7 @@ def fit_models(
     return models
 
 
-def analysis_tables(
+def make_analysis_tables(
     step: str, models: list[Model], targets: Targets
 ) -> dict[str, pd.DataFrame]:
     """Make the tables of the models of a step, as in `repose.calibrate.designs.anova`.
@@ -195,11 +206,11 @@ def analysis_tables(
     Returns
     -------
     dict
-        The tables of `TABLES` by name, each with the rows of all responses. Their first
+        The tables of `TABLE_MAKERS` by name, each with the rows of all responses. Their first
         column is `response`.
     """
     tables: dict[str, pd.DataFrame] = {}
-    for name, make_table in TABLES.items():
+    for name, make_table in TABLE_MAKERS.items():
         parts = []
         for response, model in zip(targets.names, models, strict=True):
             part = make_table(model)
@@ -209,13 +220,13 @@ def analysis_tables(
     return tables
 
 
-def kept_factors(models: list[Model], section: ResponseSurfaceSettings) -> list[str]:
+def choose_factors(models: list[Model], section: ResponseSurfaceSettings) -> list[str]:
     """Choose the parameters of the next steps, the most significant first.
 
     They are significant for at least one response. If these are fewer than the surface
     needs, the next ones follow; beyond `most_factors` they are dropped.
     """
-    p_of_models = [effects(model).set_index("term")["p"] for model in models]
+    p_of_models = [list_effects(model).set_index("term")["p"] for model in models]
     # A factor counts by its most significant effect. Equals stay in the usual order.
     least_p = pd.concat(p_of_models, axis=1).min(axis=1)
     ranking = least_p.reindex(models[0].factors).sort_values(kind="stable")
@@ -224,7 +235,7 @@ def kept_factors(models: list[Model], section: ResponseSurfaceSettings) -> list[
     return list(ranking.index[:count])
 
 
-def path(
+def make_ascent_samples(
     models: list[Model], centre: np.ndarray, kept: list[str], study: Study
 ) -> pd.DataFrame:
     """Sample the steepest ascent from the centre of the ranges towards the targets.
@@ -252,7 +263,9 @@ def path(
     # The slopes (responses, kept factors) of the models.
     order = [models[0].factors.index(name) for name in kept]
     slopes = np.array([model.coefficients[order] for model in models])
-    direction = ascent.ascent_direction(slopes, targets.aim - centre, scale_of(targets))
+    direction = ascent.compute_ascent_direction(
+        slopes, targets.aim - centre, compute_scale(targets)
+    )
     # Keep the other parameters at the centre of the ranges, or of what is allowed.
     region_of_ranges = _region_of_ranges(space)
     start = np.zeros(space.dimensions)
@@ -266,8 +279,8 @@ def path(
         return unit
 
     steps = study.settings.response_surface.steps
-    coded = ascent.path(direction, steps, start[columns])
-    region = region_of(space, place, len(kept))
+    coded = ascent.make_ascent_path(direction, steps, start[columns])
+    region = make_region(space, place, len(kept))
     if region is not None:
-        coded = np.array([region.nearest(point) for point in coded])
-    return samples("ascent", space, place(coded), kept, coded)
+        coded = np.array([region.find_nearest(point) for point in coded])
+    return make_samples("ascent", space, place(coded), kept, coded)

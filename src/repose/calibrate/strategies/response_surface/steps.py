@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pandas as pd
 
-from repose.calibrate.designs.latin_hypercube import parameter_sets
+from repose.calibrate.designs.latin_hypercube import tabulate_parameter_sets
 from repose.calibrate.designs.optimal import AllowedDesign, replace_forbidden
 from repose.calibrate.designs.region import Region
 from repose.calibrate.parameter_space import ParameterSpace
@@ -16,14 +16,14 @@ from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 
 STEPS = ("screening", "ascent", "surface", "check")
-OF_A_STEP = 1000
+NUMBERS_PER_STEP = 1000
 # Before the name of a parameter: its column in coded units.
-CODED = "coded_"
+CODED_PREFIX = "coded_"
 # Whether a run took the place of a forbidden one; a column where there are constraints.
-NEW = "is_new"
+NEW_RUN_COLUMN = "is_new"
 
 
-def samples(
+def make_samples(
     step: str,
     space: ParameterSpace,
     unit: np.ndarray,
@@ -48,21 +48,25 @@ def samples(
     -------
     pandas.DataFrame
         `sample`, the parameters, and the factors in coded units, whose names begin with
-        `CODED`.
+        `CODED_PREFIX`.
     """
-    first = OF_A_STEP * (STEPS.index(step) + 1) + 1
-    table = parameter_sets(unit, space, first)
+    first = NUMBERS_PER_STEP * (STEPS.index(step) + 1) + 1
+    table = tabulate_parameter_sets(unit, space, first)
     for name, column in zip(factors, np.asarray(coded).T, strict=True):
-        table[CODED + name] = column
+        table[CODED_PREFIX + name] = column
     return table
 
 
-def factors_of(table: pd.DataFrame) -> tuple[str, ...]:
-    """Return the parameters that a step varied, from its table of `samples`."""
-    return tuple(name.removeprefix(CODED) for name in table if name.startswith(CODED))
+def list_factors(table: pd.DataFrame) -> tuple[str, ...]:
+    """Return the parameters that a step varied, from its table of `make_samples`."""
+    return tuple(
+        name.removeprefix(CODED_PREFIX)
+        for name in table
+        if name.startswith(CODED_PREFIX)
+    )
 
 
-def good_samples(table: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFrame:
+def select_good_samples(table: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFrame:
     """Select the good samples of a step, with their responses.
 
     Parameters
@@ -80,7 +84,7 @@ def good_samples(table: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFrame:
     missing = sorted(set(table["sample"]) - set(dataset["sample"]))
     if missing:
         raise InputError("runs", "sample", missing, "all samples of the step")
-    coded = [CODED + name for name in factors_of(table)]
+    coded = [CODED_PREFIX + name for name in list_factors(table)]
     joined = table[["sample", *coded]].merge(dataset, on="sample")
     good = joined[joined["status"] == "ok"].reset_index(drop=True)
     if good.empty:
@@ -89,7 +93,7 @@ def good_samples(table: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFrame:
     return good
 
 
-def scale_of(targets: Targets) -> np.ndarray:
+def compute_scale(targets: Targets) -> np.ndarray:
     """Return the scale (k,) of the deviations from the targets.
 
     It is 100 % of each target over the root of its weight.
@@ -100,7 +104,7 @@ def scale_of(targets: Targets) -> np.ndarray:
 # --- constraints ----------------------------------------------------------------------
 
 
-def region_of(
+def make_region(
     space: ParameterSpace, place: Callable[[np.ndarray], np.ndarray], factors: int
 ) -> Region | None:
     """Return what constraints allow of the cube of a step; None without constraints.
@@ -117,7 +121,7 @@ def region_of(
     return Region(lambda coded: space.excesses(place(coded)), factors)
 
 
-def allowed_design(
+def move_forbidden_runs(
     coded: np.ndarray, region: Region | None, order: str, space: ParameterSpace
 ) -> AllowedDesign:
     """Move the runs of a design that constraints forbid.
@@ -157,19 +161,19 @@ def allowed_design(
     return AllowedDesign(runs.coded, runs.is_new | is_moved)
 
 
-def with_new_runs(
+def add_new_run_column(
     table: pd.DataFrame, is_new: np.ndarray, space: ParameterSpace
 ) -> pd.DataFrame:
-    """Add the column `NEW` to the samples of a step, if there are constraints."""
-    return table.assign(**{NEW: is_new}) if space.constraints else table
+    """Add the column `NEW_RUN_COLUMN` to the samples of a step, if there are constraints."""
+    return table.assign(**{NEW_RUN_COLUMN: is_new}) if space.constraints else table
 
 
 def count_new_runs(table: pd.DataFrame) -> int:
     """Count the runs of a step that took the place of forbidden ones."""
-    return int(table[NEW].sum()) if NEW in table else 0
+    return int(table[NEW_RUN_COLUMN].sum()) if NEW_RUN_COLUMN in table else 0
 
 
-def sentence_of_new_runs(table: pd.DataFrame) -> str:
+def describe_new_runs(table: pd.DataFrame) -> str:
     """Say how many runs of a step were moved; empty if none was."""
     count = count_new_runs(table)
     if not count:

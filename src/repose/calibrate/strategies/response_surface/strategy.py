@@ -14,10 +14,10 @@ from repose.calibrate.strategies.response_surface import (
 )
 from repose.calibrate.strategies.response_surface.steps import (
     count_new_runs,
-    factors_of,
-    sentence_of_new_runs,
+    describe_new_runs,
+    list_factors,
 )
-from repose.calibrate.strategies.runs import next_number, samples_of_runs
+from repose.calibrate.strategies.runs import find_next_sample, samples_of_runs
 from repose.calibrate.study import Study
 
 
@@ -35,8 +35,8 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
         return Batch(samples.assign(seeds=section.seeds), notes)
 
     # Screen the parameters.
-    screening_samples = screening.design(space, section)
-    if _lacks(data, screening_samples):
+    screening_samples = screening.make_screening_samples(space, section)
+    if _is_not_simulated(data, screening_samples):
         return batch(screening_samples)
     dataset = samples_of_runs(data, space, targets)
 
@@ -45,50 +45,50 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
         study, screening_samples, dataset
     )
     notes |= screening_notes
-    if _lacks(data, ascent_samples):
+    if _is_not_simulated(data, ascent_samples):
         return batch(ascent_samples)
 
     # Design a surface about the best point of the path.
-    points = surface.good_path_points(ascent_samples, dataset, targets)
+    points = surface.rank_path_points(ascent_samples, dataset, targets)
     nearest = points[points["best"]].iloc[0]
     notes["path"] = points
     notes["why"] = (
         f"sample {nearest['sample']} is nearest to the targets, "
         f"{nearest['error_percent']:.2f} % off"
     )
-    surface_samples = surface.design(points, space, section)
+    surface_samples = surface.make_surface_samples(points, space, section)
     if count_new_runs(surface_samples):
-        sentence = sentence_of_new_runs(surface_samples)
+        sentence = describe_new_runs(surface_samples)
         notes["why"] += "." + sentence.removesuffix(".")
-    if _lacks(data, surface_samples):
+    if _is_not_simulated(data, surface_samples):
         return batch(surface_samples)
 
     # Simulate the optimum of the surface.
     models = screening.fit_models(surface_samples, dataset, targets, "quadratic")
-    region = surface.region_of_surface(surface_samples, space)
-    optimum = surface.best_point(models, targets, region)
-    check = surface.check_samples(surface_samples, optimum, space, section.checks)
-    notes |= screening.analysis_tables("surface", models, targets)
+    region = surface.make_surface_region(surface_samples, space)
+    optimum = surface.find_best_point(models, targets, region)
+    check = surface.make_check_samples(surface_samples, optimum, space, section.checks)
+    notes |= screening.make_analysis_tables("surface", models, targets)
     notes["surface"] = surface_samples
-    notes |= surface.notes(models, optimum, check, study)
-    if _lacks(data, check):
+    notes |= surface.make_notes(models, optimum, check, study)
+    if _is_not_simulated(data, check):
         return batch(check)
 
     # Answer with it.
     checked = dataset[dataset["sample"].isin(check["sample"])]
     notes["check"] = surface.add_check(notes["predictions"], checked)
     notes["summary"] = {"surfaces_meet_targets": optimum.met}
-    notes["steps"] = _steps(section, screening_samples, surface_samples)
-    unit = surface.to_unit_cube(surface_samples, optimum.coded, space)
+    notes["steps"] = _describe_steps(section, screening_samples, surface_samples)
+    unit = surface.convert_to_unit_cube(surface_samples, optimum.coded, space)
     mean = optimum.predicted
     covariance = np.diag(notes["predictions"]["standard_error"] ** 2)
-    others = surface.alternatives(models, surface_samples, study)
+    others = surface.find_alternatives(models, surface_samples, study)
     return Answer(
         values=space.values(unit)[0],
         mean=mean,
         covariance=covariance,
         probability=probability_of(mean[None], covariance[None], targets),
-        samples=samples_of(space, unit, section.checks, next_number(data)),
+        samples=samples_of(space, unit, section.checks, find_next_sample(data)),
         why="the optimum of the surfaces is simulated",
         others=others.sets,
         others_mean=others.mean,
@@ -97,24 +97,24 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     )
 
 
-def _steps(
+def _describe_steps(
     section: ResponseSurfaceSettings,
     screening_samples: pd.DataFrame,
     surface_samples: pd.DataFrame,
 ) -> tuple[str, ...]:
     """Describe the steps to the answer, in sentences."""
-    kept = ", ".join(factors_of(surface_samples))
+    kept = ", ".join(list_factors(surface_samples))
     return (
         f"Screening: {section.screening_runs} runs of a Plackett-Burman design and "
         f"{section.centres} of the centre; kept: {kept}."
-        f"{sentence_of_new_runs(screening_samples)}",
+        f"{describe_new_runs(screening_samples)}",
         "Steepest ascent towards the targets, to the best point of the path.",
         f"Surface: {len(surface_samples)} parameter sets about it ({section.surface}), "
         "a quadratic model for each response, and its optimum."
-        f"{sentence_of_new_runs(surface_samples)}",
+        f"{describe_new_runs(surface_samples)}",
     )
 
 
-def _lacks(data: pd.DataFrame, samples: pd.DataFrame) -> bool:
+def _is_not_simulated(data: pd.DataFrame, samples: pd.DataFrame) -> bool:
     """Return whether the samples of a step are not simulated yet."""
     return data.empty or not data["sample"].isin(samples["sample"]).any()

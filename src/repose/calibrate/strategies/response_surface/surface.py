@@ -11,28 +11,28 @@ import numpy as np
 import pandas as pd
 
 from repose.calibrate.designs.model import Model
-from repose.calibrate.designs.optimum import Optimum, optimum
+from repose.calibrate.designs.optimum import Optimum, find_optimum
 from repose.calibrate.designs.region import Region
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.strategies.answer import select_separated
 from repose.calibrate.strategies.response_surface import ResponseSurfaceSettings
 from repose.calibrate.strategies.response_surface.steps import (
-    CODED,
-    allowed_design,
-    factors_of,
-    good_samples,
-    region_of,
-    samples,
-    scale_of,
-    with_new_runs,
+    CODED_PREFIX,
+    add_new_run_column,
+    compute_scale,
+    list_factors,
+    make_region,
+    make_samples,
+    move_forbidden_runs,
+    select_good_samples,
 )
 from repose.calibrate.study import Study
 from repose.calibrate.targets import Targets
 
 # Probability of the intervals.
-LEVEL = 0.95
+CONFIDENCE = 0.95
 # Points of the cube that are searched for parameter sets inside the ranges.
-POINTS = 2048
+N_POINTS = 2048
 
 
 class Alternatives(NamedTuple):
@@ -42,7 +42,7 @@ class Alternatives(NamedTuple):
     mean: np.ndarray  # (n, k), predicted responses
 
 
-def good_path_points(
+def rank_path_points(
     table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets
 ) -> pd.DataFrame:
     """Select the usable points of the path of ascent, and mark the best one.
@@ -53,7 +53,7 @@ def good_path_points(
         The points with two further columns: `error_percent`, the weighted root mean
         square of the relative deviations from the targets, and `best`.
     """
-    points = good_samples(table, dataset)
+    points = select_good_samples(table, dataset)
     deviation = points[list(targets.names)].to_numpy(float) / targets.aim - 1
     square = (targets.weight * deviation**2).sum(axis=1) / targets.weight.sum()
     points["error_percent"] = 100 * np.sqrt(square)
@@ -61,7 +61,7 @@ def good_path_points(
     return points
 
 
-def design(
+def make_surface_samples(
     points: pd.DataFrame, space: ParameterSpace, section: ResponseSurfaceSettings
 ) -> pd.DataFrame:
     """Design the samples of the surface around the best point of the path.
@@ -72,7 +72,7 @@ def design(
     Parameters
     ----------
     points : pandas.DataFrame
-        The path, from `good_path_points`.
+        The path, from `rank_path_points`.
     space : ParameterSpace
     section : ResponseSurfaceSettings
 
@@ -81,7 +81,7 @@ def design(
     InputError
         If allowed runs do not determine a quadratic model.
     """
-    factors = factors_of(points)
+    factors = list_factors(points)
     reach = section.reach
     coded, outermost_level = section.coded(len(factors))
 
@@ -97,38 +97,38 @@ def design(
         unit[:, columns] = centre + reach / outermost_level * coded
         return unit
 
-    region = region_of(space, place, len(factors))
-    runs = allowed_design(coded, region, "quadratic", space)
-    table = samples("surface", space, place(runs.coded), factors, runs.coded)
-    return with_new_runs(table, runs.is_new, space)
+    region = make_region(space, place, len(factors))
+    runs = move_forbidden_runs(coded, region, "quadratic", space)
+    table = make_samples("surface", space, place(runs.coded), factors, runs.coded)
+    return add_new_run_column(table, runs.is_new, space)
 
 
-def region_of_surface(table: pd.DataFrame, space: ParameterSpace) -> Region | None:
+def make_surface_region(table: pd.DataFrame, space: ParameterSpace) -> Region | None:
     """Return what constraints allow of the surface's cube; None without constraints.
 
     `table` has the samples of the surface.
     """
-    return region_of(space, _place_of(table, space), len(factors_of(table)))
+    return make_region(space, _make_conversion(table, space), len(list_factors(table)))
 
 
-def best_point(
+def find_best_point(
     models: list[Model], targets: Targets, region: Region | None = None
 ) -> Optimum:
     """Find the optimum of the quadratic models inside the cube of the design.
 
     There is one model for each target. `region` is what is allowed of the cube.
     """
-    return optimum(
+    return find_optimum(
         models,
         targets.aim,
-        scale=scale_of(targets),
+        scale=compute_scale(targets),
         low=targets.low,
         high=targets.high,
         region=region,
     )
 
 
-def to_unit_cube(
+def convert_to_unit_cube(
     table: pd.DataFrame, points: np.ndarray, space: ParameterSpace
 ) -> np.ndarray:
     """Convert points from coded units to the unit cube of the ranges.
@@ -145,22 +145,22 @@ def to_unit_cube(
     -------
     numpy.ndarray, (n, d)
     """
-    return _place_of(table, space)(points)
+    return _make_conversion(table, space)(points)
 
 
-def _place_of(
+def _make_conversion(
     table: pd.DataFrame, space: ParameterSpace
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """Make the function of `to_unit_cube` for the samples of a surface."""
+    """Make the function of `convert_to_unit_cube` for the samples of a surface."""
     sample_unit = space.unit(table[list(space.names)].to_numpy(float))
     # The position in the range is linear in the coded level. The line is given by the
     # samples at the lowest and the highest level.
     columns = []
     starts = []
     slopes = []
-    for name in factors_of(table):
+    for name in list_factors(table):
         column = space.free.index(name)
-        coded = table[CODED + name].to_numpy(float)
+        coded = table[CODED_PREFIX + name].to_numpy(float)
         lowest = coded.argmin()
         highest = coded.argmax()
         rise = sample_unit[highest, column] - sample_unit[lowest, column]
@@ -179,7 +179,7 @@ def _place_of(
     return place
 
 
-def alternatives(
+def find_alternatives(
     models: list[Model], table: pd.DataFrame, study: Study
 ) -> Alternatives:
     """Find parameter sets inside the design that are predicted to meet all ranges.
@@ -200,37 +200,37 @@ def alternatives(
 
     # Predict the responses at points all over the cube.
     sequence = qmc.Sobol(len(models[0].factors), rng=settings.design.seed)
-    coded = 2 * sequence.random(POINTS) - 1
-    region = region_of_surface(table, space)
+    coded = 2 * sequence.random(N_POINTS) - 1
+    region = make_surface_region(table, space)
     if region is not None:
         coded = coded[region.is_allowed(coded)]
     predicted = np.column_stack([model.predict(coded) for model in models])
     is_inside = np.all((predicted >= targets.low) & (predicted <= targets.high), axis=1)
 
     # Sort those inside all ranges by their distance from the aims.
-    deviation = (predicted - targets.aim) / scale_of(targets)
+    deviation = (predicted - targets.aim) / compute_scale(targets)
     nearest_first = np.argsort((deviation**2).sum(axis=1), kind="stable")
     rows = nearest_first[is_inside[nearest_first]]
 
     # Keep points that are apart from each other.
-    unit = to_unit_cube(table, coded[rows], space)
+    unit = convert_to_unit_cube(table, coded[rows], space)
     kept = select_separated(unit, settings.miga)
     return Alternatives(space.values(unit[kept]), predicted[rows][kept])
 
 
-def check_samples(
+def make_check_samples(
     table: pd.DataFrame, best: Optimum, space: ParameterSpace, count: int
 ) -> pd.DataFrame:
     """Repeat the optimum `count` times, as samples of the check.
 
     `table` has the samples of the surface.
     """
-    unit = np.repeat(to_unit_cube(table, best.coded, space), count, axis=0)
+    unit = np.repeat(convert_to_unit_cube(table, best.coded, space), count, axis=0)
     coded = np.repeat(best.coded[None], count, axis=0)
-    return samples("check", space, unit, factors_of(table), coded)
+    return make_samples("check", space, unit, list_factors(table), coded)
 
 
-def notes(
+def make_notes(
     models: list[Model], best: Optimum, check: pd.DataFrame, study: Study
 ) -> dict[str, Any]:
     """Describe the optimum, as notes of the proposal.
@@ -253,7 +253,7 @@ def notes(
     coded = dict(zip(models[0].factors, best.coded.tolist(), strict=True))
     verb = "meet" if best.met else "do not meet"
     return {
-        "predictions": predictions(models, best, study.targets, len(check)),
+        "predictions": predict_at_optimum(models, best, study.targets, len(check)),
         "optimum": {
             "parameters": parameters,
             "coded": coded,
@@ -264,7 +264,7 @@ def notes(
     }
 
 
-def predictions(
+def predict_at_optimum(
     models: list[Model], best: Optimum, targets: Targets, runs: int
 ) -> pd.DataFrame:
     """Predict the responses at the optimum.
@@ -291,7 +291,7 @@ def predictions(
     table["standard_error"] = [
         float(model.standard_error(point)[0]) for model in models
     ]
-    t = np.array([_quantile(model) for model in models])
+    t = np.array([_compute_t_quantile(model) for model in models])
     variance_of_mean = [model.variance / runs for model in models]
     error_of_runs = np.sqrt(table["standard_error"] ** 2 + variance_of_mean)
     table["mean_low"] = table["predicted"] - t * table["standard_error"]
@@ -301,7 +301,7 @@ def predictions(
     return table
 
 
-def _quantile(model: Model) -> float:
+def _compute_t_quantile(model: Model) -> float:
     """Return the quantile of the t distribution for an interval of a model.
 
     It is NaN for a model without degrees of freedom.
@@ -310,7 +310,7 @@ def _quantile(model: Model) -> float:
 
     if not model.df:
         return np.nan
-    return float(stats.t.ppf((1 + LEVEL) / 2, model.df))
+    return float(stats.t.ppf((1 + CONFIDENCE) / 2, model.df))
 
 
 def add_check(predicted: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFrame:

@@ -84,7 +84,7 @@ class Sequential(Strategy[SequentialSettings]):
     def answer(self, study: "Study", data: "pd.DataFrame") -> Answer:
         from repose.calibrate.strategies.sequential import strategy
 
-        return strategy.answer(study, data)
+        return strategy.give_answer(study, data)
 
     def contradictions(
         self, section: SequentialSettings, free: int, responses: int

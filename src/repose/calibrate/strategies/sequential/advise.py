@@ -11,43 +11,43 @@ from typing import NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from repose.calibrate.designs.allowed import allowed_design, points_of_sequence
+from repose.calibrate.designs.allowed import make_allowed_design, take_allowed_points
 from repose.calibrate.designs.latin_hypercube import optimal_lhs
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.strategies.answer import select_separated
 from repose.calibrate.strategies.sequential import SequentialSettings
 from repose.calibrate.strategies.sequential.goal import Goal
-from repose.calibrate.strategies.sequential.kriging import Kriging, Observed
-from repose.calibrate.strategies.sequential.reach import Reach, reach
+from repose.calibrate.strategies.sequential.kriging import Kriging, ObservedSamples
+from repose.calibrate.strategies.sequential.reach import Reach, estimate_reach
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
 
 # Points over the whole ranges that are compared first.
-CANDIDATES = 2048
+N_CANDIDATES = 2048
 # The best KEPT points are searched more closely, by AROUND points around each.
-KEPT = 8
-AROUND = 64
+N_KEPT = 8
+N_AROUND = 64
 # Standard deviations of the points around the best ones, in ranges: a step each.
-STEPS = (0.1, 0.03, 0.01)
+STEP_SDS = (0.1, 0.03, 0.01)
 # Standard deviation of a batch about the answer, in ranges.
-SPREAD = 0.1
+BATCH_SD = 0.1
 # Probability that any point meets the targets. Below IN_DOUBT half a batch is simulated
 # where the draws of the model come nearest to the targets. Below OUT_OF_REACH the search
 # ends, once batches have followed the start.
-IN_DOUBT = 0.8
-OUT_OF_REACH = 0.3
+DOUBTFUL_PROBABILITY = 0.8
+UNREACHABLE_PROBABILITY = 0.3
 # Points with a smaller distance, in ranges, are the same.
-SAME = 1e-9
+SAME_DISTANCE = 1e-9
 # Share of a range within which a point lies at its end.
-AT_END = 1e-3
+END_SHARE = 1e-3
 # The noise limits a probability that further runs cannot raise by more than this.
-LEAST_GAIN = 0.01
+MIN_GAIN = 0.01
 
 Score = Callable[[np.ndarray], np.ndarray]
 
 
-class Scored(NamedTuple):
+class ScoredPoints(NamedTuple):
     """Points of the unit cube with their scores; a higher score is better."""
 
     points: np.ndarray  # (m, d)
@@ -108,7 +108,9 @@ class Advice(NamedTuple):
     model: Kriging
 
 
-def start(space: ParameterSpace, section: SequentialSettings, seed: int) -> np.ndarray:
+def make_start(
+    space: ParameterSpace, section: SequentialSettings, seed: int
+) -> np.ndarray:
     """Make the first points (n, d) in the unit cube.
 
     They are a Latin hypercube, spread as the prior; with constraints, they are spread
@@ -118,11 +120,13 @@ def start(space: ParameterSpace, section: SequentialSettings, seed: int) -> np.n
     def design_of(size: int) -> np.ndarray:
         return optimal_lhs(size, space.dimensions, seed)
 
-    return allowed_design(design_of, section.start_samples, space, follows_prior=True)
+    return make_allowed_design(
+        design_of, section.start_samples, space, follows_prior=True
+    )
 
 
 def advise(
-    observed: Observed,
+    observed: ObservedSamples,
     goal: Goal,
     section: SequentialSettings,
     done: int,
@@ -155,7 +159,7 @@ def advise(
     # targets.
     model = Kriging(observed, noise)
     ranking = rank_points(model, goal, observed, random)
-    attainable = reach(model, goal, random.spawn(1)[0])
+    attainable = estimate_reach(model, goal, random.spawn(1)[0])
     answer = ranking.best
     probability = _compute_probability(model, goal, answer)
 
@@ -165,10 +169,10 @@ def advise(
     allowed = ranking.points
     if goal.space.constraints:
         allowed = allowed[goal.space.is_allowed(allowed)]
-    reachable = max(goal.reachable(model, allowed, runs_left), probability)
+    reachable = max(goal.estimate_reachable(model, allowed, runs_left), probability)
     # The response may be steep at an end of a range, where a model without runs there
     # only continues the slope from afar.
-    ends = nearest_ends(attainable.points)
+    ends = find_nearest_ends(attainable.points)
     if not goal.space.is_allowed(np.where(np.isfinite(ends), ends, answer)[None])[0]:
         ends = np.full(len(ends), np.nan)
     is_past_start = done > section.start_samples * section.seeds
@@ -187,13 +191,13 @@ def advise(
     is_unmet = stop in ("budget", "noise") and no_point_meets(model, goal, ranking)
     is_nearest = stop == "out_of_reach" or is_unmet
     if is_nearest:
-        answer = nearest(model, goal, observed, ranking.points)
+        answer = find_nearest(model, goal, observed, ranking.points)
         probability = _compute_probability(model, goal, answer)
 
     batch = np.empty((0, len(answer)))
     if stop is None:
         batch = _choose_batch(answer, n_samples, attainable, goal, observed, random)
-        if attainable.probability < OUT_OF_REACH and is_past_start:
+        if attainable.probability < UNREACHABLE_PROBABILITY and is_past_start:
             batch = _move_to_ends(ends, batch, observed, goal.space)
 
     mean, covariance = model.predict(answer[None])
@@ -205,7 +209,7 @@ def advise(
         mean=mean[0],
         error=np.sqrt(np.diagonal(covariance[0])),
         reachable=reachable,
-        needed=goal.needed(model.noise, section.probability),
+        needed=goal.count_needed_runs(model.noise, section.probability),
         reach=attainable,
         is_nearest=is_nearest,
         model=model,
@@ -217,7 +221,7 @@ def _choose_batch(
     n_samples: int,
     attainable: Reach,
     goal: Goal,
-    observed: Observed,
+    observed: ObservedSamples,
     random: Generator,
 ) -> np.ndarray:
     """Choose the points of the next batch.
@@ -238,7 +242,7 @@ def _choose_batch(
     -------
     numpy.ndarray, (b, d)
     """
-    if attainable.probability < IN_DOUBT:
+    if attainable.probability < DOUBTFUL_PROBABILITY:
         # Use half a batch, rounded up, for the points where draws of the model come
         # nearest to the targets, unless all of these are already simulated.
         points = random.permutation(attainable.points)
@@ -280,16 +284,16 @@ def _find_reason_to_stop(
     """
     if probability >= section.probability:
         return "probability"
-    if attainable < OUT_OF_REACH and is_past_start and is_end_simulated:
+    if attainable < UNREACHABLE_PROBABILITY and is_past_start and is_end_simulated:
         return "out_of_reach"
     if n_samples == 0:
         return "budget"
-    if reachable < probability + LEAST_GAIN and attainable >= OUT_OF_REACH:
+    if reachable < probability + MIN_GAIN and attainable >= UNREACHABLE_PROBABILITY:
         return "noise"
     return None
 
 
-def nearest_ends(points: np.ndarray) -> np.ndarray:
+def find_nearest_ends(points: np.ndarray) -> np.ndarray:
     """Find the ends of ranges at which most points (n, d) of the unit cube lie.
 
     Returns
@@ -299,20 +303,23 @@ def nearest_ends(points: np.ndarray) -> np.ndarray:
     """
     ends = np.full(points.shape[1], np.nan)
     for end in (0.0, 1.0):
-        share = (np.abs(points - end) <= AT_END).mean(axis=0)
+        share = (np.abs(points - end) <= END_SHARE).mean(axis=0)
         ends[share >= 0.5] = end
     return ends
 
 
 def has_run_at(ends: np.ndarray, simulated: np.ndarray) -> bool:
-    """Return whether any of the samples (n, d) lies at all ends of `nearest_ends`."""
+    """Return whether any of the samples (n, d) lies at all ends of `find_nearest_ends`."""
     is_end = np.isfinite(ends)
-    is_there = np.abs(simulated[:, is_end] - ends[is_end]) <= AT_END
+    is_there = np.abs(simulated[:, is_end] - ends[is_end]) <= END_SHARE
     return bool(is_there.all(axis=1).any())
 
 
 def _move_to_ends(
-    ends: np.ndarray, batch: np.ndarray, observed: Observed, space: ParameterSpace
+    ends: np.ndarray,
+    batch: np.ndarray,
+    observed: ObservedSamples,
+    space: ParameterSpace,
 ) -> np.ndarray:
     """Move the first point of a batch to the ends, unless a run stands there.
 
@@ -326,15 +333,15 @@ def _move_to_ends(
     return moved if space.is_allowed(moved[:1])[0] else batch
 
 
-def no_point_meets(model: Kriging, goal: Goal, ranking: Scored) -> bool:
+def no_point_meets(model: Kriging, goal: Goal, ranking: ScoredPoints) -> bool:
     """Return whether no ranked point is predicted inside the ranges of all targets."""
     points = ranking.points[np.isfinite(ranking.scores)]
     mean, _ = model.predict(points)
     return not goal.is_in_ranges(mean).any()
 
 
-def nearest(
-    model: Kriging, goal: Goal, observed: Observed, points: np.ndarray
+def find_nearest(
+    model: Kriging, goal: Goal, observed: ObservedSamples, points: np.ndarray
 ) -> np.ndarray:
     """Find the point (d,) with the smallest expected deviation from the targets.
 
@@ -374,8 +381,8 @@ def _compute_probability(model: Kriging, goal: Goal, point: np.ndarray) -> float
 
 
 def _refine_search(
-    points: np.ndarray, score: Score, observed: Observed, random: Generator
-) -> Scored:
+    points: np.ndarray, score: Score, observed: ObservedSamples, random: Generator
+) -> ScoredPoints:
     """Add points around the best ones, in ever smaller steps, and score them all.
 
     Parameters
@@ -394,20 +401,20 @@ def _refine_search(
         return np.where(observed.is_sound(unit), score(unit), -np.inf)
 
     scores = score_sound(points)
-    for step in STEPS:
-        best = points[np.argsort(-scores)[:KEPT]]
+    for step in STEP_SDS:
+        best = points[np.argsort(-scores)[:N_KEPT]]
         # Try points around the best ones.
-        centres = np.repeat(best, AROUND, axis=0)
+        centres = np.repeat(best, N_AROUND, axis=0)
         shifts = step * random.standard_normal(centres.shape)
         new_points = np.clip(centres + shifts, 0, 1)
         points = np.vstack([points, new_points])
         scores = np.concatenate([scores, score_sound(new_points)])
-    return Scored(points, scores)
+    return ScoredPoints(points, scores)
 
 
 def rank_points(
-    model: Kriging, goal: Goal, observed: Observed, random: Generator
-) -> Scored:
+    model: Kriging, goal: Goal, observed: ObservedSamples, random: Generator
+) -> ScoredPoints:
     """Score points all over the ranges, and ever nearer to the best of them.
 
     The score is `Goal.score`; it is minus infinity where a failed sample is nearer than
@@ -417,12 +424,12 @@ def rank_points(
 
     dimensions = observed.unit.shape[1]
     sequence = qmc.Sobol(dimensions, rng=random)
-    points = points_of_sequence(sequence, CANDIDATES, goal.space)
+    points = take_allowed_points(sequence, N_CANDIDATES, goal.space)
     return _refine_search(points, partial(goal.score, model), observed, random)
 
 
-def alternatives(
-    ranking: Scored, model: Kriging, targets: Targets, section: MigaSettings
+def find_alternatives(
+    ranking: ScoredPoints, model: Kriging, targets: Targets, section: MigaSettings
 ) -> Alternatives:
     """Choose points that are predicted inside all ranges and apart from each other.
 
@@ -449,7 +456,7 @@ def _draw_around(
     answer: np.ndarray,
     n_samples: int,
     goal: Goal,
-    observed: Observed,
+    observed: ObservedSamples,
     random: Generator,
 ) -> np.ndarray:
     """Draw points about the answer, normal in shares of the prior.
@@ -458,8 +465,8 @@ def _draw_around(
     """
     # In shares of the prior, 0.1 on each side is a tenth of its probability.
     centre = goal.space.prior_cdf(answer[None])
-    shape = (AROUND * n_samples, len(answer))
-    shares = np.clip(centre + SPREAD * random.standard_normal(shape), 0, 1)
+    shape = (N_AROUND * n_samples, len(answer))
+    shares = np.clip(centre + BATCH_SD * random.standard_normal(shape), 0, 1)
     points = goal.space.from_prior(shares)
     if goal.space.constraints:
         # The answer is allowed, so points are left.
@@ -467,7 +474,9 @@ def _draw_around(
     return _select_sound(points, observed, n_samples)
 
 
-def _select_sound(points: np.ndarray, observed: Observed, count: int) -> np.ndarray:
+def _select_sound(
+    points: np.ndarray, observed: ObservedSamples, count: int
+) -> np.ndarray:
     """Select `count` points: the first sound ones, then the first of the others."""
     order = np.argsort(~observed.is_sound(points), kind="stable")
     return points[order[:count]]
@@ -480,7 +489,7 @@ def _select_new(points: np.ndarray, simulated: np.ndarray) -> np.ndarray:
     """
     from scipy.spatial.distance import cdist
 
-    first_equal = np.argmax(cdist(points, points) < SAME, axis=1)
+    first_equal = np.argmax(cdist(points, points) < SAME_DISTANCE, axis=1)
     is_first_copy = first_equal == np.arange(len(points))
-    is_new = (cdist(points, simulated) >= SAME).all(axis=1)
+    is_new = (cdist(points, simulated) >= SAME_DISTANCE).all(axis=1)
     return points[is_first_copy & is_new]

@@ -9,13 +9,13 @@ import numpy as np
 from scipy.special import ndtr
 
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.probability import LEAST, probability_in_box
+from repose.calibrate.probability import MIN_PROBABILITY, compute_box_probability
 from repose.calibrate.strategies.sequential.kriging import Kriging
 from repose.calibrate.targets import Targets
 
 # Standard deviations by which further runs may move a predicted mean to the target.
-LUCK = 3.0
-MOST_NEEDED = 10**6  # runs; more are not counted
+LUCKY_SDS = 3.0
+MAX_NEEDED = 10**6  # runs; more are not counted
 # Weight of the squared distance in the score. It decides only where the probability
 # underflows.
 DISTANCE_WEIGHT = 1e-6
@@ -43,7 +43,7 @@ class Goal(NamedTuple):
     high: np.ndarray  # (k,)
 
     @classmethod
-    def of(
+    def from_targets(
         cls, targets: Targets, tolerance_percent: float, space: ParameterSpace
     ) -> Self:
         """Make the goal of a study.
@@ -64,7 +64,7 @@ class Goal(NamedTuple):
         is_inside = (responses >= self.low) & (responses <= self.high)
         return np.all(is_inside, axis=1)
 
-    def of_responses(self, responses: np.ndarray) -> Deviations:
+    def compute_deviations(self, responses: np.ndarray) -> Deviations:
         """Compute the deviations of responses (..., k) from the goal.
 
         The goal is met if the largest is at most 1.
@@ -107,7 +107,7 @@ class Goal(NamedTuple):
 
         The responses have means (m, k) and covariances (m, k, k).
         """
-        return probability_in_box(
+        return compute_box_probability(
             mean, covariance, self.aim - self.half, self.aim + self.half
         )
 
@@ -122,19 +122,19 @@ class Goal(NamedTuple):
         deviation = mean - self.aim
         scaled = np.linalg.solve(covariance, deviation[:, :, None])[:, :, 0]
         squared_distance = np.einsum("mi,mi->m", deviation, scaled)
-        probability = np.maximum(self.probability(mean, covariance), LEAST)
+        probability = np.maximum(self.probability(mean, covariance), MIN_PROBABILITY)
         return (
             np.log(probability)
             - DISTANCE_WEIGHT * squared_distance
             + self.space.log_prior(unit)
         )
 
-    def reachable(self, model: Kriging, unit: np.ndarray, pours: int) -> float:
+    def estimate_reachable(self, model: Kriging, unit: np.ndarray, pours: int) -> float:
         """Estimate the highest probability that further runs can lead to.
 
         If a run has the noise N, p further runs at a point reduce the covariance C of
         its mean to R = (C^-1 + p N^-1)^-1. With luck they also move the mean towards
-        the target, by up to `LUCK` standard deviations sqrt(C - R) of this gain.
+        the target, by up to `LUCKY_SDS` standard deviations sqrt(C - R) of this gain.
 
         Parameters
         ----------
@@ -157,13 +157,13 @@ class Goal(NamedTuple):
         variance_of_move = np.diagonal(
             covariance - remaining_covariance, axis1=1, axis2=2
         )
-        largest_move = LUCK * np.sqrt(np.maximum(variance_of_move, 0.0))
+        largest_move = LUCKY_SDS * np.sqrt(np.maximum(variance_of_move, 0.0))
         deviation = mean - self.aim
         distance = np.maximum(np.abs(deviation) - largest_move, 0.0)
         lucky_mean = self.aim + np.sign(deviation) * distance
         return float(self.probability(lucky_mean, remaining_covariance).max())
 
-    def needed(self, noise: np.ndarray, probability: float) -> int:
+    def count_needed_runs(self, noise: np.ndarray, probability: float) -> int:
         """Find how many runs at a point determine its mean within the tolerance.
 
         Parameters
@@ -176,7 +176,7 @@ class Goal(NamedTuple):
         Returns
         -------
         int
-            At most `MOST_NEEDED`.
+            At most `MAX_NEEDED`.
         """
 
         def is_enough(runs: int) -> bool:
@@ -187,7 +187,7 @@ class Goal(NamedTuple):
         # Double the number of runs until it is enough, then bisect.
         too_few = 0
         enough = 1
-        while enough < MOST_NEEDED and not is_enough(enough):
+        while enough < MAX_NEEDED and not is_enough(enough):
             too_few = enough
             enough = 2 * enough
         while enough - too_few > 1:
@@ -196,4 +196,4 @@ class Goal(NamedTuple):
                 enough = middle
             else:
                 too_few = middle
-        return min(enough, MOST_NEEDED)
+        return min(enough, MAX_NEEDED)

@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.surrogates.samples import Combined
+from repose.calibrate.surrogates.samples import CombinedOutputs
 
 PRIOR_FREEDOM = 20.0  # prior degrees of freedom of the pooled variance (S04)
 # Of the logarithm of a length (H24); half the logarithm of d is added to the mean.
@@ -36,11 +36,11 @@ LENGTH_LOG_MEAN = math.sqrt(2) - 3
 LENGTH_LOG_SD = math.sqrt(3)
 # Of the logarithm of a process's variance about that of the means without noise.
 VARIANCE_LOG_SD = 1.0
-LEAST_SIGNAL = 0.1  # of the means' variance, where noise seems to explain all of it
+MIN_SIGNAL = 0.1  # of the means' variance, where noise seems to explain all of it
 # Of Matern's covariance: twice differentiable functions. Smoother ones claim too much
 # between few samples.
 SMOOTHNESS = 2.5
-DRAWS = 8  # of variance and lengths
+N_DRAWS = 8  # of variance and lengths
 DRAWS_SEED = 1
 # Prior of the factor on the variance of each draw: median, and standard deviation of
 # the logarithm. They come from campaigns for other hidden sets than those of
@@ -48,24 +48,24 @@ DRAWS_SEED = 1
 FACTOR_MEDIAN = 0.7
 FACTOR_LOG_SD = 0.4
 FACTORS = np.exp(np.linspace(-2, 2, 81))  # over which the factor is averaged
-STEP = 1e-3  # of the logarithms, for the curvature
+DIFFERENCE_STEP = 1e-3  # of the logarithms, for the curvature
 # Of variance and lengths, in variances of the means and ranges of a parameter.
-BOUNDS = (1e-3, 1e3)
+HYPERPARAMETER_BOUNDS = (1e-3, 1e3)
 # Relative size below which noise, or a combination of the responses' noises, is
 # rounding.
-ROUNDING = 1e-9
-LEAST_SAMPLES = 2
+ROUNDING_SHARE = 1e-9
+MIN_SAMPLES = 2
 # With more samples than this the work would grow with their cube. Then variance and
 # lengths come from this many of the samples, chosen at random, and are not drawn; the
 # processes are conditioned on all samples by way of CENTRES of them. For 1,200 samples
 # of four parameters with almost no noise, the predictions of 512 centres are as good as
 # those of all samples, while those of 256 have 1.7 times the error.
-MOST_EXACT = 256
-CENTRES = 512
+MAX_EXACT_SAMPLES = 256
+N_CENTRES = 512
 SUBSET_SEED = 2
 
 
-class Observed(NamedTuple):
+class ObservedSamples(NamedTuple):
     """Samples with the responses of their runs."""
 
     unit: np.ndarray  # (n, d), free parameters in the unit cube
@@ -140,7 +140,7 @@ class Observed(NamedTuple):
         covariance = residuals.T @ residuals / self.freedom
         sd = np.sqrt(np.diagonal(covariance))
         # Residuals as small as the rounding errors of the means are not noise.
-        is_rounding = sd <= ROUNDING * np.abs(self.means).max(axis=0)
+        is_rounding = sd <= ROUNDING_SHARE * np.abs(self.means).max(axis=0)
         if is_rounding.any() or not _has_full_rank(covariance / np.outer(sd, sd)):
             raise ValueError(
                 "pours of a sample are all alike; expected seeds that differ"
@@ -150,10 +150,10 @@ class Observed(NamedTuple):
 
 def _has_full_rank(correlation: np.ndarray) -> bool:
     """Return whether a matrix of correlations (k, k) is positive definite."""
-    return not np.linalg.eigvalsh(correlation)[0] < ROUNDING
+    return not np.linalg.eigvalsh(correlation)[0] < ROUNDING_SHARE
 
 
-class Kriging(Combined):
+class Kriging(CombinedOutputs):
     """Model of the mean responses over all parameters.
 
     The error of a sample's mean is known, not fitted (ANS10). A variance from few runs
@@ -161,7 +161,7 @@ class Kriging(Combined):
 
     Each process has a linear part (R06): without it a process returns to its mean in
     the corners, where the largest and the smallest responses are. Variance and lengths
-    are uncertain with few samples. So they are drawn `DRAWS` times from the normal
+    are uncertain with few samples. So they are drawn `N_DRAWS` times from the normal
     approximation of their posterior, with the prior of (H24), and predictions come from
     the mixture.
 
@@ -189,7 +189,9 @@ class Kriging(Combined):
     sets: list  # for each draw of variance and lengths a process of each combination
     factor: float  # on the variance of each draw
 
-    def __init__(self, observed: Observed, noise: np.ndarray | None = None) -> None:
+    def __init__(
+        self, observed: ObservedSamples, noise: np.ndarray | None = None
+    ) -> None:
         """Draw the processes of each combination, and estimate the factor.
 
         Parameters
@@ -200,8 +202,8 @@ class Kriging(Combined):
             Covariance of a single run. None estimates it from the replicates.
         """
         n_samples = len(observed.unit)
-        if n_samples < LEAST_SAMPLES:
-            raise ValueError(f"{n_samples} samples; expected at least {LEAST_SAMPLES}")
+        if n_samples < MIN_SAMPLES:
+            raise ValueError(f"{n_samples} samples; expected at least {MIN_SAMPLES}")
         self.noise = observed.noise() if noise is None else noise
         # Model independent combinations of the responses, scaled to variance 1.
         self._combine(
@@ -212,7 +214,7 @@ class Kriging(Combined):
 
         # Draw processes for each combination, then group them by draw.
         make_processes = _draw_processes
-        if n_samples > MOST_EXACT:
+        if n_samples > MAX_EXACT_SAMPLES:
             make_processes = _make_sparse_process
         draws_of_combinations = [
             make_processes(self.unit, values, errors)
@@ -244,7 +246,7 @@ class Kriging(Combined):
         within = self._covariance(self.factor * variances.mean(axis=0))
         deviations = (means - means.mean(axis=0)) * self._scale @ self._unmixing
         between = np.einsum("smi,smj->mij", deviations, deviations) / len(deviations)
-        return self.unmixed(means.mean(axis=0)), within + between
+        return self.unmix(means.mean(axis=0)), within + between
 
     def mean(self, unit: np.ndarray) -> np.ndarray:
         """Predict mean responses (m, k) as `predict`, in far less time."""
@@ -254,7 +256,7 @@ class Kriging(Combined):
                 for processes in self.sets
             ]
         )
-        return self.unmixed(means.transpose(0, 2, 1).mean(axis=0))
+        return self.unmix(means.transpose(0, 2, 1).mean(axis=0))
 
     def _predict_left_out(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Predict each sample from all the others.
@@ -268,7 +270,9 @@ class Kriging(Combined):
         others : array (n, k)
             Other variances: between the draws, and of the samples' errors.
         """
-        means, variances = self._collect_moments(lambda process: process.left_out())
+        means, variances = self._collect_moments(
+            lambda process: process.predict_left_out()
+        )
         residuals = self.values - means.mean(axis=0)
         others = means.var(axis=0) + self.errors
         return residuals, variances.mean(axis=0), others
@@ -322,7 +326,9 @@ class SpaceKriging:
         return self.model.predict(self.space.unit(np.asarray(X, dtype=float)))
 
 
-def _find_independent_combinations(observed: Observed, noise: np.ndarray) -> np.ndarray:
+def _find_independent_combinations(
+    observed: ObservedSamples, noise: np.ndarray
+) -> np.ndarray:
     """Find combinations of the responses that are independent.
 
     The noise of each combination has variance 1 and is independent of the others', and
@@ -339,7 +345,9 @@ def _find_independent_combinations(observed: Observed, noise: np.ndarray) -> np.
     return whitening @ axes
 
 
-def _estimate_mean_variances(observed: Observed, mixing: np.ndarray) -> np.ndarray:
+def _estimate_mean_variances(
+    observed: ObservedSamples, mixing: np.ndarray
+) -> np.ndarray:
     """Estimate the variances (n, k) of the samples' means in each combination (S04).
 
     In the combinations, the columns of `mixing`, the noise has the variance 1 over all
@@ -362,7 +370,7 @@ def _estimate_factor(
     Parameters
     ----------
     residuals, variances, others : array (n, k)
-        As of `Kriging._left_out`.
+        As of `Kriging._predict_left_out`.
     """
     total = FACTORS[:, None, None] * variances + others
     log_likelihood = -0.5 * (np.log(total) + residuals**2 / total).sum(axis=(1, 2))
@@ -427,10 +435,12 @@ class _PosteriorOptimiser:
             loss, start, jac=True, method="L-BFGS-B", bounds=bounds
         )
         # Compute second derivatives as central differences of the gradient.
-        for k, step in enumerate(STEP * np.eye(len(start))):
+        for k, step in enumerate(DIFFERENCE_STEP * np.eye(len(start))):
             _, gradient_above = loss(result.x + step)
             _, gradient_below = loss(result.x - step)
-            self.curvature[k] = (gradient_above - gradient_below) / (2 * STEP)
+            self.curvature[k] = (gradient_above - gradient_below) / (
+                2 * DIFFERENCE_STEP
+            )
         return result.x, result.fun
 
 
@@ -481,18 +491,18 @@ def _make_sparse_process(
     list of SparseProcess
         One.
     """
-    from repose.calibrate.surrogates.process import SparseProcess, spread_centres
+    from repose.calibrate.surrogates.process import SparseProcess, choose_centres
 
-    rows = subset(len(unit))
+    rows = draw_subset(len(unit))
     kernel, _ = _find_most_probable_kernel(unit[rows], values[rows], errors[rows])
-    centres = unit[spread_centres(kernel, unit, CENTRES)]
+    centres = unit[choose_centres(kernel, unit, N_CENTRES)]
     return [SparseProcess(kernel, unit, values, errors, centres)]
 
 
-def subset(n_samples: int) -> np.ndarray:
-    """Draw the rows of `MOST_EXACT` samples, the same for the same number of samples."""
+def draw_subset(n_samples: int) -> np.ndarray:
+    """Draw the rows of `MAX_EXACT_SAMPLES` samples, the same for the same number of samples."""
     random = np.random.default_rng(SUBSET_SEED)
-    return np.sort(random.permutation(n_samples)[:MOST_EXACT])
+    return np.sort(random.permutation(n_samples)[:MAX_EXACT_SAMPLES])
 
 
 def _find_most_probable_kernel(
@@ -511,18 +521,24 @@ def _find_most_probable_kernel(
     array (1 + d, 1 + d)
         Second derivatives of the negative log posterior there.
     """
-    from repose.calibrate.surrogates.process import Process, smooth, straight
+    from repose.calibrate.surrogates.process import (
+        Process,
+        make_linear_kernel,
+        make_smooth_kernel,
+    )
 
     # Start at the centre of the prior. The means have variance 1, so the variance of the
     # signal is 1 less that of the noise.
     d = unit.shape[1]
     log_length = LENGTH_LOG_MEAN + 0.5 * math.log(d)
-    signal = max(1 - errors.mean(), LEAST_SIGNAL)
+    signal = max(1 - errors.mean(), MIN_SIGNAL)
     # A point has a variance of 1/12 in each parameter. This slope gives the linear part
     # a prior variance of 1, which is the variance of the means.
     slope = math.sqrt(12 / d)
     lengths = np.full(d, math.exp(log_length))
-    kernel = straight(slope) + smooth(signal, lengths, (BOUNDS, BOUNDS), SMOOTHNESS)
+    kernel = make_linear_kernel(slope) + make_smooth_kernel(
+        signal, lengths, (HYPERPARAMETER_BOUNDS, HYPERPARAMETER_BOUNDS), SMOOTHNESS
+    )
 
     # Find the most probable hyperparameters.
     optimiser = _PosteriorOptimiser(
@@ -538,7 +554,7 @@ def _draw_hyperparameters(
 ) -> list[np.ndarray]:
     """Draw hyperparameters from the normal approximation of their posterior.
 
-    The draws are in pairs about the most probable values, and stay within `BOUNDS`.
+    The draws are in pairs about the most probable values, and stay within `HYPERPARAMETER_BOUNDS`.
 
     Parameters
     ----------
@@ -550,12 +566,12 @@ def _draw_hyperparameters(
     Returns
     -------
     list of array (1 + d,)
-        `DRAWS` of them.
+        `N_DRAWS` of them.
     """
     # No direction is less certain than the prior.
     eigenvalues, axes = np.linalg.eigh((curvature + curvature.T) / 2)
     root = axes / np.sqrt(np.maximum(eigenvalues, LENGTH_LOG_SD**-2))
     random = np.random.default_rng(DRAWS_SEED)
-    normal = random.standard_normal((DRAWS // 2, len(middle)))
-    low, high = np.log(BOUNDS)
+    normal = random.standard_normal((N_DRAWS // 2, len(middle)))
+    low, high = np.log(HYPERPARAMETER_BOUNDS)
     return [np.clip(middle + root @ z, low, high) for z in np.vstack([normal, -normal])]

@@ -17,35 +17,37 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from repose.calibrate.strategies.sequential.kriging import (
-    BOUNDS,
-    MOST_EXACT,
+    HYPERPARAMETER_BOUNDS,
+    MAX_EXACT_SAMPLES,
     SMOOTHNESS,
-    Observed,
-    subset,
+    ObservedSamples,
+    draw_subset,
 )
 from repose.common.errors import InputError
 from repose.common.numbers import rounded
 
 # Sources of the noise.
 REPLICATES = "replicates"
-GIVEN = "noise_sd"
+USER_GIVEN = "noise_sd"
 ESTIMATED = "estimated from single runs"
 RUNS_PER_PARAMETER = 4  # least number of single runs for an estimate
 # Shares of the variance over the runs that may be noise, equally probable a priori.
-SHARES = np.geomspace(1e-4, 1.0, 9)
+NOISE_SHARES = np.geomspace(1e-4, 1.0, 9)
 # Shares that many samples can tell apart.
-FINE_SHARES = np.geomspace(1e-4, 1.0, 401)
+FINE_NOISE_SHARES = np.geomspace(1e-4, 1.0, 401)
 # Bounds of the surface's lengths, in ranges of a parameter: shorter waves look like
 # noise.
-LENGTHS = (0.3, 30.0)
-LEAST_SCALE = 1e-300
+LENGTH_BOUNDS = (0.3, 30.0)
+MIN_SCALE = 1e-300
 
 
 class Noise(NamedTuple):
     """The noise of a single run."""
 
     covariance: np.ndarray  # (k, k), of the responses about their means
-    sources: dict[str, str]  # for each response `REPLICATES`, `GIVEN` or `ESTIMATED`
+    sources: dict[
+        str, str
+    ]  # for each response `REPLICATES`, `USER_GIVEN` or `ESTIMATED`
 
     @property
     def warning(self) -> str | None:
@@ -66,8 +68,8 @@ class Noise(NamedTuple):
         )
 
 
-def noise_of(
-    observed: Observed, names: Sequence[str], noise_sd: Mapping[str, float]
+def find_noise(
+    observed: ObservedSamples, names: Sequence[str], noise_sd: Mapping[str, float]
 ) -> Noise:
     """Find the noise of a single run.
 
@@ -117,20 +119,22 @@ def noise_of(
     variances = []
     for k, name in enumerate(names):
         if name in noise_sd:
-            sources[name] = GIVEN
+            sources[name] = USER_GIVEN
             variances.append(noise_sd[name] ** 2)
         else:
             sources[name] = ESTIMATED
             variances.append(
-                nugget(observed.unit, observed.means[:, k], shares=1.0 / counts)
+                estimate_nugget(
+                    observed.unit, observed.means[:, k], shares=1.0 / counts
+                )
             )
     return Noise(np.diag(variances), sources)
 
 
-def nugget(unit: np.ndarray, means: np.ndarray, shares: np.ndarray) -> float:
+def estimate_nugget(unit: np.ndarray, means: np.ndarray, shares: np.ndarray) -> float:
     """Estimate the variance of a run about a smooth surface.
 
-    The estimate is the mean over `SHARES`, weighted by their evidence.
+    The estimate is the mean over `NOISE_SHARES`, weighted by their evidence.
 
     Parameters
     ----------
@@ -143,11 +147,13 @@ def nugget(unit: np.ndarray, means: np.ndarray, shares: np.ndarray) -> float:
     """
     # A proposal and its answer ask for the same, which takes minutes with many runs.
     arrays = [np.ascontiguousarray(array, float) for array in (unit, means, shares)]
-    return _estimate_nugget(*(array.tobytes() for array in arrays), unit.shape[1])
+    return _estimate_cached_nugget(
+        *(array.tobytes() for array in arrays), unit.shape[1]
+    )
 
 
 @lru_cache(maxsize=32)
-def _estimate_nugget(
+def _estimate_cached_nugget(
     unit_bytes: bytes, means_bytes: bytes, shares_bytes: bytes, d: int
 ) -> float:
     """Estimate a nugget, with its arrays passed as bytes.
@@ -157,7 +163,7 @@ def _estimate_nugget(
     Parameters
     ----------
     unit_bytes, means_bytes, shares_bytes : bytes
-        The arrays of `nugget`.
+        The arrays of `estimate_nugget`.
     d : int
         Number of columns of the samples.
 
@@ -166,7 +172,7 @@ def _estimate_nugget(
     float
         The variance of a single run.
     """
-    from repose.calibrate.surrogates.process import Process, smooth
+    from repose.calibrate.surrogates.process import Process, make_smooth_kernel
 
     unit = np.frombuffer(unit_bytes).reshape(-1, d)
     means = np.frombuffer(means_bytes)
@@ -174,23 +180,25 @@ def _estimate_nugget(
 
     # Scale the means to variance 1, unless their differences are mere rounding errors.
     rounding = 1e-9 * float(np.abs(means).max())
-    scale = max(float(means.std()), rounding, LEAST_SCALE)
+    scale = max(float(means.std()), rounding, MIN_SCALE)
     values = (means - means.mean()) / scale
 
     # Fit a smooth process for each candidate of the noise, and weight the candidates by
     # the evidence of the fit.
-    kernel = smooth(1.0, np.ones(unit.shape[1]), (BOUNDS, LENGTHS), SMOOTHNESS)
-    if len(unit) > MOST_EXACT:
+    kernel = make_smooth_kernel(
+        1.0, np.ones(unit.shape[1]), (HYPERPARAMETER_BOUNDS, LENGTH_BOUNDS), SMOOTHNESS
+    )
+    if len(unit) > MAX_EXACT_SAMPLES:
         log_evidence = _interpolate_evidence(kernel, unit, values, shares)
-        candidates = FINE_SHARES
+        candidates = FINE_NOISE_SHARES
     else:
         log_evidence = np.array(
             [
                 Process(kernel, unit, values, errors=share * shares).log_likelihood
-                for share in SHARES
+                for share in NOISE_SHARES
             ]
         )
-        candidates = SHARES
+        candidates = NOISE_SHARES
     weights = np.exp(log_evidence - log_evidence.max())
     return float(weights @ candidates / weights.sum()) * scale**2
 
@@ -198,10 +206,10 @@ def _estimate_nugget(
 def _interpolate_evidence(
     kernel: Any, unit: np.ndarray, values: np.ndarray, shares: np.ndarray
 ) -> np.ndarray:
-    """Compute the log evidence of `FINE_SHARES` where samples are many.
+    """Compute the log evidence of `FINE_NOISE_SHARES` where samples are many.
 
     Variance and lengths come from a subset of the samples, the evidence from all. So
-    many samples tell shares apart that lie between those of `SHARES`. A spline
+    many samples tell shares apart that lie between those of `NOISE_SHARES`. A spline
     interpolates the evidence between these.
 
     Parameters
@@ -217,19 +225,19 @@ def _interpolate_evidence(
     Returns
     -------
     array
-        The log evidence of each of `FINE_SHARES`.
+        The log evidence of each of `FINE_NOISE_SHARES`.
     """
     from scipy.interpolate import CubicSpline
 
     from repose.calibrate.surrogates.process import Process
 
-    rows = subset(len(unit))
+    rows = draw_subset(len(unit))
     log_evidence = []
-    for share in SHARES:
+    for share in NOISE_SHARES:
         errors = share * shares
         # The fit to the subset finds variance and lengths. With these, the evidence of
         # all samples needs no further fit.
         fit = Process(kernel, unit[rows], values[rows], errors=errors[rows])
         process = Process(fit.kernel, unit, values, errors=errors, optimizer=None)
         log_evidence.append(process.log_likelihood)
-    return CubicSpline(np.log(SHARES), log_evidence)(np.log(FINE_SHARES))
+    return CubicSpline(np.log(NOISE_SHARES), log_evidence)(np.log(FINE_NOISE_SHARES))

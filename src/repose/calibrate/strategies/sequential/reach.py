@@ -18,18 +18,18 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from repose.calibrate.designs.allowed import points_of_sequence
+from repose.calibrate.designs.allowed import take_allowed_points
 from repose.calibrate.strategies.sequential.goal import Goal
 from repose.calibrate.strategies.sequential.kriging import SMOOTHNESS, Kriging
 
 if TYPE_CHECKING:  # scikit-learn takes half a second to load
     from repose.calibrate.surrogates.process import Process, SparseProcess
 
-FEATURES = 128
-FUNCTIONS = 128  # drawn, the same number for each set of lengths
-CANDIDATES = 256  # points all over the ranges, and as many corners
-AROUND = 16  # points around each best point of a draw
-STEPS = (0.2, 0.07, 0.02)  # standard deviations of those points, in ranges
+N_FEATURES = 128
+N_FUNCTIONS = 128  # drawn, the same number for each set of lengths
+N_CANDIDATES = 256  # points all over the ranges, and as many corners
+N_AROUND = 16  # points around each best point of a draw
+STEP_SDS = (0.2, 0.07, 0.02)  # standard deviations of those points, in ranges
 
 
 class Reach(NamedTuple):
@@ -49,7 +49,7 @@ class _BestPoints(NamedTuple):
     points: np.ndarray  # (draws, d), of the least largest deviation
 
 
-def reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
+def estimate_reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
     """Estimate the probability that any parameter set meets the goal.
 
     The model draws random functions of the parameters. The probability is the share of
@@ -70,7 +70,7 @@ def reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
     # Start the search from points all over the ranges and from corners.
     d = model.unit.shape[1]
     sequence = qmc.Sobol(d, rng=random)
-    everywhere = points_of_sequence(sequence, CANDIDATES, goal.space)
+    everywhere = take_allowed_points(sequence, N_CANDIDATES, goal.space)
     starts = np.vstack([everywhere, np.round(everywhere)])
     starts = starts[goal.space.is_allowed(starts)]
 
@@ -108,19 +108,21 @@ def _search_draws(
     random : numpy.random.Generator
     """
     points = starts
-    largest_deviations, F = goal.of_responses(draws(points))  # both (draws, points)
-    for step in STEPS:
+    largest_deviations, F = goal.compute_deviations(
+        draws(points)
+    )  # both (draws, points)
+    for step in STEP_SDS:
         # Choose the best points of each draw, by the largest deviation and by F.
         best = points[
             np.concatenate([largest_deviations.argmin(axis=1), F.argmin(axis=1)])
         ]
 
         # Try points around them.
-        centres = np.repeat(best, AROUND, axis=0)
+        centres = np.repeat(best, N_AROUND, axis=0)
         shifts = step * random.standard_normal(centres.shape)
         new_points = np.clip(centres + shifts, 0, 1)
         new_points = new_points[goal.space.is_allowed(new_points)]
-        new_largest_deviations, new_F = goal.of_responses(draws(new_points))
+        new_largest_deviations, new_F = goal.compute_deviations(draws(new_points))
 
         # Add them to the points of all draws, so that each draw can use every point.
         points = np.vstack([points, new_points])
@@ -167,7 +169,7 @@ class Draws:
         random : numpy.random.Generator
         """
         self.model = model
-        n_functions = FUNCTIONS // len(model.sets)
+        n_functions = N_FUNCTIONS // len(model.sets)
         self._processes = []
         for k, process in enumerate(model.sets[number]):
             # Draw functions from the prior, and noise at the samples.
@@ -183,7 +185,7 @@ class Draws:
             # Compute the weights of the corrections that make the functions agree with
             # the samples (W20).
             residuals = values - prior(model.unit) - noise
-            corrections = process.weights_of(residuals)
+            corrections = process.compute_weights(residuals)
             self._processes.append(_DrawnProcess(process, prior, corrections))
 
     def __call__(self, unit: np.ndarray) -> np.ndarray:
@@ -210,7 +212,7 @@ class Draws:
             combinations.append(mean + widening * (draws - mean))
         # Convert combinations (m, draws, k) to responses (draws, m, k).
         drawn_combinations = np.stack(combinations, axis=-1)
-        return self.model.unmixed(drawn_combinations).transpose(1, 0, 2)
+        return self.model.unmix(drawn_combinations).transpose(1, 0, 2)
 
 
 def _draw_prior(
@@ -242,11 +244,11 @@ def _draw_prior(
     # Draw frequencies, phases and amplitudes of the cosines. The frequencies of the Matern
     # covariance have Student's t distribution.
     freedom = 2 * SMOOTHNESS
-    frequencies = random.standard_normal((FEATURES, d)) / matern.length_scale
-    frequencies /= np.sqrt(random.chisquare(freedom, (FEATURES, 1)) / freedom)
-    phases = 2 * np.pi * random.random(FEATURES)
-    amplitudes = np.sqrt(2 * variance / FEATURES) * random.standard_normal(
-        (FEATURES, n_functions)
+    frequencies = random.standard_normal((N_FEATURES, d)) / matern.length_scale
+    frequencies /= np.sqrt(random.chisquare(freedom, (N_FEATURES, 1)) / freedom)
+    phases = 2 * np.pi * random.random(N_FEATURES)
+    amplitudes = np.sqrt(2 * variance / N_FEATURES) * random.standard_normal(
+        (N_FEATURES, n_functions)
     )
     # Draw the slope of the linear part in each input, and the constant.
     slopes = np.sqrt(straight.k1.constant_value) * random.standard_normal(

@@ -9,41 +9,41 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from repose.calibrate.answer import NOT_SIMULATED, WITHIN
+from repose.calibrate.answer import ENDS_NOT_SIMULATED, WITHIN_COLUMNS
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.calibrate.probability import probability_in_box
+from repose.calibrate.probability import compute_box_probability
 from repose.calibrate.strategies.base import SO_FAR, Answer, Batch, samples_of
-from repose.calibrate.strategies.runs import check_responses, next_number
+from repose.calibrate.strategies.runs import check_responses, find_next_sample
 from repose.calibrate.strategies.sequential.advise import (
     Advice,
     advise,
-    alternatives,
+    find_alternatives,
+    find_nearest,
+    find_nearest_ends,
     has_run_at,
-    nearest,
-    nearest_ends,
+    make_start,
     no_point_meets,
     rank_points,
-    start,
 )
 from repose.calibrate.strategies.sequential.goal import Goal
 from repose.calibrate.strategies.sequential.kriging import (
     Kriging,
-    Observed,
+    ObservedSamples,
     SpaceKriging,
 )
-from repose.calibrate.strategies.sequential.noise import Noise, noise_of
+from repose.calibrate.strategies.sequential.noise import Noise, find_noise
 from repose.calibrate.study import Study
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 
-NEAREST = "the answer is the nearest"
-NO_RUN_AT_END = (
+NEAREST_REMARK = "the answer is the nearest"
+NO_RUN_AT_END_REMARK = (
     "no run stands at an end of a range where the targets may be met, so simulate there"
 )
 # A sentence for each reason to stop of `Advice`.
-WHY = {
+STOP_SENTENCES = {
     "probability": "the answer meets the targets with the requested probability",
-    "out_of_reach": f"probably no parameter set meets the targets: {NEAREST}",
+    "out_of_reach": f"probably no parameter set meets the targets: {NEAREST_REMARK}",
     "budget": "the budget of pours is used up",
     "noise": (
         "the pours that are left cannot make the answer more probable: the noise is "
@@ -71,7 +71,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     observed = arrange_runs(data, space, study.targets)
     try:
         # The noise is None if it can be estimated from replicates.
-        noise = known_noise(study, observed)
+        noise = find_known_noise(study, observed)
         advice = advise(
             observed, goal, section, len(data), _make_generator(study, data), noise
         )
@@ -79,12 +79,12 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
         return _propose_another_start(study, data, observed, error)
     notes = _describe_state(advice, study)
     if advice.stop is None:
-        samples = samples_of(space, advice.batch, section.seeds, next_number(data))
+        samples = samples_of(space, advice.batch, section.seeds, find_next_sample(data))
         return Batch(samples, notes)
 
     # The search ends with this answer.
     final_notes = notes | _describe_end(notes, study, data)
-    return answer(
+    return give_answer(
         study,
         data,
         advice.answer,
@@ -107,15 +107,15 @@ def _propose_start(study: Study, data: pd.DataFrame, notes: Mapping[str, Any]) -
     """
     space = study.parameters
     section = study.settings.sequential
-    unit = start(space, section, study.settings.design.seed + len(data))
+    unit = make_start(space, section, study.settings.design.seed + len(data))
     n_samples = (section.most_pours - len(data)) // section.seeds
-    first = 1 if data.empty else next_number(data)
+    first = 1 if data.empty else find_next_sample(data)
     samples = samples_of(space, unit[:n_samples], section.seeds, first)
     return Batch(samples, notes)
 
 
 def _propose_another_start(
-    study: Study, data: pd.DataFrame, observed: Observed, error: ValueError
+    study: Study, data: pd.DataFrame, observed: ObservedSamples, error: ValueError
 ) -> Batch:
     """Make another first batch, because too few samples are good for a model.
 
@@ -156,7 +156,7 @@ def _propose_another_start(
     return _propose_start(study, data, notes={"why": why})
 
 
-def answer(
+def give_answer(
     study: Study,
     data: pd.DataFrame,
     point: np.ndarray | None = None,
@@ -190,22 +190,22 @@ def answer(
     targets = study.targets
     observed = arrange_runs(data, space, targets)
     try:
-        model = model or Kriging(observed, known_noise(study, observed))
+        model = model or Kriging(observed, find_known_noise(study, observed))
     except ValueError as error:
         raise _make_input_error(error, data, targets) from None
     goal = _make_goal(study)
     ranking = rank_points(model, goal, observed, _make_generator(study, data))
-    others = alternatives(ranking, model, targets, study.settings.miga)
+    others = find_alternatives(ranking, model, targets, study.settings.miga)
     all_notes = dict(notes or {})
     if point is None:
         point = ranking.best
         # If no point meets the targets, the most probable one is merely uncertain.
         if no_point_meets(model, goal, ranking):
-            point = nearest(model, goal, observed, ranking.points)
+            point = find_nearest(model, goal, observed, ranking.points)
             if not _are_ends_simulated((point, ranking.best), observed):
-                why = f"{why}; {NO_RUN_AT_END}"
-                all_notes["stop"] = NOT_SIMULATED
-            why = f"{why}; {NEAREST}"
+                why = f"{why}; {NO_RUN_AT_END_REMARK}"
+                all_notes["stop"] = ENDS_NOT_SIMULATED
+            why = f"{why}; {NEAREST_REMARK}"
     unit = point[None]
     mean, covariance = model.predict(unit)
     checks = study.settings.sequential.checks
@@ -214,7 +214,7 @@ def answer(
         mean=mean[0],
         covariance=covariance[0],
         probability=_compute_probabilities(mean, covariance, targets, space),
-        samples=samples_of(space, unit, checks, next_number(data)),
+        samples=samples_of(space, unit, checks, find_next_sample(data)),
         why=why,
         others=space.values(others.points),
         others_mean=others.mean,
@@ -223,14 +223,17 @@ def answer(
     )
 
 
-def _are_ends_simulated(points: Iterable[np.ndarray], observed: Observed) -> bool:
+def _are_ends_simulated(
+    points: Iterable[np.ndarray], observed: ObservedSamples
+) -> bool:
     """Return whether runs stand at the ends of ranges where points (d,) lie.
 
     A response may be steep at an end. Without a run there, the targets are not known to
     be out of reach, even if the model predicts it.
     """
     return all(
-        has_run_at(nearest_ends(point[None]), observed.simulated) for point in points
+        has_run_at(find_nearest_ends(point[None]), observed.simulated)
+        for point in points
     )
 
 
@@ -239,10 +242,10 @@ def _compute_probabilities(
 ) -> dict[str, float]:
     """Return the probabilities of `Answer` for a mean (1, k)."""
     probabilities = {}
-    for percent, column in WITHIN.items():
-        goal = Goal.of(targets, percent, space)
+    for percent, column in WITHIN_COLUMNS.items():
+        goal = Goal.from_targets(targets, percent, space)
         probabilities[column] = float(goal.probability(mean, covariance)[0])
-    inside = probability_in_box(mean, covariance, targets.low, targets.high)
+    inside = compute_box_probability(mean, covariance, targets.low, targets.high)
     probabilities["inside"] = float(inside[0])
     return probabilities
 
@@ -267,7 +270,7 @@ def _make_input_error(
 
 def arrange_runs(
     data: pd.DataFrame, space: ParameterSpace, targets: Targets
-) -> Observed:
+) -> ObservedSamples:
     """Arrange the samples and their runs as arrays.
 
     Parameters
@@ -299,15 +302,15 @@ def arrange_runs(
 
     parameter_sets = data.drop_duplicates("sample")[list(space.names)]
     unit = space.unit(parameter_sets.to_numpy(float))
-    return Observed(unit[is_good], values[is_good], unit[~is_good])
+    return ObservedSamples(unit[is_good], values[is_good], unit[~is_good])
 
 
-def estimate_noise(study: Study, observed: Observed) -> Noise:
+def estimate_noise(study: Study, observed: ObservedSamples) -> Noise:
     """Estimate the noise of a single run as well as the runs allow."""
-    return noise_of(observed, study.targets.names, study.settings.noise_sd or {})
+    return find_noise(observed, study.targets.names, study.settings.noise_sd or {})
 
 
-def known_noise(study: Study, observed: Observed) -> np.ndarray | None:
+def find_known_noise(study: Study, observed: ObservedSamples) -> np.ndarray | None:
     """Return the covariance (k, k) of a single run.
 
     It is None if the replicates alone show the noise.
@@ -320,7 +323,7 @@ def known_noise(study: Study, observed: Observed) -> np.ndarray | None:
 def _make_goal(study: Study) -> Goal:
     """Return the targets within the tolerance of the section."""
     tolerance = study.settings.sequential.tolerance_percent
-    return Goal.of(study.targets, tolerance, study.parameters)
+    return Goal.from_targets(study.targets, tolerance, study.parameters)
 
 
 def _make_generator(study: Study, data: pd.DataFrame) -> np.random.Generator:
@@ -385,10 +388,10 @@ def _explain(advice: Advice) -> str:
     """Describe why the search stops, or how it continues."""
     if advice.stop is None:
         return f"{len(advice.batch)} more samples are poured"
-    why = WHY[advice.stop]
+    why = STOP_SENTENCES[advice.stop]
     # The sentence on targets out of reach says so already.
     if advice.stop in ("budget", "noise") and advice.is_nearest:
-        return f"{why}; {NEAREST}"
+        return f"{why}; {NEAREST_REMARK}"
     return why
 
 
