@@ -113,7 +113,7 @@ def compute_range_probability(
 
 
 def _draw_means(values: np.ndarray, random: np.random.Generator) -> np.ndarray:
-    """Draw true means (DRAWS, k) of k responses, given their values (n, k) in n runs.
+    """Draw true means (N_DRAWS, k) of k responses, given their values (n, k) in n runs.
 
     A multivariate t vector is a normal vector divided by the root of a chi-square number
     over its degrees of freedom.

@@ -72,7 +72,7 @@ class _RunNumber(NamedTuple):
 
     sample: str
     run: str
-    was_asked: bool
+    was_requested: bool
 
 
 class Record:
@@ -237,12 +237,13 @@ class Record:
     def _missing_runs(self, proposal: Batch | Answer) -> pd.DataFrame:
         """List the runs of a proposal that are not in the record yet."""
         columns = ["sample", *self.study.parameters.names, "seeds"]
-        asked = list_runs(proposal.samples[columns])
+        requested = list_runs(proposal.samples[columns])
         known = {(str(row.get("sample")), str(row.get("run"))) for row in self._rows}
         is_missing = [
-            (str(run.sample), str(run.run)) not in known for run in asked.itertuples()
+            (str(run.sample), str(run.run)) not in known
+            for run in requested.itertuples()
         ]
-        return asked[is_missing].reset_index(drop=True)
+        return requested[is_missing].reset_index(drop=True)
 
     def add(self, table: pd.DataFrame) -> list[str]:
         """Add the runs of a table.
@@ -270,7 +271,7 @@ class Record:
         with self._lock, file_lock:
             self.read()
             if "sample" in table:
-                runs = self._complete_asked_runs(table)
+                runs = self._complete_requested_runs(table)
             else:
                 runs = self._complete_earlier_runs(table)
             if "run" not in table and len(self.data):
@@ -342,19 +343,19 @@ class Record:
         sets : pandas.DataFrame
             The parameters of these rows.
         """
-        asked, turn = self._find_asked_runs(list(sets))
-        numbers = self._find_numbers(rows, sets, asked)
+        requested, turn = self._find_requested_runs(list(sets))
+        numbers = self._find_numbers(rows, sets, requested)
 
         # Only a run that the strategy asked for starts a new turn. Without one, all rows
         # belong to the turn before.
         is_new_turn = turn != self._last_turn
         turn_of_others = turn
-        if is_new_turn and not any(number.was_asked for number in numbers):
+        if is_new_turn and not any(number.was_requested for number in numbers):
             turn_of_others = turn - 1
 
         numbered_rows = []
         for number, row in zip(numbers, rows, strict=True):
-            turn_of_row = turn if number.was_asked else turn_of_others
+            turn_of_row = turn if number.was_requested else turn_of_others
             numbered_rows.append(
                 {
                     "sample": number.sample,
@@ -369,7 +370,7 @@ class Record:
         self,
         rows: Sequence[Mapping[str, Any]],
         sets: pd.DataFrame,
-        asked: pd.DataFrame,
+        requested: pd.DataFrame,
     ) -> list[_RunNumber]:
         """Find the sample and the run of each row.
 
@@ -379,7 +380,7 @@ class Record:
             Runs of any table, with or without `sample` and `run`.
         sets : pandas.DataFrame
             The parameters of these rows.
-        asked : pandas.DataFrame
+        requested : pandas.DataFrame
             The runs that the strategy asks for, with `sample`, `run` and parameters.
 
         Returns
@@ -388,31 +389,31 @@ class Record:
             One for each row.
         """
         names = list(sets)
-        sample_of_point = self._find_samples(asked, names)
-        new_samples = itertools.count(self._find_new_sample(asked))
-        occupied = {(row["sample"], row["run"]) for row in self._rows}
-        open_runs = asked.copy()
+        sample_of_point = self._find_samples(requested, names)
+        new_samples = itertools.count(self._find_new_sample(requested))
+        used_numbers = {(row["sample"], row["run"]) for row in self._rows}
+        unmatched_runs = requested.copy()
         numbers = []
         for row, point in zip(rows, _list_points(sets, names), strict=True):
-            index = _find_match(open_runs, row, point, names)
+            index = _find_match(unmatched_runs, row, point, names)
             if index is not None:
                 # The strategy asked for this run. No later row can be the same run, so
                 # remove it from the runs to match.
-                sample = str(open_runs.at[index, "sample"])
-                run = str(open_runs.at[index, "run"])
-                open_runs = open_runs.drop(index=index)
+                sample = str(unmatched_runs.at[index, "sample"])
+                run = str(unmatched_runs.at[index, "run"])
+                unmatched_runs = unmatched_runs.drop(index=index)
             else:
                 # Keep the numbers of the row. Without a sample, it joins the other runs
                 # with the same parameters.
                 if point not in sample_of_point:
                     sample_of_point[point] = next(new_samples)
                 sample = row.get("sample", str(sample_of_point[point]))
-                run = row.get("run", _find_free_run(sample, occupied))
-            numbers.append(_RunNumber(sample, run, was_asked=index is not None))
-            occupied.add((sample, run))
+                run = row.get("run", _find_free_run(sample, used_numbers))
+            numbers.append(_RunNumber(sample, run, was_requested=index is not None))
+            used_numbers.add((sample, run))
         return numbers
 
-    def _find_asked_runs(self, names: Sequence[str]) -> tuple[pd.DataFrame, int]:
+    def _find_requested_runs(self, names: Sequence[str]) -> tuple[pd.DataFrame, int]:
         """Return the runs to make and the number of their turn.
 
         The table is empty if the runs so far are too few for a proposal.
@@ -424,13 +425,13 @@ class Record:
             return pd.DataFrame(columns=columns, dtype=float), self._last_turn + 1
 
     def _find_samples(
-        self, asked: pd.DataFrame, names: Sequence[str]
+        self, requested: pd.DataFrame, names: Sequence[str]
     ) -> dict[Point, Any]:
         """Find the sample of each parameter set that was asked for or simulated.
 
         Parameters
         ----------
-        asked : pandas.DataFrame
+        requested : pandas.DataFrame
             The runs that the strategy asks for.
         names : sequence of str
             Columns of the parameters.
@@ -440,16 +441,18 @@ class Record:
         dict
             The number of the sample, by the values of its parameters.
         """
-        samples = dict(zip(_list_points(asked, names), asked["sample"], strict=True))
+        samples = dict(
+            zip(_list_points(requested, names), requested["sample"], strict=True)
+        )
         for point, row in zip(_list_points(self.data, names), self._rows, strict=True):
             samples[point] = row["sample"]
         return samples
 
-    def _find_new_sample(self, asked: pd.DataFrame) -> int:
+    def _find_new_sample(self, requested: pd.DataFrame) -> int:
         """Return the number of a sample that was neither asked for nor simulated."""
-        if len(asked) + len(self.data) == 0:
+        if len(requested) + len(self.data) == 0:
             return 1
-        return find_next_sample(pd.concat([self.data, asked]))
+        return find_next_sample(pd.concat([self.data, requested]))
 
     def _replace_rows(
         self, rows: Sequence[Mapping[str, Any]], source: object, write: bool = False
@@ -487,7 +490,7 @@ class Record:
             ledger.list_file(file)
         write_table(file, pd.DataFrame(rows))
 
-    def _complete_asked_runs(self, table: pd.DataFrame) -> pd.DataFrame:
+    def _complete_requested_runs(self, table: pd.DataFrame) -> pd.DataFrame:
         """Complete a table of results of runs that the strategy asked for.
 
         The result also has the parameters, the run numbers, a status and the turn.
@@ -497,24 +500,26 @@ class Record:
         table : pandas.DataFrame
             `sample` and the responses; perhaps `run`, `status` and the parameters.
         """
-        asked = self.requested_runs
+        requested = self.requested_runs
         if "run" not in table:
-            table = table.assign(run=_number_next_runs(asked, table))
+            table = table.assign(run=_number_next_runs(requested, table))
 
         # Look up each row among the requested runs. Numbers are compared as text.
-        asked_numbers = pd.MultiIndex.from_frame(asked[["sample", "run"]].astype(str))
+        requested_numbers = pd.MultiIndex.from_frame(
+            requested[["sample", "run"]].astype(str)
+        )
         numbers = pd.MultiIndex.from_frame(table[["sample", "run"]].astype(str))
-        unknown = sorted(set(numbers) - set(asked_numbers))
+        unknown = sorted(set(numbers) - set(requested_numbers))
         repeated = sorted(numbers[numbers.duplicated()])
         if unknown or repeated:
             first = [*unknown, *repeated][0]
             allowed = (
-                f"one of the {len(asked)} runs that `ask` gave, each once; a failed run "
+                f"one of the {len(requested)} runs that `ask` gave, each once; a failed run "
                 "has NaN as responses"
             )
             raise InputError(TABLE_NAME, "sample and run", list(first), allowed)
-        rows = asked_numbers.get_indexer(numbers)
-        runs = asked.iloc[rows].reset_index(drop=True)
+        rows = requested_numbers.get_indexer(numbers)
+        runs = requested.iloc[rows].reset_index(drop=True)
 
         self._refuse_other_parameters(table, runs)
         completed = self._add_responses(runs, table)
@@ -536,9 +541,9 @@ class Record:
         for name in space.names:
             if name not in table:
                 continue
-            asked = runs[name].to_numpy(float)
-            sizes = _compute_rounding_sizes(space, name, asked)
-            rows = zip(_read_numbers(table, name), asked, sizes, strict=True)
+            requested = runs[name].to_numpy(float)
+            sizes = _compute_rounding_sizes(space, name, requested)
+            rows = zip(_read_numbers(table, name), requested, sizes, strict=True)
             if not all(_is_rounded(*row) for row in rows):
                 allowed = "the parameters that `ask` gave, or no such column"
                 raise InputError(TABLE_NAME, name, "changed", allowed)
@@ -633,35 +638,35 @@ def _list_points(table: pd.DataFrame, names: Sequence[str]) -> list[Point]:
 
 
 def _find_match(
-    asked: pd.DataFrame, row: Mapping[str, Any], point: Point, names: Sequence[str]
+    requested: pd.DataFrame, row: Mapping[str, Any], point: Point, names: Sequence[str]
 ) -> Any:
     """Find the index of the first requested run that matches a row; None if none does.
 
     A match has the parameters `point` of the row. It also has the sample and the run of
     the row, if the row names them.
     """
-    is_same = np.isclose(asked[list(names)], point, rtol=SAME_TOLERANCE, atol=0).all(
-        axis=1
-    )
+    is_same = np.isclose(
+        requested[list(names)], point, rtol=SAME_TOLERANCE, atol=0
+    ).all(axis=1)
     for key in ("sample", "run"):
         if key in row:
-            is_same &= (asked[key].astype(str) == str(row[key]).strip()).to_numpy()
-    same = asked[is_same]
+            is_same &= (requested[key].astype(str) == str(row[key]).strip()).to_numpy()
+    same = requested[is_same]
     return same.index[0] if len(same) else None
 
 
-def _is_rounded(value: float, asked: float, size: float) -> bool:
-    """Return whether `value` is the requested number `asked`, or a rounding of it.
+def _is_rounded(value: float, requested: float, size: float) -> bool:
+    """Return whether `value` is the number `requested`, or a rounding of it.
 
     The difference may be half a unit of the last digit of `value`, but at most
     `MAX_ROUNDING_SHARE` of `size`.
     """
-    if math.isclose(value, asked, rel_tol=SAME_TOLERANCE):
+    if math.isclose(value, requested, rel_tol=SAME_TOLERANCE):
         return True
     last_digit = 10.0 ** int(
         Decimal(repr(float(value))).normalize().as_tuple().exponent
     )
-    return abs(value - asked) <= min(
+    return abs(value - requested) <= min(
         ROUNDING_DIGITS * last_digit, MAX_ROUNDING_SHARE * size
     )
 
@@ -696,21 +701,21 @@ def _compute_rounding_sizes(
     return np.full(len(values), width)
 
 
-def _find_free_run(sample: str, occupied: set[tuple[str, str]]) -> str:
+def _find_free_run(sample: str, used_numbers: set[tuple[str, str]]) -> str:
     """Return the lowest run number that is still free in a sample."""
     for number in itertools.count(1):
-        if (sample, str(number)) not in occupied:
+        if (sample, str(number)) not in used_numbers:
             return str(number)
     raise AssertionError("the numbers do not end")
 
 
-def _number_next_runs(asked: pd.DataFrame, table: pd.DataFrame) -> pd.Series:
+def _number_next_runs(requested: pd.DataFrame, table: pd.DataFrame) -> pd.Series:
     """Return a run number for each row of a table without run numbers.
 
     The numbers of a sample are consecutive, beginning with its first requested run. They
     begin with 1 for a sample that was not requested.
     """
-    first = asked.astype({"sample": str}).groupby("sample")["run"].min()
+    first = requested.astype({"sample": str}).groupby("sample")["run"].min()
     before = table.groupby("sample").cumcount()
     return before + table["sample"].map(first).fillna(1).astype(int)
 

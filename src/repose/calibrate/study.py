@@ -25,15 +25,15 @@ if TYPE_CHECKING:
 
 Simulate = Callable[[dict[str, Any]], Mapping[str, Any] | None]
 Run = dict[str, Any]
-# Held while a study makes its record, so that its threads have the same.
+# Held while a study creates its record, so that all threads get the same record.
 _RECORD_LOCK = threading.Lock()
 
 
 class Study:
-    """A calibration by a simulator of your own, as a loop of `ask` and `tell`.
+    """A calibration with your own simulator, as a loop of `ask` and `tell`.
 
-    Its settings do not change; its runs are the one thing that grows. `ask` gives the
-    runs to make next and `tell` adds their results, until the study is `done`.
+    `ask` returns the runs to make next, and `tell` adds their results, until the study is
+    `done`. The settings of a study never change. Only its runs grow.
 
     Parameters
     ----------
@@ -237,14 +237,14 @@ class Study:
 
     @cached_property
     def _created_record(self) -> "Record":
-        """The runs as this process knows them."""
+        """The record of the runs, which is created at the first access."""
         from repose.calibrate.record import Record
 
         return Record(self, self.file)
 
     @property
     def _record(self) -> "Record":
-        """The record, which several threads share; its lock is held to use it."""
+        """The record, which all threads share; use it within `Record.locked`."""
         with _RECORD_LOCK:
             return self._created_record
 
@@ -498,12 +498,12 @@ def _cancel(futures: Iterable[Future[Any]]) -> None:
 
 
 def _limit_threads() -> AbstractContextManager[Any]:
-    """Limit matrices to one thread.
+    """Limit matrix operations to one thread while the context is open.
 
-    Small ones are slower on several threads, and end in other bits than by the command
-    line.
+    Operations on small matrices are slower on several threads. Their last bits would also
+    differ from those of the command line.
     """
-    # scipy brings matrices of its own, and only a library that is loaded is limited.
+    # Only a loaded library is limited, so load scipy's own matrix library first.
     import scipy.linalg  # noqa: F401
     from threadpoolctl import threadpool_limits
 
@@ -511,13 +511,16 @@ def _limit_threads() -> AbstractContextManager[Any]:
 
 
 def _require_names(key: str, entries: object) -> None:
-    """Refuse parameters or targets that are not given by name."""
+    """Refuse parameters or targets that are no mapping from names."""
     if not isinstance(entries, Mapping):
         raise InputError("study", key, entries, f"a mapping from the names of {key}")
 
 
 def _complete_target(entry: Any) -> Any:
-    """Write a target that is given as two or three numbers with the keys of a file."""
+    """Convert a target of two or three numbers to the keys of a file.
+
+    Any other entry is returned unchanged; a later check refuses it if it has faults.
+    """
     if not isinstance(entry, list) or len(entry) not in (2, 3):
         return entry
     value, sd, *repetitions = entry

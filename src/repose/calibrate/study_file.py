@@ -42,7 +42,7 @@ from repose.common.reading import read_yaml
 from repose.common.section import ABSENT, AUTO, Allowed, Contradictions, Section, refuse
 from repose.common.target_range import compute_target_range
 
-# Columns of tables that are neither a parameter nor a response.
+# Names that no parameter and no response may have, because they are columns of tables.
 RESERVED_NAMES = (
     "sample",
     "run",
@@ -54,11 +54,11 @@ RESERVED_NAMES = (
     "reason",
     "n_seeds",
 )
-# Sections in which the seed of the study stands in place of a seed of their own.
+# Sections whose seed is replaced by the seed of the study.
 SEEDED_SECTIONS = ("design", "network", "miga", "posterior")
 # Keys that are read with every surrogate.
 TRAINING_KEYS = ("network.split", "network.replicates", "network.validation_noise")
-# Keys that a strategy reads which begins with the article's design.
+# Keys that are read with the strategies that begin with the article's design.
 DESIGN_KEYS = ("seeds", "design", "surrogate", "network", "miga", *TRAINING_KEYS)
 # Keys that are read with every strategy.
 COMMON_KEYS = (
@@ -68,7 +68,8 @@ COMMON_KEYS = (
     "sequential.tolerance_percent",
     "sequential.probability",
 )
-# The sampler of a posterior has more walkers and fewer steps than the pipeline's.
+# Defaults of the sampler of the posterior. It has more walkers and fewer steps than in
+# config/method.yaml.
 N_WALKERS = 128
 N_STEPS = 400
 MAX_SIZE = 1e12
@@ -145,7 +146,10 @@ class OwnPosterior(Section):
 
 
 class StudyFile(Section):
-    """The configuration, without the sections of further strategies (`make_configuration_model`)."""
+    """Model of the configuration, without the sections of further strategies.
+
+    `make_configuration_model` adds these sections.
+    """
 
     simulator: Line
     label: Line
@@ -215,7 +219,7 @@ class StudyFile(Section):
         """
         # The parameters are missing if they had faults themselves.
         parameters = info.data.get("parameters", {})
-        # A response must be named as no parameter, and as no standard error.
+        # The name of a response must differ from all parameters and standard errors.
         columns = {*parameters, *(f"{name}_se" for name in targets)}
         faults = list(_find_bad_columns(targets))
         for name in targets:
@@ -232,7 +236,13 @@ class StudyFile(Section):
 
 
 def _find_bad_columns(names: Iterable[str]) -> Iterator[tuple[str, str]]:
-    """Refuse names that no column of the table of runs may have."""
+    """Find names that no column of the table of runs may have.
+
+    Yields
+    ------
+    pair of str
+        The name, and what is allowed.
+    """
     for name in names:
         is_plain = bool(name) and name.isprintable() and name == name.strip()
         if name in RESERVED_NAMES or not is_plain:
@@ -245,7 +255,10 @@ def _find_bad_columns(names: Iterable[str]) -> Iterator[tuple[str, str]]:
 
 @cache
 def make_configuration_model() -> type[StudyFile]:
-    """Make the model with a section for each further strategy that has one."""
+    """Make the model of the configuration with the sections of all strategies.
+
+    The model is cached, so strategies must be registered before the first call.
+    """
     sections: dict[str, Any] = {}
     for name in names():
         model = strategy(name).settings
@@ -255,9 +268,10 @@ def make_configuration_model() -> type[StudyFile]:
 
 
 def has_own_simulator(path: str | os.PathLike) -> bool:
-    """Return whether a configuration names a simulator whose runs its user makes.
+    """Return whether a configuration is for a simulator that the user runs.
 
-    A section `simulator` has the command of a program that the workflow calls.
+    Its key `simulator` is then a name. If `simulator` is a section, it has the command of
+    a program that the workflow runs.
     """
     content = read_yaml(path)
     return "simulator" in content and not isinstance(content["simulator"], Mapping)
@@ -332,7 +346,7 @@ def complete_configuration(
 def _add_defaults(
     content: Mapping[str, Any], source: str | Origin, model: type[StudyFile]
 ) -> dict[str, Any]:
-    """Put the keys of the user over the defaults, without checking them.
+    """Complete the keys of the user by the defaults, without checking them.
 
     The defaults are those of config/method.yaml. Its sections `sequential` and
     `posterior` are shorter in a study with the user's own simulator.
@@ -398,7 +412,10 @@ def _add_defaults(
 
 
 def _find_runs_of_a_sample(content: Mapping[str, Any], otherwise: int) -> int:
-    """Return the number of runs of a sample, given at the top or in `sequential`."""
+    """Return the number of runs of a sample.
+
+    It is the key `seeds`, or else `sequential.seeds`, or else `otherwise`.
+    """
     for key in ("seeds", "sequential.seeds"):
         seeds = get_value(content, key)
         if isinstance(seeds, int):
@@ -409,8 +426,8 @@ def _find_runs_of_a_sample(content: Mapping[str, Any], otherwise: int) -> int:
 def _refuse_unusable_names(config: Mapping[str, Any], source: str | Origin) -> None:
     """Refuse names of parameters and targets that no table could have.
 
-    YAML reads an unquoted number or date as such. A name that begins with # would begin
-    a comment.
+    YAML reads an unquoted number or date as a number or date, not as text. A name that
+    begins with # would begin a comment in a table.
 
     Parameters
     ----------
@@ -445,7 +462,7 @@ def _refuse_unusable_names(config: Mapping[str, Any], source: str | Origin) -> N
 def choose_split(surrogate: str) -> list[float]:
     """Return the shares (training, validation, test) of the samples for a surrogate.
 
-    Only a network has a use for validation samples.
+    Only a network needs validation samples.
     """
     from repose.calibrate.surrogates import surrogate_class
 
@@ -540,7 +557,10 @@ def make_targets(section: Mapping[str, Mapping[str, Any]]) -> Targets:
 
 
 def _read_target(name: str, entry: Mapping[str, Any]) -> Target:
-    """Make a target; all responses are of one bench test, and have no limits."""
+    """Make a target of the user's own simulator.
+
+    All such responses belong to one bench test, and have no limits.
+    """
     value = entry["value"]
     scatter = compute_target_range(value, entry["sd"], entry["repetitions"])
     low, high = entry.get("range", scatter)

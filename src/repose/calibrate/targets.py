@@ -1,4 +1,4 @@
-"""Targets of the calibration: measured values of the responses of bench tests."""
+"""The targets of a calibration: measured values of the responses of bench tests."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -53,7 +53,7 @@ def complete_target(entry: Any) -> Any:
 
 
 def _is_usable(number: Any) -> bool:
-    """Return whether an entry is a number of a usable size, and no truth value."""
+    """Return whether an entry is a number, not a bool, whose size is at most `MAX_SIZE`."""
     return type(number) in (int, float) and abs(number) <= MAX_SIZE
 
 
@@ -99,10 +99,10 @@ class Target:
 
     @property
     def whole(self) -> float:
-        """What 100 % means.
+        """The number that counts as 100 % of the aim.
 
-        It is the size of the aim, or for a score of a profile a share of the height of
-        the profile.
+        It is the absolute value of the aim. For a score of a profile it is
+        `Profile.whole`.
         """
         if self.profile is None:
             return abs(self.aim)
@@ -116,16 +116,16 @@ class Target:
 
     @property
     def whole_value(self) -> float:
-        """What 100 % of the measured value means, as `whole` of the aim."""
+        """The number that counts as 100 % of the measured value; see `whole`."""
         if self.profile is None:
             return abs(self.value)
         return self.profile.whole
 
 
 class _Numbers:
-    """Descriptor: an attribute of all targets as an array (k,).
+    """Descriptor that collects an attribute of all k targets in an array (k,).
 
-    The name of the class attribute says which one.
+    The attribute of the targets has the name of the class attribute.
     """
 
     def __set_name__(self, owner: type, name: str) -> None:
@@ -203,7 +203,8 @@ class Targets(tuple[Target, ...]):
     def correlated(self, correlation: float) -> np.ndarray:
         """Make a correlation matrix (k, k).
 
-        Responses of the same bench test are correlated alike, all others not at all.
+        Two responses of the same bench test have the given correlation. Responses of
+        different bench tests are independent.
         """
         matrix = np.where(self.same_bench, float(correlation), 0.0)
         np.fill_diagonal(matrix, 1.0)

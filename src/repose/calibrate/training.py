@@ -27,7 +27,8 @@ from repose.common.files import Path_, read_table
 from repose.common.numbers import rounded
 
 SPLITS = ("train", "validation", "test")
-# 8 samples to train, 1 to validate and 3 to test: with fewer no R2 means anything.
+# The split of 12 samples has 8 for training, 1 for validation and 3 for the test. With
+# fewer test samples, R2 has no meaning.
 MIN_SAMPLES = 12
 
 
@@ -43,7 +44,8 @@ class Training(NamedTuple):
         Numbers of samples, R2 and RMSE by response and part, the report of the
         surrogate.
     predictions : pandas.DataFrame
-        By the training part, and by the fit to all samples if there is one.
+        Predictions by the fit to the training part, and by the fit to all samples if
+        there is one.
     starts : pandas.DataFrame
         A row for each start of the training; empty for a surrogate without starts.
     """
@@ -232,7 +234,7 @@ def train_surrogate(
 
 
 class _Fit(NamedTuple):
-    """A fitted surrogate, and the noise that its fit was told of."""
+    """A fitted surrogate, and the arguments of its fit about the noise."""
 
     model: Surrogate
     noise: dict[str, Any]
@@ -402,10 +404,11 @@ def split_samples(
 ) -> dict[str, np.ndarray]:
     """Split row numbers into train, validation and test.
 
-    A permutation by RandomState(seed) is cut in three. Train and validation are rounded
-    down and test has the rest, as the 95, 20 and 22 of the paper's 137.
+    A random permutation is cut in three. The sizes of train and validation are rounded
+    down, and test has the rest. This gives 95, 20 and 22 of the paper's 137 samples.
     """
-    # 0.7 * 90 is 62.99999999999999.
+    # Add 1e-9 because rounding may make a product too small: 0.7 * 90 is
+    # 62.99999999999999.
     n_train = math.floor(shares[0] * samples + 1e-9)
     n_validation = math.floor(shares[1] * samples + 1e-9)
     order = np.random.RandomState(seed).permutation(samples)
@@ -418,8 +421,8 @@ def split_rows(
 ) -> dict[str, np.ndarray]:
     """Split the rows of a table into training, validation and test.
 
-    All samples of a refinement are used for training. The others are split as if they were
-    alone, so the test samples are the same in each round.
+    All samples of a refinement are used for training. The other samples are split as if
+    there were no refinement, so the test samples are the same in each round.
 
     Parameters
     ----------

@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 CONFIDENCE = 0.95
 # Fewest degrees of freedom for the interval of a correlation.
 MIN_FREEDOM = 4
-# Distance from 1 at which Fisher's transformation of a correlation is cut off.
+# A correlation is moved this far away from 1, where Fisher's transformation is infinite.
 MIN_DISTANCE_FROM_ONE = 1e-12
 
 
@@ -58,9 +58,9 @@ class Components(NamedTuple):
     harmonic_seeds: float
 
     def reachable_r2(self, seeds: ArrayLike) -> np.ndarray:
-        """Compute the highest possible R2 on means over seeds, by the true means.
+        """Compute the R2 of a perfect predictor of the true means, on means over seeds.
 
-        It is tau^2 / (tau^2 + sigma^2 / seeds).
+        It is tau^2 / (tau^2 + sigma^2 / seeds), or 0 if both variances are 0.
         """
         total = self.between + self.within / np.asarray(seeds)
         return np.where(total > 0, self.between / np.where(total > 0, total, 1.0), 0.0)
@@ -70,9 +70,9 @@ class Components(NamedTuple):
         return np.sqrt(self.within / np.asarray(seeds))
 
     def seeds_for(self, standard_error: float) -> int:
-        """Find the fewest seeds for a standard error of the mean of a sample.
+        """Find the smallest number of seeds for a standard error of a sample's mean.
 
-        The error is above 0, in the unit of the response.
+        The error is in the unit of the response. ValueError if it is not above 0.
         """
         if not standard_error > 0:
             raise ValueError(f"standard_error is {standard_error!r}; expected above 0")
@@ -312,7 +312,7 @@ def _group_values(values: np.ndarray, groups: ArrayLike) -> _Groups:
 
 
 def _divide(a: float, b: float) -> float:
-    """Divide two variances; a ratio to zero is infinite."""
+    """Divide two variances; the result is infinite if the second one is 0."""
     return a / b if b > 0 else math.inf
 
 

@@ -233,7 +233,7 @@ def test_islands_ga_succeeds_from_every_seed_on_easy_functions(dimensions):
             bowl,
             [(0, 1), (2, 2)],
             {},
-            r"\[2.0, 2.0\]\]; expected each lowest below its highest",
+            r"\[2.0, 2.0\]\]; expected low < high in each row",
         ),
         (bowl, BOX, {"rounds": 0}, "rounds is 0"),
         (bowl, BOX, {"islands": 0}, "islands is 0"),

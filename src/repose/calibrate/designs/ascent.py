@@ -4,7 +4,7 @@ import numpy as np
 
 
 def compute_ascent_direction(
-    slopes: np.ndarray, missing: np.ndarray, scale: np.ndarray
+    slopes: np.ndarray, shortfall: np.ndarray, scale: np.ndarray
 ) -> np.ndarray:
     """Compute the direction in which several responses approach their targets fastest.
 
@@ -15,7 +15,7 @@ def compute_ascent_direction(
     ----------
     slopes : array (responses, k)
         Slopes of the first-order models of the responses, in coded units.
-    missing : array (responses,)
+    shortfall : array (responses,)
         Target minus response at the centre.
     scale : array (responses,)
         The target divided by the root of its weight.
@@ -30,7 +30,7 @@ def compute_ascent_direction(
     ValueError
         If no slope leads towards the targets.
     """
-    gradient = (missing / scale**2) @ slopes
+    gradient = (shortfall / scale**2) @ slopes
     length = np.linalg.norm(gradient)
     if not length > 0:
         raise ValueError(
@@ -40,13 +40,13 @@ def compute_ascent_direction(
 
 
 def make_ascent_path(
-    along: np.ndarray, steps: int, start: np.ndarray | None = None
+    direction: np.ndarray, steps: int, start: np.ndarray | None = None
 ) -> np.ndarray:
     """Space points (steps + 1, k) evenly from a start to the edge of the cube.
 
     Parameters
     ----------
-    along : array (k,)
+    direction : array (k,)
         Direction of the path in coded units.
     steps : int
         Number of steps from the start to the edge.
@@ -54,8 +54,8 @@ def make_ascent_path(
         A point inside the cube; by default its centre.
     """
     if start is None:
-        start = np.zeros(len(along))
+        start = np.zeros(len(direction))
     # The distance of the start from the edge at 1 or -1, along each factor, is
     # 1 - sign * start. The path ends where the first factor reaches its edge.
-    parts = np.abs(along) / (1 - np.sign(along) * start)
-    return start + np.linspace(0.0, 1.0, steps + 1)[:, None] * (along / parts.max())
+    parts = np.abs(direction) / (1 - np.sign(direction) * start)
+    return start + np.linspace(0.0, 1.0, steps + 1)[:, None] * (direction / parts.max())

@@ -8,22 +8,22 @@ keeps its best, and sends it round the ring of islands every 10 generations, 870
     from repose.calibrate.search.miga import islands_ga
     result = islands_ga(lambda x: ((x - 1) ** 2).sum(axis=1), bounds=[(-5, 5)] * 6)
 
-`MIGA` is the same by ask and tell, in [-1, 1].
+`MIGA` is the same algorithm with the methods `ask` and `tell`, for points in [-1, 1].
 
-Where the publication is silent, the choices are:
+The publication leaves some details open. The choices here are:
 
 crossover
-    always; a child is r a + (1 - r) b with one r, uniform in [0, 1], for all its genes;
-    each child has two parents of its own, winners of tournaments drawn with replacement
-    inside the island
+    Every child comes from a crossover. It is r a + (1 - r) b with one number r for all
+    genes, uniform in [0, 1]. The parents a and b are winners of two tournaments, whose
+    individuals are drawn with replacement from the island.
 mutation
-    each gene by itself, by 0.1 times a standard normal number, then cut to the box
+    Each gene mutates independently, by 0.1 times a standard normal number. It is then
+    clipped to the box.
 best kept
-    the best of an island is copied unchanged into its next generation, in place of one
-    child
+    The best individual of an island replaces one child of the next generation.
 migration
-    the best of island i replaces the worst of island i + 1, all islands at once, before
-    breeding, and stays at home as well
+    The best individual of island i replaces the worst of island i + 1, before breeding
+    and on all islands at once. It also stays on its own island.
 """
 
 import math
@@ -100,6 +100,8 @@ class MIGA:
     def tell(self, fitness: np.ndarray) -> None:
         """Breed the next generation from the fitness of the present one.
 
+        The next generation is then returned by `ask`, and all attributes are updated.
+
         Parameters
         ----------
         fitness : array (islands * population,)
@@ -150,7 +152,10 @@ class MIGA:
         return b + self._share[step] * (a - b)
 
     def _keep_best(self, children: np.ndarray, best: np.ndarray) -> None:
-        """Replace the first child of each island by its best (islands, dimensions)."""
+        """Replace the first child of each island by its best individual, in place.
+
+        `best` (islands, dimensions) has the best individual of each island.
+        """
         children[:, 0] = best
 
     def _draw_round(self) -> None:
@@ -199,7 +204,7 @@ def migrate(
     Returns
     -------
     points, fitness : arrays
-        Changed copies.
+        Copies with the migrated individuals. The arguments are not changed.
     """
     points = points.copy()
     fitness = fitness.copy()
@@ -306,6 +311,6 @@ def _check_bounds(bounds: Any) -> np.ndarray:
     low, high = bounds.T
     if not (low < high).all():
         raise ValueError(
-            f"bounds is {bounds.tolist()}; expected each lowest below its highest"
+            f"bounds is {bounds.tolist()}; expected low < high in each row"
         )
     return bounds

@@ -1,11 +1,11 @@
 """The objective that the search minimises, and the archive of the points that it keeps.
 
-The publication does not define the constraints. Here the fitness of a point is F
-(Eq. 11) where all its responses lie in the ranges of the targets, and
-F + F_max + 10 V elsewhere. V is the distance of the responses from the ranges, in the
-units of F, and F_max is the largest F inside the ranges. So every feasible point is
-better than every other point, and without a feasible point the search moves towards the
-ranges. Where they cannot be met, `constrained=False` minimises F alone.
+The publication does not say how it treats points outside the ranges of the targets. Here
+the fitness of a point is F (Eq. 11) if all its responses lie in the ranges. Otherwise it
+is F + F_max + 10 V, where V is the distance of the responses from the ranges in the units
+of F, and F_max is the largest F inside the ranges. So every feasible point is better than
+every other point. As long as no point is feasible, the search moves towards the ranges.
+If the ranges cannot be reached, `constrained=False` minimises F alone.
 """
 
 import math
@@ -24,12 +24,13 @@ ArrayFunction = Callable[[np.ndarray], np.ndarray]
 Deviation = Callable[[np.ndarray], np.ndarray]
 VIOLATION_PENALTY = 10.0
 PRIOR_WEIGHT = 0.01
-# Fitness of a point that violates a constraint between parameters, above that of every
-# other point: with its violation added, only the less violated one is better (Deb 2000,
-# Comput. Methods Appl. Mech. Eng. 186, 311).
+# Fitness of a point that violates a constraint between parameters. It is larger than the
+# fitness of any allowed point. It is multiplied by 1 plus the violation, so of two such
+# points the less violating one is better (Deb 2000, Comput. Methods Appl. Mech. Eng. 186,
+# 311).
 FORBIDDEN_FITNESS = 1e12
-# A point that is thinned away may lose its better neighbour later, so the archive has
-# more room than there are solutions.
+# A point is dropped if a better point is near it. The better one may be dropped later for
+# another one that is not near. So the archive holds more points than solutions.
 ARCHIVED_PER_SOLUTION = 5
 HISTORY_COLUMNS = (
     "round",
@@ -112,18 +113,18 @@ class Objective:
 
 @dataclass(frozen=True)
 class Preference:
-    """Prior knowledge of parameters, as a term that is small beside F.
+    """Cost of a deviation from the priors of the parameters, which is small beside F.
 
-    Measured parameters that are z standard deviations off cost 0.01 z^2 / 2: for z = 1
-    as much as half a percent of a target's range. So the targets have priority. Among
-    the many parameter sets that meet them equally well, the search prefers those near
-    the measured values.
+    A parameter that deviates by z standard deviations costs `PRIOR_WEIGHT` z^2 / 2. For
+    z = 1 this equals a deviation of half a percent of a target's range. So the targets
+    have priority. Among the many parameter sets that meet them equally well, the search
+    prefers those near the means of the priors.
     """
 
     mean: np.ndarray  # (d,), in the search's coordinates [-1, 1]
     sd: np.ndarray  # (d,), likewise; infinite for a parameter without a prior
-    # Of parameters on a scale that is not linear, whose mean and sd above are 0 and
-    # infinite: their columns and deviations in standard deviations.
+    # For each parameter with a prior on a scale that is not linear: its column, and the
+    # function of its deviation in standard deviations. Its mean is 0 and its sd infinite.
     scaled: tuple[tuple[int, Deviation], ...] = ()
 
     @classmethod
@@ -165,7 +166,7 @@ class Preference:
 
     @property
     def largest(self) -> float:
-        """The highest cost of a point, which is that of a corner."""
+        """The largest cost of a point in [-1, 1], which is reached in a corner."""
         corner = np.where(self.mean > 0, -1.0, 1.0)
         for k, deviation in self.scaled:
             at_ends = np.abs(deviation(np.array([-1.0, 1.0])))
@@ -173,17 +174,18 @@ class Preference:
         return float(self(corner[None])[0])
 
     def distance(self, points: np.ndarray) -> np.ndarray:
-        """Compute the distance (n,) of points (n, d) from the measured values.
+        """Compute the distance (n,) of points (n, d) from the means of the priors.
 
-        It is in standard deviations.
+        The unit is the standard deviation.
         """
         return np.sqrt(2 / PRIOR_WEIGHT * self(points))
 
 
 def _make_deviation(space: ParameterSpace, name: str) -> Deviation:
-    """Make the function of a parameter's deviation from its prior, in its sd.
+    """Make a function that computes the deviation of a parameter from its prior.
 
-    It takes coordinates (n,) in [-1, 1].
+    The function takes coordinates (n,) in [-1, 1], and returns deviations (n,) in
+    standard deviations of the prior.
     """
     mean, sd = space.prior[name]
     return lambda points: (space.values_at(name, (points + 1) / 2) - mean) / sd
@@ -242,7 +244,8 @@ class Archive:
     def add(self, points: np.ndarray, fitness: np.ndarray) -> None:
         """Offer points to the archive.
 
-        They wait until the buffer is full, or until the next call of `thin`.
+        The points wait in a buffer until it is full, or until the next call of `thin`.
+        Only then do they appear in `points` and `fitness`.
 
         Parameters
         ----------
@@ -342,6 +345,7 @@ def search_points(
         Maps points (n, inputs) in [-1, 1] to responses (n, k).
     objective : Objective
     inputs : int
+        Number of coordinates of a point.
     settings : MigaSettings
     preference : Preference, optional
         Its cost is added to the fitness.
@@ -367,8 +371,8 @@ def search_points(
             if violation is None:
                 miga.tell(population.fitness)
             else:
-                # Points that violate a constraint guide the search back to what is
-                # allowed, and are kept nowhere else.
+                # Points that violate a constraint only guide the search back to the
+                # allowed part. They do not count as results.
                 excess = violation(points)
                 is_allowed = excess <= 0
                 penalty = FORBIDDEN_FITNESS * (1 + excess)
@@ -411,7 +415,7 @@ class _Population(NamedTuple):
         return int(np.count_nonzero(self.violation == 0))
 
     def mean_fitness(self) -> float:
-        """Average the fitness; nan without points, as constraints may allow none."""
+        """Average the fitness; NaN if the constraints allow none of the points."""
         return float(self.fitness.mean()) if len(self.fitness) else math.nan
 
 
@@ -421,7 +425,7 @@ def _evaluate_population(
     objective: Objective,
     preference: Preference | None,
 ) -> _Population:
-    """Compute the fitness of points (n, inputs); see `search_points` for the functions."""
+    """Compute the fitness of points (n, inputs); the arguments are as in `search_points`."""
     F, V = objective(respond(points))
     fitness = objective.fitness(F, V)
     if preference is not None:

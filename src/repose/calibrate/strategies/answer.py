@@ -21,7 +21,7 @@ from repose.common.numbers import rounded
 def describe_answer(
     answer: Answer, space: ParameterSpace, targets: Targets
 ) -> dict[str, Any]:
-    """Describe an answer for its file, which is kept until the check.
+    """Describe an answer for the file that is kept until the answer is checked.
 
     Parameters
     ----------
@@ -32,9 +32,9 @@ def describe_answer(
     Returns
     -------
     dict
-        ``feasible``, ``message``, ``predicted_error`` (k,), the table ``solutions``,
-        the parameters ``near_bounds`` from `repose.calibrate.bounds`, and the samples
-        ``simulated`` that already are runs of the answer.
+        ``feasible``, ``message``, ``predicted_error`` (k,), the table ``solutions``, the
+        parameters ``near_bounds`` from `repose.calibrate.bounds`, and the numbers of the
+        samples that already ``simulated`` the answer.
     """
     # The tables need the prediction even if the answer was already simulated.
     if answer.simulated and answer.model is not None:
@@ -56,10 +56,10 @@ def describe_answer(
 
 
 def _predict_again(answer: Answer, model: Predictor) -> Answer:
-    """Return an answer that was simulated with the prediction of its model.
+    """Return a copy of an answer whose mean and covariance are predicted by its model.
 
-    Its mean is of its own runs. The check compares these runs with the model, so the
-    tables need the model's prediction.
+    The mean of a simulated answer is that of its runs. The check compares these runs
+    with the model, so the tables need the prediction of the model.
     """
     point = answer.values[None]
     return replace(
@@ -75,9 +75,9 @@ def judge_answer(answer: Answer, targets: Targets, note: str = "") -> tuple[bool
     Returns
     -------
     feasible : bool
-        Whether it is.
+        Whether the answer is predicted inside all ranges.
     message : str
-        The same in a sentence, followed by the note.
+        Sentence with the prediction and the ranges, followed by the note.
     """
     is_inside = (answer.mean >= targets.low) & (answer.mean <= targets.high)
     feasible = bool(is_inside.all())
@@ -91,7 +91,7 @@ def judge_answer(answer: Answer, targets: Targets, note: str = "") -> tuple[bool
 def tabulate_solutions(
     answer: Answer, feasible: bool, space: ParameterSpace, targets: Targets
 ) -> pd.DataFrame:
-    """List the answer, then the other parameter sets.
+    """Make the table of the answer and of the other parameter sets.
 
     Parameters
     ----------
@@ -137,7 +137,7 @@ def write_notes(notes: Mapping[str, Any], files: Iterable[str], out_dir: Path_) 
 
 
 def select_separated(unit: np.ndarray, section: MigaSettings) -> np.ndarray:
-    """Choose points that keep a distance from each other.
+    """Choose points that are at least a given distance apart.
 
     Parameters
     ----------
@@ -149,7 +149,8 @@ def select_separated(unit: np.ndarray, section: MigaSettings) -> np.ndarray:
     Returns
     -------
     numpy.ndarray of int
-        Row numbers of the first points that keep the distance from all before them.
+        Row numbers of the chosen points. A point is chosen if it keeps the distance from
+        all points chosen before it.
     """
     from scipy.spatial.distance import cdist
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 SectionType = TypeVar("SectionType", bound=Section | None)
 # Purpose, number of samples, and runs of each. Those that check an answer are `CheckRuns`.
 Pours = tuple[tuple[str, int, int], ...]
-# Why an answer is given before the strategy ends.
+# Explanation of an answer that is given before the strategy ends.
 SO_FAR = "more runs may give a better answer"
 
 
@@ -277,7 +277,7 @@ def names() -> tuple[str, ...]:
 
 
 def obeying_strategies() -> str:
-    """Name in words the strategies that are allowed with constraints."""
+    """Describe which strategies are allowed with constraints, for an error message."""
     obeying = [name for name, one in _REGISTRY.items() if one.obeys_constraints]
     return f"{' or '.join(obeying)} where there are constraints"
 

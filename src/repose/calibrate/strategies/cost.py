@@ -5,7 +5,10 @@ from repose.common.section import Contradictions, Section
 
 
 def list_strategies_with_section() -> tuple[str, ...]:
-    """Return the strategies that have a section; the others take the article's steps."""
+    """Return the names of the strategies that have a section of the configuration.
+
+    The workflow runs the others by the steps of the article.
+    """
     return tuple(name for name in names() if strategy(name).settings is not None)
 
 
@@ -37,7 +40,8 @@ def describe_obstacle(
 ) -> str | None:
     """Describe why a strategy cannot run; None if it can.
 
-    The arguments are those of `find_contradictions`. Of several reasons the first is given.
+    The arguments are those of `find_contradictions`. If there are several reasons, the
+    first one is described.
     """
     for key, allowed in find_contradictions(name, section, free, responses):
         return f"not with this configuration: {key}; expected {allowed}"
@@ -45,7 +49,7 @@ def describe_obstacle(
 
 
 def count_max_runs(name: str, section: Section | None, free: int) -> Pours | None:
-    """Count the most runs of a strategy; None for the article's method.
+    """Count the runs that a strategy makes at most; None for the article's method.
 
     Returns
     -------

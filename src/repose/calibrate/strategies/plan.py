@@ -1,15 +1,13 @@
 """Estimate how many runs a calibration needs, before its first run.
 
-The noise alone asks for a number of runs, and a budget has a probability of success.
+The noise determines a smallest number of runs. A budget of runs has a probability of
+success.
 
-These probabilities come from `success.csv`: shares of hidden parameter sets that whole
-campaigns of the sequential strategy recovered, in an emulated simulator whose runs
-scatter
-by some percents. `research/answers/hidden_truths.py` writes it. Logistic curves smooth
-the
-shares over the logarithms of budget and scatter. A study that differs from these
-campaigns
-gets no probability.
+These probabilities come from the table `success.csv`. It has the shares of hidden
+parameter sets that campaigns of the sequential strategy recovered, in an emulated
+simulator whose runs scatter by some percents. `research/answers/hidden_truths.py` writes
+the table. Logistic curves smooth the shares over the logarithms of budget and scatter. A
+study that differs from these campaigns gets no probability.
 """
 
 from pathlib import Path
@@ -28,15 +26,17 @@ from repose.common.files import Path_, read_table
 from repose.common.numbers import rounded
 
 SUCCESS_FILE = Path(__file__).with_name("success.csv")
-# Noise of the default grain, where none is measured: the scatter of a run in percent of
-# the target, and the correlation of two responses of one bench test.
+# Noise that is assumed if none is measured, which is that of the default grain: the
+# scatter of a run in percent of the target, and the correlation of two responses of the
+# same bench test.
 DEFAULT_NOISE_PERCENT = 5.0
 DEFAULT_CORRELATION = 0.8
-# Certainty of the number of runs that the noise alone asks for.
+# Probability with which the needed runs determine the means within the tolerance.
 CERTAINTY = 0.9
 # Tolerances of the table, in percent.
 TOLERANCES = (1.0, 2.0)
-# The campaigns of the table; it has their numbers of targets and their scatters.
+# Strategy and number of free parameters of the campaigns. Their numbers of targets and
+# their scatters are in the table.
 CAMPAIGN_STRATEGY = "sequential"
 CAMPAIGN_PARAMETERS = 6
 
@@ -191,8 +191,8 @@ def estimate_success(n_targets: int, percent: float) -> pd.DataFrame:
     """
     table = pd.read_csv(SUCCESS_FILE)
     table = table[table["responses"] == n_targets]
-    # The campaigns of one scatter share their hidden sets. So an error is that of these
-    # sets, however many budgets the curve is fitted to.
+    # All campaigns of one scatter have the same hidden sets. So the number of sets
+    # determines the standard error, not the number of budgets that the curve is fitted to.
     truths = table.groupby("pours", as_index=False)["truths"].first()
     budgets = truths[["pours"]].copy()
     for tolerance in TOLERANCES:
@@ -268,8 +268,8 @@ class SuccessCurve(NamedTuple):
 def compute_share_error(share: pd.Series, trials: pd.Series) -> pd.Series:
     """Compute the standard error of a probability from the share of successful trials.
 
-    It is the standard deviation of the beta distribution after these trials, from a
-    uniform prior. So it is positive also where all or none succeeded.
+    It is the standard deviation of the beta distribution that follows from these trials
+    and a uniform prior. So it is positive even if all or none of the trials succeeded.
     """
     mean = (share * trials + 1) / (trials + 2)
     return np.sqrt(mean * (1 - mean) / (trials + 3))

@@ -30,7 +30,7 @@ from repose.common.tables import (
 )
 
 OK = "ok"
-# Status of a run without a status of its own, if a response is not a finite number.
+# Status of a run that reported no failure, but has a response that is no finite number.
 FAILED = "failed"
 # Statuses of a good run. Numbers such as 0 and 1 are excluded, as they are ambiguous.
 GOOD_STATUSES = (
@@ -56,7 +56,8 @@ OPTIONAL_COLUMNS = ("status", TURN_COLUMN)
 # The largest size of a response; a larger one counts as infinite.
 MAX_RESPONSE = 1e100
 RESPONSE_WORDS = "a finite number, or for a failed run NaN"
-# Responses are dependent if an eigenvalue of their correlations is at most this large.
+# Responses are linearly dependent if an eigenvalue of their correlation matrix is at most
+# this large. It would be 0 without rounding errors.
 DEPENDENT_EIGENVALUE = 1e-12
 # Largest error of a parameter, as a share of its range, from rounding by a spreadsheet.
 MAX_ROUNDING_SHARE = 1e-6
@@ -65,9 +66,9 @@ MAX_DIGITS = 9
 
 
 def list_runs(samples: pd.DataFrame) -> pd.DataFrame:
-    """Make a row for each run of the samples of a batch.
+    """Make a table with a row for each run of the samples of a batch.
 
-    The runs of a sample differ in the random numbers of the simulator alone.
+    The runs of a sample differ only in the random numbers of the simulator.
 
     Returns
     -------
@@ -81,7 +82,10 @@ def list_runs(samples: pd.DataFrame) -> pd.DataFrame:
 
 
 def find_next_sample(data: pd.DataFrame) -> int:
-    """Return the number of the next sample."""
+    """Return the number of a new sample.
+
+    It follows the largest number, or the number of samples if some are no numbers.
+    """
     numbers = pd.to_numeric(data["sample"], errors="coerce")
     if numbers.notna().all():
         return int(numbers.max()) + 1
@@ -112,7 +116,7 @@ def check_responses(data: pd.DataFrame, targets: Targets) -> None:
             )
             raise InputError("runs", name, float(data[name].max()), allowed)
 
-    # With so few runs, the responses always look dependent.
+    # With as few runs as this, any responses would look dependent.
     complete = data[names].dropna()
     if len(complete) <= len(names) + 1:
         return
@@ -216,9 +220,9 @@ def list_columns(study: Study) -> tuple[str, ...]:
 
 
 def describe_unread_columns(study: Study, rows: Rows) -> dict[str, str]:
-    """Describe each column of a table of runs that is not read, unless it is constant.
+    """Describe the columns of a table of runs that are not read and whose values vary.
 
-    Such a column may record failed runs under another name.
+    Such a column may mark failed runs under another name than `status`.
 
     Returns
     -------
@@ -278,9 +282,10 @@ def read_rows(path: Path_, study: Study) -> Rows:
 
 
 def strip_decimal_points(cells: Iterable[Any]) -> list[str]:
-    """Write numbers of samples or runs as text, without the .0 of a whole column.
+    """Convert numbers of samples or runs to text, without an added ".0".
 
-    Pandas and spreadsheets add it.
+    Pandas and spreadsheets write whole numbers as 3.0 if some cells are empty. The ending
+    is removed only if all cells have it.
     """
     texts = [str(cell).strip() for cell in cells]
     if all(map(WHOLE_NUMBER.fullmatch, texts)):
@@ -417,10 +422,10 @@ def judge_runs(
 def make_cells(
     result: Mapping[Any, Any], responses: Sequence[str]
 ) -> tuple[dict[str, Any], str]:
-    """Turn the result of a function for one run into a valid row of a table of runs.
+    """Convert the result of the user's function for one run to a valid row.
 
-    `judge_runs` accepts every such row. An invalid response makes the run a failed one
-    instead of raising an error, because a long calibration has to continue.
+    `judge_runs` accepts every such row. An invalid response makes the run a failed one.
+    It raises no error, because a long calibration has to continue.
 
     Parameters
     ----------
@@ -464,16 +469,16 @@ def make_cells(
 def list_needed_responses(
     study: Study, statuses: Iterable[Any] | None
 ) -> tuple[str, ...]:
-    """Return the responses that a table needs.
+    """Return the names of the responses that a table of runs must have.
 
-    There are none if the status of every run reports a failure.
+    A table needs no response if the status of every run reports a failure.
     """
     is_needed = statuses is None or OK in map(_read_status, statuses)
     return tuple(study.targets.names) if is_needed else ()
 
 
 def _read_status(cell: Any) -> str:
-    """Read the status of a run; `OK` if it is missing or any of the good statuses."""
+    """Read the status of a run; `OK` if it is missing or one of `GOOD_STATUSES`."""
     status = OK if cell is None or is_missing(cell) else str(cell).strip()
     return OK if status.casefold() in GOOD_STATUSES else status
 
@@ -604,7 +609,10 @@ def _refuse_mixed_samples(
 
 
 def add_missing_columns(rows: Rows, study: Study) -> list[dict[str, Any]]:
-    """Add the columns of fixed parameters, and empty ones of responses, to the rows."""
+    """Return rows with the missing columns of fixed parameters and of responses.
+
+    Missing responses are empty texts.
+    """
     missing = {**study.parameters.fixed, **dict.fromkeys(study.targets.names, "")}
     return [missing | dict(row) for row in rows]
 
@@ -612,9 +620,9 @@ def add_missing_columns(rows: Rows, study: Study) -> list[dict[str, Any]]:
 def _refuse_repeated_rows(table: pd.DataFrame, rows: Rows, source: object) -> None:
     """Refuse a table that contains the same run twice.
 
-    With a column `run`, the sample and the run number identify a run. This allows equal
-    results, as from a simulator without random numbers. Without it, two good rows with the
-    same numbers are taken for the same run.
+    If the table has a column `run`, the sample and the run number identify a run. Two
+    runs may then have equal results, as with a simulator without random numbers. Without
+    this column, two good rows with the same values are taken for the same run.
 
     Parameters
     ----------

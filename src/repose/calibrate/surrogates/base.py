@@ -286,7 +286,7 @@ class Surrogate(ABC):
         definitions: Definitions | None = None,
         samples: Sequence[int] = (),
     ) -> Self:
-        """Set the names of parameters, responses and samples.
+        """Set the attributes with the names of parameters, responses and samples.
 
         Parameters
         ----------
@@ -309,7 +309,7 @@ class Surrogate(ABC):
         return self
 
     def save(self, path: str | os.PathLike) -> None:
-        """Write a JSON file that `load` reads."""
+        """Write the surrogate to a JSON file, which `load` reads."""
         description = {
             "inputs": list(self.inputs),
             "outputs": list(self.outputs),

@@ -77,8 +77,8 @@ MAX_DESCENT_STEPS = (
     100  # largest number of steps to the minimum of F at fixed alpha and beta
 )
 MIN_DECREASE = 0.003  # of F in a step, in nats, below which `train_again` ends
-# mu is only ever multiplied, so from 0 it could not rise again. From any number above 0
-# it rises in time: it takes at most one trial for each step that lowered it.
+# The damping mu is only multiplied, so it could not rise again from 0. From any number
+# above 0 it can: it takes at most one trial for each step that lowered it.
 MIN_MU = float(np.finfo(float).tiny)
 
 
@@ -296,7 +296,7 @@ def train_again(
         state = state._replace(at=_make_linear_model(weights, data))
         # If the damping had to be raised, keep the raised value for the next step.
         mu = next_mu / settings.mu_decrease if next_mu >= mu else next_mu
-        # F in nats: a decrease of less than LEAST_FALL no longer matters.
+        # F in nats: a decrease of less than MIN_DECREASE no longer matters.
         decrease = F - state.F()
         F -= decrease
         if decrease < MIN_DECREASE:
@@ -527,8 +527,8 @@ def linearise_residuals(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Compute the weighted residuals and their derivatives by the weights.
 
-    The residuals (samples * outputs,) are those of `compute_residuals`; the derivatives have
-    the shape (samples * outputs, N).
+    The residuals (samples * outputs,) are those of `compute_residuals`. The derivatives
+    have the shape (samples * outputs, N).
     """
     y, J = compute_jacobian(w, x, t.shape[1])
     e = ((y - t) * root_weight).ravel()

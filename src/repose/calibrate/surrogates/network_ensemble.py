@@ -30,8 +30,8 @@ from repose.calibrate.surrogates.two_layer import (
     unscale_columns,
 )
 
-# Laplace's approximation of the evidence has errors of this size, in nats. The networks
-# of starts further below the best are worse.
+# A member may have at most this much less log evidence than the best start, in nats.
+# Laplace's approximation of the evidence has errors of this size.
 MAX_EVIDENCE_GAP = 50.0
 MEMBER_ARRAYS = ("W1", "b1", "W2", "b2")
 ALL_WEIGHTS = "all weights"
@@ -57,7 +57,7 @@ class NetworkEnsemble(Surrogate):
         self._set_members(networks)
 
     def _set_members(self, networks: Iterable[BayesianBP]) -> None:
-        """Set the networks, the best first, and forget what was kept of others."""
+        """Set the networks, the best first, and clear the caches."""
         self.members_ = list(networks)
         self._stacks: dict[str, np.ndarray] = {}  # of `_stack`, by key
         self._last: _Prediction | None = None  # of `_predict_means`

@@ -166,9 +166,9 @@ def check_samples(
 ) -> Samples:
     """Check the samples of a fit, and convert them to arrays of standard shape.
 
-    Samples of weight 0 are dropped. `noise_covariance` and `noise_freedom` are ignored
-    here, and checked by `find_independent_mixing` and `compute_pure_error`. They are accepted so that
-    callers can pass the noise of `Surrogate.fit` unchanged.
+    Samples of weight 0 are dropped. `noise_covariance` and `noise_freedom` are ignored.
+    They are accepted so that callers can pass the noise of `Surrogate.fit` unchanged, and
+    are checked by `find_independent_mixing` and `compute_pure_error`.
 
     Parameters
     ----------

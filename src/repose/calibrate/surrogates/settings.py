@@ -100,7 +100,10 @@ class NetworkSettings(Section):
 
     @classmethod
     def from_keys(cls, keys: Mapping[str, Any]) -> Self:
-        """Take the known keys of a mapping, unchecked; the others are as published."""
+        """Make settings from the known keys of a mapping, without checking them.
+
+        Missing keys have the published values. Unknown keys are ignored.
+        """
         known = {key: keys[key] for key in cls.model_fields if key in keys}
         return cls.model_construct(None, **PUBLISHED | known)
 

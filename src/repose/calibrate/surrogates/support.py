@@ -25,7 +25,7 @@ MIN_SAMPLES = 2
 
 
 class Support:
-    """The region that samples cover.
+    """The region of the parameters that samples cover.
 
     Parameters
     ----------
@@ -43,9 +43,11 @@ class Support:
     Attributes
     ----------
     farthest : float
-        Usual largest distance of a sample from its nearest neighbour, in ranges.
+        Largest usual distance of a sample from its nearest neighbour, in ranges: the
+        quantile `DISTANCE_QUANTILE` of these distances.
     largest_leverage : float
-        Of the samples; infinite with too few samples for a quadratic model.
+        Largest leverage of a sample; infinite if there are too few samples for a
+        quadratic model.
     """
 
     def __init__(
@@ -94,7 +96,10 @@ class Support:
     def from_dataset(cls, dataset_csv: Path_, space: ParameterSpace) -> Self:
         """Make the support of the usable samples in a study's dataset.csv.
 
-        InputError for a bad file, or for fewer than two usable samples.
+        Raises
+        ------
+        InputError
+            If the file is invalid, or has fewer than two usable samples.
         """
         table = read_table(dataset_csv, ("sample", *space.names, "status"))
         usable = table[table["status"] == "ok"]
@@ -157,14 +162,14 @@ class Support:
         return ((terms @ self._inverse_R) ** 2).sum(axis=1)
 
     def is_thin(self, points: np.ndarray) -> np.ndarray:
-        """Mark the points (m,) where samples are thin."""
+        """Mark the points (m,) that lie where samples are thin (`excess`)."""
         return self.excess(points) > 0
 
     def excess(self, points: np.ndarray) -> np.ndarray:
-        """Measure how far points (m,) lie where samples are thin; 0 where they are not.
+        """Measure how far points (m, d) lie outside the region of the samples, (m,).
 
-        It is the distance beyond the usual one, plus the leverage above the samples'
-        largest.
+        The excess is the distance above `farthest` plus the leverage above
+        `largest_leverage`. It is 0 inside the region.
         """
         distance = np.maximum(self.distance(points) - self.farthest, 0.0)
         leverage = np.maximum(self.leverage(points) - self.largest_leverage, 0.0)

@@ -8,7 +8,8 @@ surface, tension, filling, definition of the angle. With the same parameters the
 differ. Weighted by how well each model describes the published piles, the spread of the
 piles is the discrepancy (`estimate_from_shape_study`).
 
-Otherwise the discrepancy is stated, as a share of each response's value (`compute_stated_covariance`).
+Otherwise the discrepancy is stated, as a share of each response's value
+(`compute_stated_covariance`).
 Within a bench test the discrepancies are correlated, because one wrong shape or filling
 moves all numbers of a pile at once. The signs of the correlations are those with which
 the responses vary together over the design: a steeper pile is higher and narrower.
@@ -29,8 +30,8 @@ from repose.common.tables import Column, refuse
 
 MIN_MODELS = 5
 DIFFERENCE_WORDS = f"a finite number, at most {MAX_SIZE:g} in size"
-# Limits of an eligible model: its distance in standard deviations, beyond which its
-# weight is 0, and a difference or an error over the value of the target.
+# Limits of an eligible model. Beyond this distance, in standard deviations, its weight is
+# practically 0. A difference or an error must not exceed this share of the target.
 MAX_DISTANCE = 30.0
 MAX_SHARE = 3.0
 MODEL_COLUMNS = ("particle", "tension", "filling")

@@ -1,8 +1,8 @@
 """Show how the posterior depends on the discrepancy, and what is not excluded.
 
-The region holds the parameters that the measurements do not exclude. Both weigh the
-same points of a Sobol sequence over the prior, so nothing is sampled anew and the
-results are deterministic.
+The region contains the parameters that the measurements do not exclude. Both results use
+the same points of a Sobol sequence over the prior. They differ only in the weights of the
+points, so no sampler is needed, and the results are deterministic.
 
   (C97)  Craig, Goldstein, Seheult & Smith 1997, Pressure matching for hydrocarbon
          reservoirs, in Case Studies in Bayesian Statistics III, 37: implausibility and
@@ -27,7 +27,7 @@ from repose.calibrate.uncertainty.likelihood import Observation, compute_log_lik
 from repose.calibrate.uncertainty.sampler import N_BINS, compute_bits_of_shares
 
 CREDIBLE_PROBABILITY = 0.95
-# Weight of a point that adds nothing: a million of them add less than 1e-12 bits.
+# A weight below this is treated as 0: a million such points add less than 1e-12 bits.
 NEGLIGIBLE_WEIGHT = 1e-20
 N_POINTS = 2**14
 # Stated discrepancies: sizes, and the correlation within a bench test.
@@ -81,8 +81,8 @@ class Region(NamedTuple):
     """The part of the prior that is not implausible."""
 
     share: float  # of the prior
-    # A row for each cell of each pair of parameters, with the columns `REGION_COLUMNS`: middle
-    # of the cell, least implausibility in it, and share of its points in the region
+    # A row for each cell of each pair of parameters, with the columns `REGION_COLUMNS`:
+    # middle of the cell, least implausibility in it, and share of its points in the region
     projections: pd.DataFrame
 
 
@@ -130,10 +130,10 @@ def compute_information_curve(
 
 
 def _describe_shape_study(discrepancy: np.ndarray, targets: Targets) -> dict[str, Any]:
-    """Describe the discrepancy (k, k) by a shape study as a stated one.
+    """Describe the covariance (k, k) of a shape study in the terms of a stated one.
 
-    Its size is the root of the mean square over the responses, its correlation the mean
-    of the sizes over their pairs.
+    The size is the root mean square over the responses. The correlation is the mean
+    absolute correlation over all pairs of responses.
     """
     variances = np.diag(discrepancy)
     share = np.sqrt(variances) / targets.value

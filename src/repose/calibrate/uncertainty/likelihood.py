@@ -99,8 +99,9 @@ def compute_misfit(
 ) -> dict[str, float]:
     """Compute the distance of the best parameter set from the measurements.
 
-    The arguments are those of `compute_log_likelihood`. The result has the `squared_distance`
-    in standard deviations, and its `p_value` as chi^2 of k degrees of freedom.
+    The arguments are those of `compute_log_likelihood`. The result has the smallest
+    `squared_distance`, in squared standard deviations, and its `p_value` by the chi^2
+    distribution with k degrees of freedom.
     """
     mean, covariance = observed
     deviations = mean - responses
@@ -116,7 +117,7 @@ def compute_misfit(
 def _compute_squared_distances(
     deviations: np.ndarray, covariances: np.ndarray
 ) -> np.ndarray:
-    """Square the lengths (n,) of deviations (n, k), in standard deviations.
+    """Compute squared lengths (n,) of deviations (n, k), in squared standard deviations.
 
     The covariances have the shape (n, k, k).
     """

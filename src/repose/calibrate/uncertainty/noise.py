@@ -1,4 +1,4 @@
-"""Compute the noise floor: how runs scatter, samples differ, and more seeds help.
+"""Compute the noise floor: the scatter of runs, and how much more seeds would help.
 
 The statistics are in `repose.calibrate.variance`.
 """
@@ -119,9 +119,10 @@ def estimate_within_correlation(
 
 
 def make_correlation_record(pairs: PairCorrelations) -> dict[str, Any]:
-    """Return correlations as in the JSON files.
+    """Convert correlations of pairs to their form in the JSON files.
 
-    They are by the names of the pair; a single pair stands without its names.
+    The record has an entry for each pair. If there is a single pair, the record is the
+    entry of this pair.
     """
     if len(pairs) == 1:
         (only_pair,) = pairs.values()
@@ -172,7 +173,7 @@ def _add_seed_columns(
     Parameters
     ----------
     table : pandas.DataFrame
-        With the column `seeds`; it is changed.
+        Table with the column `seeds`. The columns are added in place.
     target : Target
     components : Components
         Variance components of its response.

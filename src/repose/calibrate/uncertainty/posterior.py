@@ -54,8 +54,8 @@ MIN_EFFECTIVE_DRAWS = 400
 # Kullback-Leibler information, in bits: half the range is worth 1 bit.
 DETERMINED_BITS = 1.0
 UNDETERMINED_BITS = 0.2
-# Width of an interval over that of the prior, above which a parameter is not
-# determined, whatever its bits.
+# If an interval is wider than this share of the prior's interval, the parameter is not
+# determined, even if its information is large.
 WIDE_RATIO = 0.75
 MAX_THIN_SHARE = (
     0.5  # share of the draws where samples are thin, above which a warning is due
@@ -268,8 +268,8 @@ def infer_posterior(
         seed=settings.seed,
     )
 
-    # Describe each parameter, and predict at some of the draws. They are chosen at
-    # random: draws at a regular distance in time may all be of one walker.
+    # Describe each parameter, and predict at some of the draws. Choose them at random,
+    # because draws at regular steps in time may all belong to the same walker.
     table = _tabulate_parameters(space, unit, convergence, references)
     order = np.random.default_rng(settings.seed).permutation(len(unit))
     kept = unit[np.sort(order[:MAX_KEPT_DRAWS])]
@@ -593,8 +593,8 @@ def _tabulate_parameters(
         Draws in the unit cube.
     convergence : Convergence
     references : mapping
-        As in `infer_posterior`. Parameters may be missing: published tables only have the six of
-        the paper.
+        As in `infer_posterior`. Parameters may be missing, because published tables only
+        have the six of the paper.
     """
     quantiles = space.marginal_cdf(unit)
     prior_widths = _compute_prior_widths(space)
@@ -644,7 +644,7 @@ def _describe_distribution(
 
 
 def _compute_prior_widths(space: ParameterSpace) -> np.ndarray:
-    """Compute the widths of the priors' central intervals of probability `CREDIBLE_PROBABILITY`.
+    """Compute the widths of the priors' central 95 % intervals.
 
     Parameters
     ----------
@@ -677,7 +677,7 @@ def _compute_prior_widths(space: ParameterSpace) -> np.ndarray:
 
 
 def _find_credible_interval(values: np.ndarray) -> Interval:
-    """Find the central interval of probability CREDIBLE of draws (n,)."""
+    """Find the central interval of draws (n,) with probability `CREDIBLE_PROBABILITY`."""
     tail = (1 - CREDIBLE_PROBABILITY) / 2
     low, high = np.quantile(values, [tail, 1 - tail]).tolist()
     return Interval(low, high)

@@ -177,7 +177,7 @@ def _compute_tempered_density(
 
 
 def _compute_weights(values: np.ndarray, rise: float) -> np.ndarray:
-    """Weigh points for a rise of the power, by their log densities (n,)."""
+    """Compute the weights (n,) of points for a rise of the power of their density."""
     return np.exp(rise * (values - values.max()))
 
 
@@ -240,7 +240,10 @@ def compute_information_bits(draws: np.ndarray, effective: float) -> float:
 
 
 def compute_bits_of_shares(share: np.ndarray, effective: float) -> float:
-    """Compute `compute_information_bits` from the share of the draws in each of the BINS."""
+    """Compute the information in bits from the share of the draws in each of the bins.
+
+    See `compute_information_bits`, of which this is the second half.
+    """
     filled = share[share > 0]
     excess = (len(filled) - 1) / (2 * effective * math.log(2))
     return max(0.0, float(filled @ np.log2(filled * N_BINS)) - excess)

@@ -135,9 +135,10 @@ def compute_allowed_shares(
 ) -> dict[str, np.ndarray]:
     """Compute shares of the variance over the allowed part of the ranges.
 
-    Each draw of the other parameters is evaluated at `N_LINE_POINTS` values of a parameter.
-    The allowed ones are uniform over what is allowed. Their means at each value give
-    Var(E[y | x]), their variances along each line E[Var(y | others)].
+    Each draw of the other parameters is evaluated at `N_LINE_POINTS` values of a
+    parameter, which form a line. The allowed points are uniform over the allowed part of
+    the ranges. Their means at each value give Var(E[y | x]), and their variances along
+    each line give E[Var(y | others)].
 
     Parameters
     ----------
@@ -178,7 +179,8 @@ def compute_allowed_shares(
 def _draw_counts(samples: int, resamples: int, seed: int) -> Iterator[np.ndarray]:
     """Yield how often each draw counts, in blocks (n, samples) that fit in memory.
 
-    In the first row it is once, in all others as often as the bootstrap drew it.
+    The first block has a single row, in which each draw counts once. In each row of the
+    other blocks, a draw counts as often as the bootstrap drew it.
     """
     yield np.ones((1, samples))
     random = np.random.default_rng(seed)
@@ -199,7 +201,7 @@ def _evaluate_along_lines(
 ) -> np.ndarray:
     """Compute outputs (outputs, values, n) at draws (n, d) with other values of input k.
 
-    Draws and values are those of the unit cube. Forbidden points are nan.
+    Draws and values are in the unit cube. The outputs at forbidden points are NaN.
     """
     points = np.repeat(draws[None], len(values), axis=0)
     points[:, :, k] = values[:, None]
@@ -375,7 +377,7 @@ def analyse_surrogate(
 def compute_variance_shares(
     respond: ArrayFunction, parameters: ParameterSpace, settings: SensitivitySettings
 ) -> dict[str, np.ndarray]:
-    """Compute Sobol indices, or with constraints the shares of `compute_allowed_shares`."""
+    """Compute Sobol indices; with constraints the result of `compute_allowed_shares`."""
     low, high = parameters.coordinate_ends
     if parameters.constraints:
         return compute_allowed_shares(

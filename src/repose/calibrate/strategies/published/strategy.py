@@ -160,7 +160,10 @@ def make_answer(
 
 
 def _note_stop(inversion: Inversion) -> dict[str, Any]:
-    """Return the notes on a search whose nearest set lies where no sample does."""
+    """Return the notes about a search that ended far from all samples.
+
+    They are empty if the search has no entry `stop`.
+    """
     if "stop" not in inversion.summary:
         return {}
     stop = {"stop": inversion.summary["stop"]}
@@ -183,8 +186,8 @@ def probability_of(
     Returns
     -------
     dict
-        That the means lie `within_1_percent` and `within_2_percent` of all targets, and
-        `inside` all ranges.
+        Probabilities that the means lie `within_1_percent` and `within_2_percent` of all
+        targets, and `inside` all ranges.
     """
     probabilities = {}
     for percent, column in WITHIN_COLUMNS.items():

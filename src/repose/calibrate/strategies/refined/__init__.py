@@ -16,7 +16,8 @@ if TYPE_CHECKING:
 
     from repose.calibrate.study import Study
 
-# Most places of the second stage: so many candidates are compared.
+# Largest number of places of the second stage. It is the number of places whose errors
+# are computed (`repose.calibrate.strategies.refined.places.N_NEAREST`).
 MAX_POURS = 4096
 
 

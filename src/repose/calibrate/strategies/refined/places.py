@@ -1,9 +1,9 @@
 """Places for further runs: where the fit of the first runs may meet the targets.
 
-The first stage samples the whole ranges, and most of its runs are far from the targets.
-Which place meets them is decided where the fit comes near, and there the fit has an error
-of its own. So the second stage runs the simulator at many such places, once at each: the
-next fit learns the level of the whole region, and no place is chosen for its noise.
+The first stage samples the whole ranges, so most of its runs are far from the targets.
+Near the targets the fit has errors, which decide which place seems to meet the targets.
+So the second stage runs the simulator at many such places, once at each. The next fit
+then learns the level of the whole region, and no place is chosen because of its noise.
 """
 
 import numpy as np
@@ -17,7 +17,7 @@ from repose.calibrate.targets import Targets
 
 # Points of the Sobol sequence that are predicted; a power of two.
 N_CANDIDATES = 32768
-# Points of least Eq. 11 among them, of which the errors are computed.
+# Number of points with the smallest objective (Eq. 11), whose errors are computed.
 N_NEAREST = 4096
 # Points that are predicted at once.
 CHUNK_SIZE = 4096
@@ -78,8 +78,9 @@ def draw_near_targets(
         targets.aim + tolerance,
     )
 
-    # Draw places by their probabilities. If the targets are out of reach, all of these
-    # are about 0, and a small additional weight favours the nearest places.
+    # Draw places by their probabilities. If the targets are out of reach, all
+    # probabilities are about 0. Then the small additional weight decides, which favours
+    # the nearest places. The smallest positive float keeps every weight above 0.
     nearness = np.arange(len(nearest), 0, -1) / len(nearest)
     weight = probability + np.finfo(float).tiny + 1e-12 * nearness
     rows = random.choice(len(nearest), count, replace=False, p=weight / weight.sum())

@@ -34,7 +34,7 @@ from repose.calibrate.training import Training
 
 
 def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
-    """Propose the design, then the second stage, then answer.
+    """Propose the design, then the second stage, and then give the answer.
 
     Parameters
     ----------
@@ -132,9 +132,10 @@ def _estimate_optimism(
     samples: pd.DataFrame,
     data: pd.DataFrame,
 ) -> list[dict[str, object]]:
-    """Compute the expected optimism of the answer's prediction, a row for each response.
+    """Estimate the expected optimism of the answer's prediction.
 
-    It is empty where no sample has two runs.
+    The result is a row for each response. It is empty if the noise cannot be estimated,
+    because no sample has two runs, or if the settings ask for no replicates.
 
     Parameters
     ----------

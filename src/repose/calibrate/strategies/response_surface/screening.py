@@ -1,11 +1,11 @@
-"""The screening: which parameters matter, and which way leads to the targets.
+"""The screening: find the parameters that matter, and the direction to the targets.
 
-A Plackett-Burman design over the whole ranges shows these parameters. Runs at the centre
-belong to the screening: the mean of the corners is no estimate of the centre where the
-response is curved, and the path must know on which side of the targets it begins.
+A Plackett-Burman design over the whole ranges shows which parameters matter. The
+screening also has runs at the centre of the ranges, where the path of ascent begins. The
+mean of the corners is no estimate of the response there if the response is curved.
 
-Where constraints forbid a corner, a D-optimal run takes its place. The path goes on along
-a constraint that it meets: each of its points is the nearest allowed one.
+If constraints forbid a corner, a D-optimal run takes its place. If the path of ascent
+meets a constraint, it follows the constraint: each point is the nearest allowed one.
 """
 
 from typing import Any
@@ -55,7 +55,7 @@ def _tabulate_statistics(model: Model) -> pd.DataFrame:
     return pd.DataFrame([compute_statistics(model)])
 
 
-# Tables of a model by name, as in `repose.calibrate.designs.anova`.
+# For each kind of table the function of a model that makes it.
 TABLE_MAKERS = {
     "anova": make_anova_table,
     "effects": _tabulate_effects,
@@ -125,8 +125,8 @@ def make_screening_samples(
 ) -> pd.DataFrame:
     """List the samples of the screening.
 
-    Every free parameter is at an end of its range; the centre follows `centres` times.
-    Constraints may move runs.
+    In each sample, every free parameter is at an end of its range. At the end of the table
+    the centre is repeated `centres` times. Forbidden runs are replaced by allowed ones.
 
     Raises
     ------
@@ -145,7 +145,7 @@ def make_screening_samples(
 
 
 def _region_of_ranges(space: ParameterSpace) -> Region | None:
-    """Return what constraints allow of the whole ranges; None without constraints."""
+    """Make the region of the whole ranges that is allowed; None without constraints."""
     return make_region(space, lambda coded: (1 + coded) / 2, space.dimensions)
 
 
@@ -223,8 +223,9 @@ def make_analysis_tables(
 def choose_factors(models: list[Model], section: ResponseSurfaceSettings) -> list[str]:
     """Choose the parameters of the next steps, the most significant first.
 
-    They are significant for at least one response. If these are fewer than the surface
-    needs, the next ones follow; beyond `most_factors` they are dropped.
+    A parameter is significant if its effect on at least one response is. If there are
+    fewer significant parameters than the surface needs, the next ones are added. At most
+    `most_factors` are kept.
     """
     p_of_models = [list_effects(model).set_index("term")["p"] for model in models]
     # A factor counts by its most significant effect. Equals stay in the usual order.

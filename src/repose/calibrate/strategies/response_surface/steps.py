@@ -17,9 +17,9 @@ from repose.common.errors import InputError
 
 STEPS = ("screening", "ascent", "surface", "check")
 NUMBERS_PER_STEP = 1000
-# Before the name of a parameter: its column in coded units.
+# Prefix of a column with a parameter in coded units.
 CODED_PREFIX = "coded_"
-# Whether a run took the place of a forbidden one; a column where there are constraints.
+# Column that marks the runs that replace forbidden ones. It exists with constraints only.
 NEW_RUN_COLUMN = "is_new"
 
 
@@ -94,9 +94,10 @@ def select_good_samples(table: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFr
 
 
 def compute_scale(targets: Targets) -> np.ndarray:
-    """Return the scale (k,) of the deviations from the targets.
+    """Compute the scale (k,) of the deviations from the targets.
 
-    It is 100 % of each target over the root of its weight.
+    It is the number that counts as 100 % of each target, divided by the root of the
+    weight of the target.
     """
     return targets.whole / np.sqrt(targets.weight)
 
@@ -107,14 +108,16 @@ def compute_scale(targets: Targets) -> np.ndarray:
 def make_region(
     space: ParameterSpace, place: Callable[[np.ndarray], np.ndarray], factors: int
 ) -> Region | None:
-    """Return what constraints allow of the cube of a step; None without constraints.
+    """Make the allowed region of the cube of a step; None without constraints.
 
     Parameters
     ----------
     space : ParameterSpace
     place : callable
-        From points (n, factors) in coded units to points (n, d) of the unit cube.
+        Function that converts points (n, factors) in coded units to points (n, d) of the
+        unit cube.
     factors : int
+        Number of factors that the step varies.
     """
     if not space.constraints:
         return None
@@ -124,10 +127,10 @@ def make_region(
 def move_forbidden_runs(
     coded: np.ndarray, region: Region | None, order: str, space: ParameterSpace
 ) -> AllowedDesign:
-    """Move the runs of a design that constraints forbid.
+    """Replace the runs of a design that constraints forbid.
 
-    Runs of a forbidden centre move to the centre of what is allowed. D-optimal runs take
-    the place of the others.
+    If the centre of the cube is forbidden, its runs move to the centre of the region. The
+    other forbidden runs are replaced by D-optimal ones.
 
     Parameters
     ----------
@@ -174,7 +177,7 @@ def count_new_runs(table: pd.DataFrame) -> int:
 
 
 def describe_new_runs(table: pd.DataFrame) -> str:
-    """Say how many runs of a step were moved; empty if none was."""
+    """Describe in a sentence how many runs of a step were replaced; empty if none was."""
     count = count_new_runs(table)
     if not count:
         return ""

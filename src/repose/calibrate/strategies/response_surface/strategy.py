@@ -22,9 +22,17 @@ from repose.calibrate.study import Study
 
 
 def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
-    """Propose the samples of the next step, or answer.
+    """Propose the samples of the next step, or give the answer after the last step.
 
-    The notes are the tables of all steps so far, and the sentence `why`.
+    Each step is computed anew from the runs of the steps before. The first step without
+    runs is proposed. The notes have the tables of all steps so far, and `why`, a sentence
+    about the last decision.
+
+    Parameters
+    ----------
+    study : Study
+    data : pandas.DataFrame
+        All runs so far, as in `Strategy.propose`; empty at the start.
     """
     space = study.parameters
     targets = study.targets
@@ -116,5 +124,5 @@ def _describe_steps(
 
 
 def _is_not_simulated(data: pd.DataFrame, samples: pd.DataFrame) -> bool:
-    """Return whether the samples of a step are not simulated yet."""
+    """Return whether no sample of a step is simulated yet."""
     return data.empty or not data["sample"].isin(samples["sample"]).any()

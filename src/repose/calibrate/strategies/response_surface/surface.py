@@ -1,7 +1,7 @@
-"""The response surface about the best point of the path, and its optimum.
+"""The response surface around the best point of the path, and its optimum.
 
-Where constraints forbid a run of the design, a D-optimal run takes its place. The optimum
-and all further parameter sets are allowed.
+If constraints forbid a run of the design, a D-optimal run takes its place. The optimum
+and all other parameter sets obey the constraints.
 """
 
 from collections.abc import Callable
@@ -85,7 +85,7 @@ def make_surface_samples(
     reach = section.reach
     coded, outermost_level = section.coded(len(factors))
 
-    # Move the centre inwards if the outermost levels would leave the unit cube.
+    # Move the centre inwards so far that the outermost levels stay in the unit cube.
     best = points.loc[points["best"], list(space.names)].to_numpy(float)
     best_unit = space.unit(best)  # (1, d)
     columns = [space.free.index(name) for name in factors]
@@ -104,7 +104,7 @@ def make_surface_samples(
 
 
 def make_surface_region(table: pd.DataFrame, space: ParameterSpace) -> Region | None:
-    """Return what constraints allow of the surface's cube; None without constraints.
+    """Make the allowed region of the surface's cube; None without constraints.
 
     `table` has the samples of the surface.
     """
@@ -151,7 +151,7 @@ def convert_to_unit_cube(
 def _make_conversion(
     table: pd.DataFrame, space: ParameterSpace
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """Make the function of `convert_to_unit_cube` for the samples of a surface."""
+    """Make the function that converts coded points of a surface to the unit cube."""
     sample_unit = space.unit(table[list(space.names)].to_numpy(float))
     # The position in the range is linear in the coded level. The line is given by the
     # samples at the lowest and the highest level.
@@ -221,7 +221,7 @@ def find_alternatives(
 def make_check_samples(
     table: pd.DataFrame, best: Optimum, space: ParameterSpace, count: int
 ) -> pd.DataFrame:
-    """Repeat the optimum `count` times, as samples of the check.
+    """Make the samples of the check, which repeat the optimum `count` times.
 
     `table` has the samples of the surface.
     """

@@ -25,23 +25,24 @@ from repose.calibrate.targets import Targets
 
 # Points over the whole ranges that are compared first.
 N_CANDIDATES = 2048
-# The best KEPT points are searched more closely, by AROUND points around each.
+# The search continues around the N_KEPT best points, with N_AROUND new points for each.
 N_KEPT = 8
 N_AROUND = 64
-# Standard deviations of the points around the best ones, in ranges: a step each.
+# Standard deviations of the new points about the best ones, in ranges. Each is a step of
+# the search.
 STEP_SDS = (0.1, 0.03, 0.01)
-# Standard deviation of a batch about the answer, in ranges.
+# Standard deviation of the points of a batch about the answer, in shares of the prior.
 BATCH_SD = 0.1
-# Probability that any point meets the targets. Below IN_DOUBT half a batch is simulated
-# where the draws of the model come nearest to the targets. Below OUT_OF_REACH the search
-# ends, once batches have followed the start.
+# Probability that any point meets the targets. Below DOUBTFUL_PROBABILITY half a batch is
+# simulated where the draws of the model come nearest to the targets. Below
+# UNREACHABLE_PROBABILITY the search ends, once batches have followed the start.
 DOUBTFUL_PROBABILITY = 0.8
 UNREACHABLE_PROBABILITY = 0.3
 # Points with a smaller distance, in ranges, are the same.
 SAME_DISTANCE = 1e-9
 # Share of a range within which a point lies at its end.
 END_SHARE = 1e-3
-# The noise limits a probability that further runs cannot raise by more than this.
+# If further runs can raise the probability by less than this, the noise limits it.
 MIN_GAIN = 0.01
 
 Score = Callable[[np.ndarray], np.ndarray]
@@ -113,8 +114,8 @@ def make_start(
 ) -> np.ndarray:
     """Make the first points (n, d) in the unit cube.
 
-    They are a Latin hypercube, spread as the prior; with constraints, they are spread
-    over what is allowed.
+    The points are a Latin hypercube that is moved to the distribution of the priors. With
+    constraints they are spread over the allowed part of the cube instead.
     """
 
     def design_of(size: int) -> np.ndarray:
@@ -170,8 +171,9 @@ def advise(
     if goal.space.constraints:
         allowed = allowed[goal.space.is_allowed(allowed)]
     reachable = max(goal.estimate_reachable(model, allowed, runs_left), probability)
-    # The response may be steep at an end of a range, where a model without runs there
-    # only continues the slope from afar.
+    # The response may be steep at an end of a range. A model without runs there only
+    # extrapolates the slope. So the targets are not called out of reach before a run at
+    # these ends. If the ends are forbidden, no run is required (NaN).
     ends = find_nearest_ends(attainable.points)
     if not goal.space.is_allowed(np.where(np.isfinite(ends), ends, answer)[None])[0]:
         ends = np.full(len(ends), np.nan)
@@ -280,7 +282,8 @@ def _find_reason_to_stop(
     is_past_start : bool
         Whether batches have followed the start.
     is_end_simulated : bool
-        Whether a run stands at the ends of the ranges where the targets come nearest.
+        Whether a run was made at the ends of the ranges where the draws come nearest to
+        the targets.
     """
     if probability >= section.probability:
         return "probability"
@@ -309,7 +312,10 @@ def find_nearest_ends(points: np.ndarray) -> np.ndarray:
 
 
 def has_run_at(ends: np.ndarray, simulated: np.ndarray) -> bool:
-    """Return whether any of the samples (n, d) lies at all ends of `find_nearest_ends`."""
+    """Return whether one of the samples (n, d) lies at all ends.
+
+    `ends` (d,) is a result of `find_nearest_ends`.
+    """
     is_end = np.isfinite(ends)
     is_there = np.abs(simulated[:, is_end] - ends[is_end]) <= END_SHARE
     return bool(is_there.all(axis=1).any())
@@ -321,9 +327,11 @@ def _move_to_ends(
     observed: ObservedSamples,
     space: ParameterSpace,
 ) -> np.ndarray:
-    """Move the first point of a batch to the ends, unless a run stands there.
+    """Return the batch with its first point moved to the ends.
 
-    A verdict that the targets are out of reach then rests on a run at these ends.
+    The verdict that the targets are out of reach is then based on a run at these ends.
+    The batch is returned unchanged if a sample already lies there, or if the moved point
+    is forbidden.
     """
     if has_run_at(ends, observed.simulated) or not len(batch):
         return batch
@@ -345,9 +353,9 @@ def find_nearest(
 ) -> np.ndarray:
     """Find the point (d,) with the smallest expected deviation from the targets.
 
-    The deviation is Eq. 11 of the paper, without a prior. Only points supported by samples
-    are considered. Where samples are thin, as in the corners of a Box-Behnken design, the
-    model is so uncertain that any point may seem near.
+    The deviation is Eq. 11 of the paper, without a prior. Only points near samples are
+    considered. Far from all samples, as in the corners of a Box-Behnken design, the model
+    is so uncertain that any point may seem near.
 
     Parameters
     ----------
@@ -383,7 +391,9 @@ def _compute_probability(model: Kriging, goal: Goal, point: np.ndarray) -> float
 def _refine_search(
     points: np.ndarray, score: Score, observed: ObservedSamples, random: Generator
 ) -> ScoredPoints:
-    """Add points around the best ones, in ever smaller steps, and score them all.
+    """Search around the best points in ever smaller steps.
+
+    The result has the first points and all that were added, with their scores.
 
     Parameters
     ----------
@@ -415,10 +425,10 @@ def _refine_search(
 def rank_points(
     model: Kriging, goal: Goal, observed: ObservedSamples, random: Generator
 ) -> ScoredPoints:
-    """Score points all over the ranges, and ever nearer to the best of them.
+    """Score points all over the ranges, and then points around the best of them.
 
-    The score is `Goal.score`; it is minus infinity where a failed sample is nearer than
-    a good one.
+    The score is `Goal.score`. It is minus infinity for a point that is nearer to a failed
+    sample than to a good one.
     """
     from scipy.stats import qmc
 
@@ -459,9 +469,9 @@ def _draw_around(
     observed: ObservedSamples,
     random: Generator,
 ) -> np.ndarray:
-    """Draw points about the answer, normal in shares of the prior.
+    """Draw points around the answer, with normal distances in shares of the prior.
 
-    Their distance from the answer lets the model learn slopes as well as the mean.
+    Because they differ from the answer, the model learns slopes as well as the mean.
     """
     # In shares of the prior, 0.1 on each side is a tenth of its probability.
     centre = goal.space.prior_cdf(answer[None])
@@ -477,7 +487,10 @@ def _draw_around(
 def _select_sound(
     points: np.ndarray, observed: ObservedSamples, count: int
 ) -> np.ndarray:
-    """Select `count` points: the first sound ones, then the first of the others."""
+    """Select `count` points, sound ones first.
+
+    A point is sound if it is no nearer to a failed sample than to a good one.
+    """
     order = np.argsort(~observed.is_sound(points), kind="stable")
     return points[order[:count]]
 
@@ -485,7 +498,7 @@ def _select_sound(
 def _select_new(points: np.ndarray, simulated: np.ndarray) -> np.ndarray:
     """Select the points (n, d) that are not among the simulated ones (m, d).
 
-    Each is kept once, since many draws end in one corner.
+    Equal points are kept only once, because many draws end in the same corner.
     """
     from scipy.spatial.distance import cdist
 

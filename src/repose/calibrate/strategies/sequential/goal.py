@@ -1,6 +1,7 @@
-"""Describe the goal of a calibration: all targets met within a tolerance.
+"""The goal of a calibration: to meet all targets within a tolerance.
 
-Its probability at a parameter set, and how much further simulations may raise it.
+This module computes the probability that a parameter set meets the goal, and how much
+further runs may raise this probability.
 """
 
 from typing import NamedTuple, Self
@@ -24,15 +25,15 @@ DISTANCE_WEIGHT = 1e-6
 class Deviations(NamedTuple):
     """Deviations of responses (..., k) from the goal."""
 
-    largest: np.ndarray  # (...), of the k responses, each in its tolerance
+    largest: np.ndarray  # (...), largest of the k deviations, in units of the tolerance
     F: np.ndarray  # (...), weighted sum over the responses (Eq. 11 of the paper)
 
 
 class Goal(NamedTuple):
     """The targets with a tolerance.
 
-    A response is met if its mean lies within `half` of its `aim`. The score includes
-    the prior of `space`.
+    A target is met if the mean of its response lies within `half` of `aim`. The score
+    includes the prior of `space`.
     """
 
     aim: np.ndarray  # (k,)

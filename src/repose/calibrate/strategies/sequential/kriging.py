@@ -80,7 +80,7 @@ class ObservedSamples(NamedTuple):
 
     @property
     def good(self) -> np.ndarray:
-        """Mask (n, runs) of the runs with all responses."""
+        """Mask (n, runs) that is true for the runs with all responses."""
         return np.isfinite(self.values).all(axis=2)
 
     @property
@@ -105,7 +105,7 @@ class ObservedSamples(NamedTuple):
         return int(self.counts.sum() - len(self.unit))
 
     def is_sound(self, unit: np.ndarray) -> np.ndarray:
-        """Mark points (m, d) that are no nearer to a failed sample than to a good."""
+        """Mark the points (m, d) that are no nearer to a failed sample than to a good one."""
         from scipy.spatial.distance import cdist
 
         if not len(self.failed):
@@ -500,7 +500,10 @@ def _make_sparse_process(
 
 
 def draw_subset(n_samples: int) -> np.ndarray:
-    """Draw the rows of `MAX_EXACT_SAMPLES` samples, the same for the same number of samples."""
+    """Draw the row numbers of a random subset of `MAX_EXACT_SAMPLES` samples.
+
+    The same number of samples always gives the same rows.
+    """
     random = np.random.default_rng(SUBSET_SEED)
     return np.sort(random.permutation(n_samples)[:MAX_EXACT_SAMPLES])
 
@@ -554,7 +557,8 @@ def _draw_hyperparameters(
 ) -> list[np.ndarray]:
     """Draw hyperparameters from the normal approximation of their posterior.
 
-    The draws are in pairs about the most probable values, and stay within `HYPERPARAMETER_BOUNDS`.
+    The draws are pairs of opposite deviations from the most probable values. They are
+    clipped to `HYPERPARAMETER_BOUNDS`.
 
     Parameters
     ----------

@@ -1,13 +1,14 @@
-"""Find the noise of a single run: from replicates, as given, or from single runs.
+"""Find the noise of a single run: from replicates, from the user, or from single runs.
 
-Without replicates only the scatter about a smooth surface is left: a Gaussian process
-whose errors have one unknown variance, the nugget (Rasmussen & Williams 2006, section
-2.2). A rough surface without noise fits few runs as well as a smooth one with noise. So
-the variance is averaged over all shares of noise that the runs allow.
+Without replicates, the noise is estimated from the scatter of single runs about a smooth
+surface. The surface is a Gaussian process whose errors have one unknown variance, the
+nugget (Rasmussen & Williams 2006, section 2.2). A rough surface without noise fits a few
+runs as well as a smooth surface with noise. So the estimate is an average over all shares
+of noise that the runs allow.
 
-The kernel differs from that of `repose.calibrate.strategies.sequential.kriging`, which
-takes the noise as known: the lengths there have a prior and no bound of their own, and
-may be so short that a rough surface explains the noise.
+The kernel differs from that of `repose.calibrate.strategies.sequential.kriging`, where
+the noise is known. The lengths of that kernel have a prior but no bound, so they may be
+so short that a rough surface explains the noise.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,9 +32,10 @@ REPLICATES = "replicates"
 USER_GIVEN = "noise_sd"
 ESTIMATED = "estimated from single runs"
 RUNS_PER_PARAMETER = 4  # least number of single runs for an estimate
-# Shares of the variance over the runs that may be noise, equally probable a priori.
+# Candidates for the share of the runs' variance that is noise. They are equally probable
+# a priori.
 NOISE_SHARES = np.geomspace(1e-4, 1.0, 9)
-# Shares that many samples can tell apart.
+# A finer grid of candidates, which many samples can distinguish.
 FINE_NOISE_SHARES = np.geomspace(1e-4, 1.0, 401)
 # Bounds of the surface's lengths, in ranges of a parameter: shorter waves look like
 # noise.
@@ -75,8 +77,8 @@ def find_noise(
 
     It is estimated from replicates if there are enough. Otherwise the standard deviation
     of each response is taken from `noise_sd`, or else estimated from single runs.
-    Replicates that are all alike count as one run. Such replicates come from a simulator
-    without random numbers, or from rounded results.
+    If all replicates of each sample are equal, they count as one run. Such replicates
+    come from a simulator without random numbers, or from rounded results.
 
     Parameters
     ----------
@@ -145,7 +147,8 @@ def estimate_nugget(unit: np.ndarray, means: np.ndarray, shares: np.ndarray) -> 
     shares : array (n,)
         Variance of each of the means, in variances of a single run.
     """
-    # A proposal and its answer ask for the same, which takes minutes with many runs.
+    # A proposal and its answer need the same estimate, which takes minutes with many
+    # runs. So it is cached.
     arrays = [np.ascontiguousarray(array, float) for array in (unit, means, shares)]
     return _estimate_cached_nugget(
         *(array.tobytes() for array in arrays), unit.shape[1]

@@ -1,9 +1,8 @@
-"""Estimate whether any parameter set meets the goal, and how near the nearest comes.
+"""Estimate whether any parameter set meets the goal, and how near the nearest one is.
 
-The answer comes from draws of possible responses. A draw is a function of the
-parameters that agrees with the runs within their errors. In each draw the best point is
-searched for, so the answer is about all parameter sets together, not about a single
-set.
+The estimate uses random draws of possible responses. A draw is a function of the
+parameters that agrees with the runs within their errors. The best point is searched in
+each draw. So the estimate is about all parameter sets together, not about a single set.
 
 - (RR08) Rahimi & Recht 2008, Random features for large-scale kernel machines, NeurIPS
   20
@@ -37,7 +36,7 @@ class Reach(NamedTuple):
 
     probability: float  # that some parameter set meets the goal
     nearest: float  # least F (Eq. 11) of a parameter set, mean over the draws
-    error: float  # its standard deviation over the draws
+    error: float  # standard deviation of this F over the draws
     points: np.ndarray  # (draws, d), where each draw comes nearest to the goal
 
 

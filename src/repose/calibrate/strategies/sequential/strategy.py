@@ -1,6 +1,6 @@
-"""The strategy `sequential`: the next batch, or the answer, after each batch.
+"""The strategy `sequential`: after each batch it proposes the next one, or the answer.
 
-Kriging says where the next batch is simulated, and when to stop.
+A kriging model determines where the next batch is simulated, and when to stop.
 """
 
 from collections.abc import Iterable, Mapping
@@ -117,7 +117,7 @@ def _propose_start(study: Study, data: pd.DataFrame, notes: Mapping[str, Any]) -
 def _propose_another_start(
     study: Study, data: pd.DataFrame, observed: ObservedSamples, error: ValueError
 ) -> Batch:
-    """Make another first batch, because too few samples are good for a model.
+    """Make another first batch, because the good samples are too few for a model.
 
     Parameters
     ----------
@@ -226,10 +226,10 @@ def give_answer(
 def _are_ends_simulated(
     points: Iterable[np.ndarray], observed: ObservedSamples
 ) -> bool:
-    """Return whether runs stand at the ends of ranges where points (d,) lie.
+    """Return whether runs were made at the ends of ranges where the points (d,) lie.
 
-    A response may be steep at an end. Without a run there, the targets are not known to
-    be out of reach, even if the model predicts it.
+    A response may be steep at an end. Without a run there, it is unknown whether the
+    targets are out of reach, even if the model predicts it.
     """
     return all(
         has_run_at(find_nearest_ends(point[None]), observed.simulated)
@@ -253,7 +253,7 @@ def _compute_probabilities(
 def _make_input_error(
     error: ValueError, data: pd.DataFrame, targets: Targets
 ) -> InputError:
-    """Return the error for the user where the runs do not determine a model.
+    """Make the error for runs that do not determine a model.
 
     Raises
     ------
@@ -327,7 +327,7 @@ def _make_goal(study: Study) -> Goal:
 
 
 def _make_generator(study: Study, data: pd.DataFrame) -> np.random.Generator:
-    """Make the random numbers of a proposal, the same for the same runs.
+    """Make the random generator of a proposal; the same runs give the same numbers.
 
     Parameters
     ----------
