@@ -92,10 +92,11 @@ def turn_quaternion(motion, lane, omega_x, omega_y, omega_z, half_dt, is_turning
 
     Parameters
     ----------
-    motion : array
-        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    motion : array (MOTION_ROWS * LANES,)
+        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
+        and so on. `state` names the rows.
     lane : int
-        Lane of the body.
+        Lane of the body in its tile, 0 to LANES - 1.
     omega_x, omega_y, omega_z : float
         Angular velocity in world axes [rad/s].
     half_dt : float
@@ -178,10 +179,11 @@ def into_body(motion, lane, x, y, z):
 
     Parameters
     ----------
-    motion : array
-        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    motion : array (MOTION_ROWS * LANES,)
+        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
+        and so on. `state` names the rows.
     lane : int
-        Lane of the body.
+        Lane of the body in its tile, 0 to LANES - 1.
     x, y, z : float
         The vector in world axes.
     """
@@ -205,10 +207,11 @@ def into_world(motion, lane, x, y, z):
 
     Parameters
     ----------
-    motion : array
-        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    motion : array (MOTION_ROWS * LANES,)
+        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
+        and so on. `state` names the rows.
     lane : int
-        Lane of the body.
+        Lane of the body in its tile, 0 to LANES - 1.
     x, y, z : float
         The vector in the axes of the body.
     """
@@ -233,10 +236,11 @@ def exceeds_budget(scratch, lane, lx, ly, lz, dt):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
+        k]`, and `body_tile` names the rows.
     lane : int
-        Lane of the body.
+        Lane of the body in its tile, 0 to LANES - 1.
     lx, ly, lz : float
         The angular momentum [kg m2/s].
     dt : float
@@ -255,8 +259,9 @@ def count_disturbed(scratch, dt):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
+        k]`, and `body_tile` names the rows.
     dt : float
         Time step [s].
     """
@@ -276,10 +281,12 @@ def add_torques(scratch, motion, dt):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
-    motion : array
-        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
+        k]`, and `body_tile` names the rows.
+    motion : array (MOTION_ROWS * LANES,)
+        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
+        and so on. `state` names the rows.
     dt : float
         Time step [s].
 
@@ -309,10 +316,12 @@ def stop_rotations(scratch, motion):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
-    motion : array
-        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
+        k]`, and `body_tile` names the rows.
+    motion : array (MOTION_ROWS * LANES,)
+        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
+        and so on. `state` names the rows.
     """
     for place in range(3 * LANES):
         motion[ANGULAR_MOMENTUM + place] = 0.0
@@ -412,10 +421,12 @@ def resist_rolling(scratch, motion, dt):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
-    motion : array
-        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
+        k]`, and `body_tile` names the rows.
+    motion : array (MOTION_ROWS * LANES,)
+        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
+        and so on. `state` names the rows.
     dt : float
         Time step [s].
 
@@ -461,10 +472,12 @@ def resist_rolling_in_frame(scratch, motion, dt, frame_x, frame_y, frame_z):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
-    motion : array
-        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
+        k]`, and `body_tile` names the rows.
+    motion : array (MOTION_ROWS * LANES,)
+        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
+        and so on. `state` names the rows.
     dt : float
         Time step [s].
     frame_x, frame_y, frame_z : float
@@ -514,10 +527,12 @@ def advance_orientation(scratch, motion, dt):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
-    motion : array
-        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
+        k]`, and `body_tile` names the rows.
+    motion : array (MOTION_ROWS * LANES,)
+        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
+        and so on. `state` names the rows.
     dt : float
         Time step [s].
     """
@@ -546,10 +561,12 @@ def write_inverse_inertia(scratch, motion):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
-    motion : array
-        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
+        k]`, and `body_tile` names the rows.
+    motion : array (MOTION_ROWS * LANES,)
+        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
+        and so on. `state` names the rows.
     """
     write_rotated_diagonal(scratch, INVERSE_INERTIA, motion, INVERSE_MOMENTS)
 
@@ -564,12 +581,14 @@ def write_shapes(scratch, motion, parts):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
-    motion : array
-        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
+        k]`, and `body_tile` names the rows.
+    motion : array (MOTION_ROWS * LANES,)
+        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
+        and so on. `state` names the rows.
     parts : int
-        Ellipsoids of a body, at most; 0 for clumps.
+        Largest number of ellipsoids of a body; 0 for clumps.
     """
     write_inverse_inertia(scratch, motion)
     first = ROWS + SHAPE * LANES
@@ -594,14 +613,17 @@ def write_dashpot_shares(scratch, motion, dt, parts):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
-    motion : array
-        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
+        k]`, and `body_tile` names the rows.
+    motion : array (MOTION_ROWS * LANES,)
+        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
+        and so on. `state` names the rows.
     dt : float
         Time step [s].
     parts : int
-        Ellipsoids of a body, at most; 0 for clumps, SPHERES for spheres.
+        Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
+        are spheres.
     """
     share_row = ROWS + st.share_column(parts) * LANES
     for lane in range(LANES):
@@ -620,14 +642,16 @@ def rotate_bodies(scratch, motion, dt, parts, is_resting, frame_x, frame_y, fram
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
-    motion : array
-        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
+        k]`, and `body_tile` names the rows.
+    motion : array (MOTION_ROWS * LANES,)
+        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
+        and so on. `state` names the rows.
     dt : float
         Time step [s].
     parts : int
-        Ellipsoids of a body, at most; 0 for clumps.
+        Largest number of ellipsoids of a body; 0 for clumps.
     is_resting : bool
         Whether no body of the tile turned in the last step. Then only the first columns
         of the bodies are in the scratch tile.
@@ -670,10 +694,12 @@ def turn_spheres(scratch, motion, dt, frame_x, frame_y, frame_z):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
-    motion : array
-        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
+        k]`, and `body_tile` names the rows.
+    motion : array (MOTION_ROWS * LANES,)
+        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
+        and so on. `state` names the rows.
     dt : float
         Time step [s].
     frame_x, frame_y, frame_z : float
@@ -724,10 +750,12 @@ def rotate_spheres(scratch, motion, dt, is_resting, frame_x, frame_y, frame_z):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
-    motion : array
-        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
+        k]`, and `body_tile` names the rows.
+    motion : array (MOTION_ROWS * LANES,)
+        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
+        and so on. `state` names the rows.
     dt : float
         Time step [s].
     is_resting : bool

@@ -60,7 +60,8 @@ def write_sphere_on_plane(x, y, z, radius, plane, geometry):
     plane : array
         The row of `Walls.planes`.
     geometry : array (8,)
-        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
+        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        (`contact_geometry`).
 
     Returns
     -------
@@ -86,7 +87,7 @@ def place_seen_from_frame(walls, frame, x, y, z):
     Parameters
     ----------
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     frame : int
         Number of the frame in `Walls.frames`.
     x, y, z : float
@@ -104,13 +105,14 @@ def write_sphere_on_curved(walls, wall, x, y, z, radius, geometry):
     Parameters
     ----------
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     wall : int
         Number of the wall: cones and tubes first, then rings.
     x, y, z, radius : float
         Centre of the sphere in the world, and its radius [m].
     geometry : array (8,)
-        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
+        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        (`contact_geometry`).
 
     Returns
     -------
@@ -155,8 +157,9 @@ def add_sphere(contacts, counts, length_slot, clumps, i, wall, sphere, geometry)
     ----------
     contacts : WallContacts
         The list of contacts with walls of one kind.
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     length_slot : int
         Place in `counts` of the length of this list: st.N_PLANE or st.N_CURVED.
     clumps : Clumps
@@ -195,12 +198,13 @@ def forget_sphere(contacts, clumps, counts, length_slot, k):
         The list of contacts with walls of one kind.
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     length_slot : int
-        Place in `counts` of the length of this list, such as st.N_PLANE.
+        Index in `counts` of the length of this list, such as st.N_PLANE.
     k : int
-        Number of the contact.
+        Index of the contact in its list.
     """
     if length_slot == st.N_MESHED:
         clumps.mesh_sphere[k] = clumps.mesh_sphere[counts[length_slot] - 1]
@@ -254,7 +258,7 @@ def touching_spheres(known, i):
     known : array of uint64 (walls, bodies)
         `WallContacts.known`: of each wall and body, the spheres that touch, as bits.
     i : int
-        Number of the body.
+        Index of the body.
     """
     bits = np.uint64(0)
     for wall in range(known.shape[0]):
@@ -272,13 +276,13 @@ def sphere_slid_off(bodies, contacts, walls, k):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     contacts : WallContacts
         The list of contacts with walls of one kind.
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     k : int
-        Number of the contact.
+        Index of the contact in its list.
     """
     # every wall of this kind that the sphere was past may be the next one
     i = contacts.body[k]
@@ -305,7 +309,7 @@ def find_spheres_at_wall(
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     contacts : WallContacts
         The list of contacts with walls of one kind.
     length_slot : int
@@ -313,17 +317,18 @@ def find_spheres_at_wall(
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+        Shapes, places and motion of all walls (`state.Walls`).
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     wall : int
         Number of the wall among those of its kind.
     i : int
-        Number of the body.
+        Index of the body.
     places : array
         The spheres of the body in the world, see `place_clump`.
     geometry : array (8,)
-        Scratch for one contact (`contact_geometry`); is overwritten.
+        Working memory for one contact (`contact_geometry`); it is overwritten.
 
     Returns
     -------
@@ -378,11 +383,11 @@ def place_clump(bodies, clumps, i, places):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     i : int
-        Number of the body.
+        Index of the body.
     places : array
         The scratch array `Scratch.spheres`; its rows PLACES_A are written.
     """
@@ -402,7 +407,7 @@ def write_sphere_row(walls, frame, x, y, z, radius, local_row):
     Parameters
     ----------
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     frame : int
         Number of the frame in `Walls.frames`.
     x, y, z, radius : float
@@ -467,9 +472,9 @@ def follow_sphere(
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     meshes : Meshes
         The features of all meshes (`features.Meshes`).
     meshed : WallContacts
@@ -477,15 +482,15 @@ def follow_sphere(
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     n, k : int
-        Number of contacts in the list, and number of this contact.
+        Number of contacts in the list, and index of this contact.
     end_gap : float
-        Gap at which the contact ends [m].
+        The contact ends if its gap exceeds this [m].
     geometry : array (8,)
-        The contact (`contact_geometry`); is written, in world axes.
+        Overwritten by the contact (`contact_geometry`), in world axes.
     other_geometry : array (8,)
-        Scratch for a second contact; is overwritten.
+        Working memory for a second contact; it is overwritten.
     local_row : array
-        Scratch for a row of a body in the frame of a wall; is overwritten.
+        Working memory for the row of a body in the frame of a wall; it is overwritten.
 
     Returns
     -------
@@ -542,25 +547,26 @@ def find_spheres_at_mesh(
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     meshed : WallContacts
         The contacts with meshes.
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     meshes : Meshes
         The features of all meshes (`features.Meshes`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     mesh, i : int
-        Numbers of the mesh and the body.
+        Index of the mesh among the meshes, and index of the body.
     places : array
         The scratch array `Scratch.spheres`; is overwritten.
     geometry, other_geometry : array (8,)
         Scratch for two contacts (`contact_geometry`); is overwritten.
     local_row : array
-        Scratch for a row of a body in the frame of a wall; is overwritten.
+        Working memory for the row of a body in the frame of a wall; it is overwritten.
 
     Returns
     -------

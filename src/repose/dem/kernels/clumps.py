@@ -195,14 +195,15 @@ def add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b):
     ----------
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     entry : int
         Place of the entry of the two bodies.
     i, j : int
-        The two bodies.
+        Indices of the two bodies.
     a, b : int
         Numbers of the spheres in their bodies.
     """
@@ -247,14 +248,16 @@ def drop_sphere_contact(pairs, counts, clumps, k, ghost):
     ----------
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     k : int
         Place of the contact in the list.
     ghost : int
-        Number of the absent body, which unused places of lists hold.
+        Index of an absent body, which never moves and has no size. Unused places of the
+        lists hold this index.
     """
     # the entry has one contact fewer
     entry = pairs.entry[k]
@@ -283,12 +286,13 @@ def add_entry(pairs, counts, grid, i, j):
     ----------
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     i, j : int
-        The two bodies.
+        Indices of the two bodies.
 
     Returns
     -------
@@ -316,14 +320,16 @@ def drop_entry(pairs, counts, grid, entry, ghost):
     ----------
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     entry : int
         Place of the entry.
     ghost : int
-        Number of the absent body, which unused places of lists hold.
+        Index of an absent body, which never moves and has no size. Unused places of the
+        lists hold this index.
     """
     count_pair(grid.near, pairs.near_first[entry], pairs.near_second[entry], -1)
     write_pair(pairs.near_first, pairs.near_second, entry, ghost, ghost)
@@ -344,12 +350,14 @@ def chain_entries(pairs, counts, grid, ghost):
     ----------
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     ghost : int
-        Number of the absent body, which unused places of lists hold.
+        Index of an absent body, which never moves and has no size. Unused places of the
+        lists hold this index.
     """
     n_links = count_pairs_of_moved(grid.near, grid, counts)
     n_found = 0
@@ -373,17 +381,19 @@ def drop_entries_of_gone(bodies, pairs, counts, grid, clumps, ghost):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     ghost : int
-        Number of the absent body, which unused places of lists hold.
+        Index of an absent body, which never moves and has no size. Unused places of the
+        lists hold this index.
     """
     presence = bodies.presence
     # from the end, since a dropped contact is replaced by the last one

@@ -94,14 +94,17 @@ def write_mass_of_pairs(scratch, history, pairs, parts, clumps, base, lanes):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
-    history : array
-        Tile of the numbers that these contacts keep from step to step.
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
+    history : array (rows * LANES,)
+        Tile of the quantities that these contacts keep from step to step. `state` names
+        the rows.
     pairs : Pairs or SpherePairs
         The lists of pairs, of smooth bodies or of clumps.
     parts : int
-        Ellipsoids of a body, at most; 0 for clumps, SPHERES for spheres.
+        Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
+        are spheres.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     base, lanes : int
@@ -124,14 +127,17 @@ def write_mass_on_wall(scratch, history, contacts, parts, clumps, base, lanes):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
-    history : array
-        Tile of the numbers that these contacts keep from step to step.
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
+    history : array (rows * LANES,)
+        Tile of the quantities that these contacts keep from step to step. `state` names
+        the rows.
     contacts : WallContacts
         The list of contacts with walls of one kind.
     parts : int
-        Ellipsoids of a body, at most; 0 for clumps, SPHERES for spheres.
+        Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
+        are spheres.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     base, lanes : int

@@ -48,8 +48,9 @@ def has_room(pairs, flat, curved, meshed, counts):
         The lists of pairs, of smooth bodies or of clumps.
     flat, curved, meshed : WallContacts
         Contacts with planes, with curved walls and with meshes.
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
 
     Returns
     -------
@@ -76,7 +77,7 @@ def begin_step(
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     pairs : Pairs or SpherePairs
         The lists of pairs, of smooth bodies or of clumps.
     flat, curved, meshed : WallContacts
@@ -84,15 +85,17 @@ def begin_step(
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+        Shapes, places and motion of all walls (`state.Walls`).
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     ghost : int
-        Number of the absent body, which unused places of lists hold.
+        Index of an absent body, which never moves and has no size. Unused places of the
+        lists hold this index.
     """
     if counts[st.N_GONE] > 0:
         drop_gone(bodies, pairs, flat, curved, meshed, clumps, counts, grid, ghost)
@@ -123,25 +126,27 @@ def wall_contacts_and_forces(
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     flat, curved, meshed : WallContacts
         Contacts with planes, with curved walls and with meshes.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     meshes : Meshes or ()
         The features of all meshes; an empty tuple where no wall is a mesh.
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     contact_tile : array
         Scratch tile of LANES contacts (rows of `tile`); is overwritten.
     scratch : Scratch
-        Working memory of this thread; is overwritten.
+        Working memory of this thread (`state.Scratch`); it is overwritten.
     ghost : int
-        Number of the absent body, which unused places of lists hold.
+        Index of an absent body, which never moves and has no size. Unused places of the
+        lists hold this index.
     """
     geometry = scratch.geometry
     other_geometry = scratch.other_geometry
@@ -207,21 +212,23 @@ def find_pair_contacts(bodies, pairs, clumps, counts, grid, physics, scratch, gh
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     pairs : Pairs or SpherePairs
         The lists of pairs, of smooth bodies or of clumps.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     scratch : Scratch
-        Working memory of this thread; is overwritten.
+        Working memory of this thread (`state.Scratch`); it is overwritten.
     ghost : int
-        Number of the absent body, which unused places of lists hold.
+        Index of an absent body, which never moves and has no size. Unused places of the
+        lists hold this index.
     """
     parts = physics.parts
     if len(clumps) == 0:
@@ -245,21 +252,23 @@ def add_pair_forces(bodies, pairs, clumps, counts, grid, physics, contact_tile, 
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     pairs : Pairs or SpherePairs
         The lists of pairs, of smooth bodies or of clumps.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     contact_tile : array
         Scratch tile of LANES contacts (rows of `tile`); is overwritten.
     ghost : int
-        Number of the absent body, which unused places of lists hold.
+        Index of an absent body, which never moves and has no size. Unused places of the
+        lists hold this index.
     """
     # one thread handles all pairs, as share 0 of the loads
     n_ended = pair_forces(
@@ -296,7 +305,7 @@ def advance(
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     pairs : Pairs or SpherePairs
         The lists of pairs, of smooth bodies or of clumps.
     flat, curved, meshed : WallContacts
@@ -304,13 +313,14 @@ def advance(
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     meshes : Meshes or ()
         The features of all meshes; an empty tuple where no wall is a mesh.
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     contact_tile, body_tile : array
@@ -395,17 +405,18 @@ def add_wall_loads(
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     flat, curved, meshed : WallContacts
         Contacts with planes, with curved walls and with meshes.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     meshes : Meshes or ()
         The features of all meshes; an empty tuple where no wall is a mesh.
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     contact_tile : array
@@ -413,7 +424,8 @@ def add_wall_loads(
     scratch_numbers : array (SCRATCH,)
         Memory of the other scratch arrays (`state.Scratch`).
     ghost : int
-        Number of the absent body, which unused places of lists hold.
+        Index of an absent body, which never moves and has no size. Unused places of the
+        lists hold this index.
     """
     scratch = st.scratch_of(scratch_numbers)
     wall_contacts_and_forces(

@@ -66,8 +66,9 @@ def scatter(load, index, base, scratch, first):
         Lane k of the tile belongs to body index[base + k].
     base : int
         Place of lane 0 in `index`.
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
     first : int
         First row of the loads in the tile: tl.TO_A or tl.TO_B.
     """
@@ -155,8 +156,9 @@ def fill_laws(scratch, physics, a, b):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     a, b : int
@@ -172,8 +174,9 @@ def fill_lane_laws(scratch, lane, physics, a, b):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
     lane : int
         Lane of the contact in its tile, 0 to LANES - 1.
     physics : Physics
@@ -217,10 +220,12 @@ def apply_laws(scratch, history, physics, clumps, on_wall):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
-    history : array
-        Tile of the numbers that these contacts keep from step to step.
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
+    history : array (rows * LANES,)
+        Tile of the quantities that these contacts keep from step to step. `state` names
+        the rows.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     clumps : Clumps or ()
@@ -248,8 +253,9 @@ def end_gap(history, physics, clumps, on_wall, lane):
 
     Parameters
     ----------
-    history : array
-        Tile of the numbers that these contacts keep from step to step.
+    history : array (rows * LANES,)
+        Tile of the quantities that these contacts keep from step to step. `state` names
+        the rows.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     clumps : Clumps or ()
@@ -268,12 +274,15 @@ def write_pair_geometry(scratch, history, parts, clumps):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
-    history : array
-        Tile of the numbers that these contacts keep from step to step.
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
+    history : array (rows * LANES,)
+        Tile of the quantities that these contacts keep from step to step. `state` names
+        the rows.
     parts : int
-        Ellipsoids of a body, at most; 0 for clumps, SPHERES for spheres.
+        Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
+        are spheres.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     """
@@ -290,17 +299,19 @@ def pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begin, e
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     pairs : Pairs or SpherePairs
         The lists of pairs, of smooth bodies or of clumps.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
     share : int
         Number of the share, the first index of `bodies.load`.
     begin, end : int
@@ -368,8 +379,9 @@ def write_still_wall(scratch):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
     """
     for lane in range(LANES):
         for column in range(st.SHAPE):
@@ -389,11 +401,11 @@ def fill_walls(bodies, contacts, walls, physics, first_wall, base, n, scratch):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     contacts : WallContacts
         The list of contacts with walls of one kind.
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     first_wall : int
@@ -436,13 +448,13 @@ def search_soon(bodies, contacts, walls, k, gap):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     contacts : WallContacts
         The list of contacts with walls of one kind.
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     k : int
-        Number of the contact.
+        Index of the contact in its list.
     gap : float
         How far they are apart [m]; negative counts as 0, so the search is in the next
         step.
@@ -464,21 +476,22 @@ def wall_forces(bodies, contacts, clumps, walls, physics, first_wall, base, n, s
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     contacts : WallContacts
         The list of contacts with walls of one kind.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     first_wall : int
         Number of the first wall of this kind among all walls.
     base, n : int
         The first contact of the tile, and the number of contacts in the list.
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
     """
     history = contacts.data[base // LANES]
     fill_walls(bodies, contacts, walls, physics, first_wall, base, n, scratch)
@@ -499,17 +512,18 @@ def add_wall_forces(bodies, contacts, walls, first_wall, base, n, scratch):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     contacts : WallContacts
         The list of contacts with walls of one kind.
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     first_wall : int
         Number of the first wall of this kind among all walls.
     base, n : int
         The first contact of the tile, and the number of contacts in the list.
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
     """
     load_walls(walls, first_wall, contacts, base, n, scratch)
     # contacts with walls use the first share of the loads
@@ -528,14 +542,16 @@ def drop_touch(contacts, clumps, counts, length_slot, k, ghost):
         The list of contacts with walls of one kind.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     length_slot : int
-        Place in `counts` of the length of this list, such as st.N_PLANE.
+        Index in `counts` of the length of this list, such as st.N_PLANE.
     k : int
-        Number of the contact.
+        Index of the contact in its list.
     ghost : int
-        Number of the absent body, which unused places of lists hold.
+        Index of an absent body, which never moves and has no size. Unused places of the
+        lists hold this index.
     """
     if len(clumps) > 0:
         forget_sphere(contacts, clumps, counts, length_slot, k)
@@ -556,14 +572,16 @@ def drop_ended(contacts, clumps, counts, length_slot, n_ended, ghost):
         increasing order.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     length_slot : int
-        Place in `counts` of the length of this list, such as st.N_PLANE.
+        Index in `counts` of the length of this list, such as st.N_PLANE.
     n_ended : int
         Number of the contacts that ended.
     ghost : int
-        Number of the absent body, which unused places of lists hold.
+        Index of an absent body, which never moves and has no size. Unused places of the
+        lists hold this index.
     """
     for place in range(n_ended - 1, -1, -1):
         drop_touch(contacts, clumps, counts, length_slot, contacts.ended[place], ghost)
@@ -575,12 +593,15 @@ def write_plane_geometry(scratch, history, parts, clumps):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
-    history : array
-        Tile of the numbers that these contacts keep from step to step.
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
+    history : array (rows * LANES,)
+        Tile of the quantities that these contacts keep from step to step. `state` names
+        the rows.
     parts : int
-        Ellipsoids of a body, at most; 0 for clumps, SPHERES for spheres.
+        Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
+        are spheres.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     """
@@ -599,21 +620,24 @@ def plane_forces(bodies, flat, clumps, walls, counts, physics, scratch, ghost):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     flat : WallContacts
         The contacts with planes.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+        Shapes, places and motion of all walls (`state.Walls`).
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
     ghost : int
-        Number of the absent body, which unused places of lists hold.
+        Index of an absent body, which never moves and has no size. Unused places of the
+        lists hold this index.
     """
     n_contacts = counts[st.N_PLANE]
     # A large simulation has several shares of the loads, and does not fit into the
@@ -660,7 +684,7 @@ def note_past_edge(flat, clumps, k):
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     k : int
-        Number of the contact.
+        Index of the contact in its list.
     """
     wall = flat.wall[k]
     i = flat.body[k]
@@ -677,15 +701,15 @@ def note_past_end(bodies, curved, clumps, walls, n, k, depth):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     curved : WallContacts
         The contacts with cones, tubes and rings.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     n, k : int
-        Number of contacts in the list, and number of this contact.
+        Number of contacts in the list, and index of this contact.
     depth : float
         Overlap with which it slid off [m].
     """
@@ -727,10 +751,12 @@ def write_lane(scratch, history, lane, geometry):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
-    history : array
-        Tile of the numbers that these contacts keep from step to step.
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
+    history : array (rows * LANES,)
+        Tile of the quantities that these contacts keep from step to step. `state` names
+        the rows.
     lane : int
         Lane of the contact in its tile, 0 to LANES - 1.
     geometry : array (8,)
@@ -763,25 +789,27 @@ def write_curved_geometry(
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     curved : WallContacts
         The contacts with cones, tubes and rings.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
     lane : int
         Lane of the contact in its tile, 0 to LANES - 1.
     k : int
-        Number of the contact.
+        Index of the contact in its list.
     geometry : array (8,)
-        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
+        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        (`contact_geometry`).
     local_row : array
-        Scratch for a row of a body in the frame of a wall; is overwritten.
+        Working memory for the row of a body in the frame of a wall; it is overwritten.
 
     Returns
     -------
@@ -840,25 +868,28 @@ def curved_forces(
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     curved : WallContacts
         The contacts with cones, tubes and rings.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+        Shapes, places and motion of all walls (`state.Walls`).
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
     geometry : array (8,)
-        Scratch for one contact (`contact_geometry`); is overwritten.
+        Working memory for one contact (`contact_geometry`); it is overwritten.
     local_row : array
-        Scratch for a row of a body in the frame of a wall; is overwritten.
+        Working memory for the row of a body in the frame of a wall; it is overwritten.
     ghost : int
-        Number of the absent body, which unused places of lists hold.
+        Index of an absent body, which never moves and has no size. Unused places of the
+        lists hold this index.
     """
     n_contacts = counts[st.N_CURVED]
     first_wall = walls.planes.shape[0]
@@ -931,25 +962,25 @@ def write_mesh_geometry(
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     meshed : WallContacts
         The contacts with meshes.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     meshes : Meshes
         The features of all meshes (`features.Meshes`).
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     n, k : int
-        Number of contacts in the list, and number of this contact.
+        Number of contacts in the list, and index of this contact.
     geometry : array (8,)
-        The contact (`contact_geometry`); is written, in world axes.
+        Overwritten by the contact (`contact_geometry`), in world axes.
     other_geometry : array (8,)
-        Scratch for a second contact; is overwritten.
+        Working memory for a second contact; it is overwritten.
     local_row : array
-        Scratch for a row of a body in the frame of a wall; is overwritten.
+        Working memory for the row of a body in the frame of a wall; it is overwritten.
     """
     end = end_gap(meshed.data[k // LANES], physics, clumps, ON_WALL, k % LANES)
     if len(clumps) == 0:
@@ -1003,27 +1034,30 @@ def mesh_forces(
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     meshed : WallContacts
         The contacts with meshes.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     meshes : Meshes
         The features of all meshes (`features.Meshes`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
     geometry, other_geometry : array (8,)
         Scratch for two contacts (`contact_geometry`); is overwritten.
     local_row : array
-        Scratch for a row of a body in the frame of a wall; is overwritten.
+        Working memory for the row of a body in the frame of a wall; it is overwritten.
     ghost : int
-        Number of the absent body, which unused places of lists hold.
+        Index of an absent body, which never moves and has no size. Unused places of the
+        lists hold this index.
     """
     n_contacts = counts[st.N_MESHED]
     n_curved = walls.cones.shape[0] + walls.rings.shape[0]

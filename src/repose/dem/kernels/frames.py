@@ -69,7 +69,7 @@ def normal_to_world(walls, frame, geometry):
     Parameters
     ----------
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     frame : int
         Number of the wall's frame: curved walls first, then meshes.
     geometry : array (8,)
@@ -86,7 +86,7 @@ def contact_to_world(walls, frame, geometry):
     Parameters
     ----------
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     frame : int
         Number of the wall's frame: curved walls first, then meshes.
     geometry : array (8,)
@@ -113,9 +113,9 @@ def write_row_in_frame(row, parts, frame, local_row):
     Parameters
     ----------
     row : array
-        The body, a row of `Bodies.rows`.
+        The body: a row of `Bodies.rows`, whose columns `state` names.
     parts : int
-        Ellipsoids of the body, or SPHERES.
+        Number of ellipsoids of the body; SPHERES, -1, for a sphere.
     frame : array (12,)
         The row of `Walls.frames`.
     local_row : array
@@ -225,7 +225,7 @@ def move_walls(walls, dt):
     Parameters
     ----------
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     dt : float
         Time step [s].
     """
@@ -280,7 +280,7 @@ def move_plane_contacts(flat, walls, n):
     flat : WallContacts
         The contacts with planes.
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     n : int
         Number of contacts.
     """
@@ -327,7 +327,7 @@ def load_walls(walls, first_wall, contacts, base, n, scratch):
     Parameters
     ----------
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     first_wall : int
         Number of the first wall of this kind among all walls.
     contacts : WallContacts

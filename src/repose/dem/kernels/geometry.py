@@ -100,7 +100,7 @@ def extent(row, parts, nx, ny, nz):
     Parameters
     ----------
     row : array
-        The body, a row of `Bodies.rows`.
+        The body: a row of `Bodies.rows`, whose columns `state` names.
     parts : int
         Ellipsoids of the body, or SPHERES for a sphere.
     nx, ny, nz : float
@@ -163,7 +163,7 @@ def add_part(row, part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz):
     Parameters
     ----------
     row : array
-        The body, a row of `Bodies.rows`.
+        The body: a row of `Bodies.rows`, whose columns `state` names.
     part : int
         Number of the ellipsoid.
     nx, ny, nz : float
@@ -213,7 +213,7 @@ def support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz):
     Parameters
     ----------
     row : array
-        The body, a row of `Bodies.rows`.
+        The body: a row of `Bodies.rows`, whose columns `state` names.
     parts : int
         Ellipsoids of the body, or SPHERES for a sphere.
     nx, ny, nz : float

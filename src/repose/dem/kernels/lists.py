@@ -22,7 +22,7 @@ def put_contact(data, k, nx, ny, nz):
         What the contacts of the list keep; contact k is lane k % LANES of tile k //
         LANES.
     k : int
-        Number of the contact.
+        Index of the contact in its list.
     nx, ny, nz : float
         Unit normal of the contact.
     """

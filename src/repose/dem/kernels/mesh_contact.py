@@ -126,7 +126,8 @@ def write_face_contact(row, parts, face, geometry):
     Parameters
     ----------
     row, parts : array, int
-        The body in the frame of the mesh, and its number of ellipsoids, or SPHERES.
+        Row of the body in the frame of the mesh, laid out as in `Bodies.rows`; and its
+        number of ellipsoids, or SPHERES.
     face : array
         The row of the face in `Meshes.data`.
     geometry : array (8,)
@@ -197,9 +198,10 @@ def edge_support(row, parts, edge, nx, ny, nz, ux, uy, uz):
     Parameters
     ----------
     row, parts : array, int
-        The body in the frame of the mesh, and its number of ellipsoids, or SPHERES.
-    edge : array
-        The row of the edge in `Meshes.data`.
+        Row of the body in the frame of the mesh, laid out as in `Bodies.rows`; and its
+        number of ellipsoids, or SPHERES.
+    edge : array (COLUMNS,)
+        The edge: a row of `Meshes.data`, whose columns `features` names.
     nx, ny, nz, ux, uy, uz : float
         The normal n, and the tangent u across the edge, see `edge_axes`.
 
@@ -239,9 +241,10 @@ def edge_values(row, parts, edge, angle):
     Parameters
     ----------
     row, parts : array, int
-        The body in the frame of the mesh, and its number of ellipsoids, or SPHERES.
-    edge : array
-        The row of the edge in `Meshes.data`.
+        Row of the body in the frame of the mesh, laid out as in `Bodies.rows`; and its
+        number of ellipsoids, or SPHERES.
+    edge : array (COLUMNS,)
+        The edge: a row of `Meshes.data`, whose columns `features` names.
     angle : float
         Angle of the normal from that of the first face [rad].
     """
@@ -259,13 +262,15 @@ def write_edge_contact(row, parts, edge, angle, geometry):
     Parameters
     ----------
     row, parts : array, int
-        The body in the frame of the mesh, and its number of ellipsoids, or SPHERES.
-    edge : array
-        The row of the edge in `Meshes.data`.
+        Row of the body in the frame of the mesh, laid out as in `Bodies.rows`; and its
+        number of ellipsoids, or SPHERES.
+    edge : array (COLUMNS,)
+        The edge: a row of `Meshes.data`, whose columns `features` names.
     angle : float
         Angle of the normal from that of the first face [rad].
     geometry : array (8,)
-        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
+        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        (`contact_geometry`).
 
     Returns
     -------
@@ -331,11 +336,13 @@ def solve_edge(row, parts, edge, geometry):
     Parameters
     ----------
     row, parts : array, int
-        The body in the frame of the mesh, and its number of ellipsoids, or SPHERES.
-    edge : array
-        The row of the edge in `Meshes.data`.
+        Row of the body in the frame of the mesh, laid out as in `Bodies.rows`; and its
+        number of ellipsoids, or SPHERES.
+    edge : array (COLUMNS,)
+        The edge: a row of `Meshes.data`, whose columns `features` names.
     geometry : array (8,)
-        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
+        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        (`contact_geometry`).
 
     Returns
     -------
@@ -396,7 +403,8 @@ def vertex_step(row, parts, vertex, nx, ny, nz):
     Parameters
     ----------
     row, parts : array, int
-        The body in the frame of the mesh, and its number of ellipsoids, or SPHERES.
+        Row of the body in the frame of the mesh, laid out as in `Bodies.rows`; and its
+        number of ellipsoids, or SPHERES.
     vertex : array
         The row of the vertex in `Meshes.data`.
     nx, ny, nz : float
@@ -432,13 +440,15 @@ def write_vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
     Parameters
     ----------
     row, parts : array, int
-        The body in the frame of the mesh, and its number of ellipsoids, or SPHERES.
+        Row of the body in the frame of the mesh, laid out as in `Bodies.rows`; and its
+        number of ellipsoids, or SPHERES.
     meshes, feature : Meshes, int
         The features, and the number of the vertex.
     nx, ny, nz : float
         Unit normal n.
     geometry : array (8,)
-        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
+        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        (`contact_geometry`).
 
     Returns
     -------
@@ -502,11 +512,13 @@ def solve_vertex(row, parts, meshes, feature, geometry):
     Parameters
     ----------
     row, parts : array, int
-        The body in the frame of the mesh, and its number of ellipsoids, or SPHERES.
+        Row of the body in the frame of the mesh, laid out as in `Bodies.rows`; and its
+        number of ellipsoids, or SPHERES.
     meshes, feature : Meshes, int
         The features, and the number of the vertex.
     geometry : array (8,)
-        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
+        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        (`contact_geometry`).
 
     Returns
     -------
@@ -560,13 +572,16 @@ def solve_feature(row, parts, meshes, feature, radius, geometry):
     Parameters
     ----------
     row, parts : array, int
-        The body in the frame of the mesh, and its number of ellipsoids, or SPHERES.
+        Row of the body in the frame of the mesh, laid out as in `Bodies.rows`; and its
+        number of ellipsoids, or SPHERES.
     meshes, feature : Meshes, int
         The features, and the number of this one.
     radius : float
-        Bounding radius of the body [m].
+        Bounding radius of the body [m]: the distance of its farthest point from its
+        centre.
     geometry : array (8,)
-        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
+        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        (`contact_geometry`).
 
     Returns
     -------

@@ -169,7 +169,8 @@ def distance_from_box(row, parts, meshes, mesh):
     Parameters
     ----------
     row, parts : array, int
-        The body in the frame of the mesh, and its number of ellipsoids, or SPHERES.
+        Row of the body in the frame of the mesh, laid out as in `Bodies.rows`; and its
+        number of ellipsoids, or SPHERES.
     meshes, mesh : Meshes, int
         The features with the boxes of all meshes, and the number of the mesh.
     """
@@ -204,15 +205,16 @@ def search_feature(
     contacts, counts : WallContacts, array
         The list of contacts with meshes, and the lengths of all lists.
     parts : int
-        Ellipsoids of the body, or SPHERES.
+        Number of ellipsoids of the body; SPHERES, -1, for a sphere.
     walls, meshes : Walls, Meshes
         The walls, and the features of the meshes.
     mesh, feature, i : int
         Numbers of the mesh, the feature and the body.
     radius : float
-        Bounding radius of the body [m].
+        Bounding radius of the body [m]: the distance of its farthest point from its
+        centre.
     geometry : array (8,)
-        Scratch for one contact (`contact_geometry`); is overwritten.
+        Working memory for one contact (`contact_geometry`); it is overwritten.
 
     Returns
     -------
@@ -253,15 +255,16 @@ def search_mesh(row, contacts, counts, parts, walls, meshes, mesh, i, radius, ge
     contacts, counts : WallContacts, array
         The list of contacts with meshes, and the lengths of all lists.
     parts : int
-        Ellipsoids of the body, or SPHERES.
+        Number of ellipsoids of the body; SPHERES, -1, for a sphere.
     walls, meshes : Walls, Meshes
         The walls, and the features of the meshes.
     mesh, i : int
-        Numbers of the mesh and the body.
+        Index of the mesh among the meshes, and index of the body.
     radius : float
-        Bounding radius of the body [m].
+        Bounding radius of the body [m]: the distance of its farthest point from its
+        centre.
     geometry : array (8,)
-        Scratch for one contact (`contact_geometry`); is overwritten.
+        Working memory for one contact (`contact_geometry`); it is overwritten.
 
     Returns
     -------
@@ -319,7 +322,8 @@ def follow_on_feature(row, parts, meshes, history, lane, feature, nx, ny, nz, ge
     Parameters
     ----------
     row, parts : array, int
-        The body in the frame of the mesh, and its number of ellipsoids, or SPHERES.
+        Row of the body in the frame of the mesh, laid out as in `Bodies.rows`; and its
+        number of ellipsoids, or SPHERES.
     meshes : Meshes
         The features of all meshes (`features.Meshes`).
     history, lane : array, int
@@ -330,7 +334,8 @@ def follow_on_feature(row, parts, meshes, history, lane, feature, nx, ny, nz, ge
     nx, ny, nz : float
         The last normal, in the frame of the mesh.
     geometry : array (8,)
-        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
+        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        (`contact_geometry`).
 
     Returns
     -------
@@ -371,19 +376,21 @@ def hand_over(
     Parameters
     ----------
     row, parts : array, int
-        The body in the frame of the mesh, and its number of ellipsoids, or SPHERES.
+        Row of the body in the frame of the mesh, laid out as in `Bodies.rows`; and its
+        number of ellipsoids, or SPHERES.
     meshes, contacts : Meshes, WallContacts
         The features, and the list of contacts with meshes.
     n, k : int
-        Number of contacts in the list, and number of this contact.
+        Number of contacts in the list, and index of this contact.
     radius : float
-        Bounding radius of the body [m].
+        Bounding radius of the body [m]: the distance of its farthest point from its
+        centre.
     end_gap : float
-        Gap at which the contact ends [m].
+        The contact ends if its gap exceeds this [m].
     geometry : array (8,)
         The contact with the old feature; the one with the new feature is written to it.
     other_geometry : array (8,)
-        Scratch for a second contact; is overwritten.
+        Working memory for a second contact; it is overwritten.
 
     Returns
     -------
@@ -446,15 +453,16 @@ def keep_deepest_face(row, parts, meshes, contacts, k, geometry, other_geometry)
     Parameters
     ----------
     row, parts : array, int
-        The body in the frame of the mesh, and its number of ellipsoids, or SPHERES.
+        Row of the body in the frame of the mesh, laid out as in `Bodies.rows`; and its
+        number of ellipsoids, or SPHERES.
     meshes, contacts : Meshes, WallContacts
         The features, and the list of contacts with meshes.
     k : int
-        Number of the contact.
+        Index of the contact in its list.
     geometry : array (8,)
         The contact in the frame of the mesh (`contact_geometry`).
     other_geometry : array (8,)
-        Scratch for a second contact; is overwritten.
+        Working memory for a second contact; it is overwritten.
     """
     face = contacts.feature[k]
     for place in range(meshes.span[face, 0], meshes.span[face, 1]):
@@ -497,13 +505,13 @@ def follow_feature(
     meshes, contacts : Meshes, WallContacts
         The features of the meshes, and the list of contacts with meshes.
     n, k : int
-        Number of contacts in the list, and number of this contact.
+        Number of contacts in the list, and index of this contact.
     end_gap : float
-        Gap at which the contact ends [m].
+        The contact ends if its gap exceeds this [m].
     geometry : array (8,)
-        The contact (`contact_geometry`); is written, in world axes.
+        Overwritten by the contact (`contact_geometry`), in world axes.
     other_geometry : array (8,)
-        Scratch for a second contact; is overwritten.
+        Working memory for a second contact; it is overwritten.
 
     Returns
     -------
@@ -560,25 +568,25 @@ def follow_mesh(
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     parts : int
-        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     meshes : Meshes
         The features of all meshes (`features.Meshes`).
     contacts : WallContacts
         The list of contacts with meshes.
     n, k : int
-        Number of contacts in the list, and number of this contact.
+        Number of contacts in the list, and index of this contact.
     end_gap : float
-        Gap at which the contact ends [m].
+        The contact ends if its gap exceeds this [m].
     geometry : array (8,)
-        The contact (`contact_geometry`); is written, in world axes.
+        Overwritten by the contact (`contact_geometry`), in world axes.
     other_geometry : array (8,)
-        Scratch for a second contact; is overwritten.
+        Working memory for a second contact; it is overwritten.
     local_row : array
-        Scratch for a row of a body in the frame of a wall; is overwritten.
+        Working memory for the row of a body in the frame of a wall; it is overwritten.
 
     Returns
     -------
@@ -626,23 +634,24 @@ def update_contacts(
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     parts : int
-        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     meshes : Meshes
         The features of all meshes (`features.Meshes`).
     contacts : WallContacts
         The list of contacts with meshes.
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     mesh, i : int
-        Numbers of the mesh and the body.
+        Index of the mesh among the meshes, and index of the body.
     geometry, other_geometry : array (8,)
         Scratch for two contacts; is overwritten.
     local_row : array
-        Scratch for a row of a body in the frame of a wall; is overwritten.
+        Working memory for the row of a body in the frame of a wall; it is overwritten.
     """
     n = counts[st.N_MESHED]
     for k in range(n):
@@ -683,23 +692,24 @@ def find_body_at_mesh(
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     meshed : WallContacts
         The contacts with meshes.
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     meshes : Meshes
         The features of all meshes (`features.Meshes`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     parts : int
-        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     mesh, i : int
-        Numbers of the mesh and the body.
+        Index of the mesh among the meshes, and index of the body.
     geometry, other_geometry : array (8,)
         Scratch for two contacts; is overwritten.
     local_row : array
-        Scratch for a row of a body in the frame of a wall; is overwritten.
+        Working memory for the row of a body in the frame of a wall; it is overwritten.
 
     Returns
     -------

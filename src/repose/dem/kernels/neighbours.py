@@ -40,7 +40,7 @@ def cell_of(grid, x, y, z):
     Parameters
     ----------
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     x, y, z : float
         The point [m].
     """
@@ -64,9 +64,9 @@ def unlink(grid, i):
     Parameters
     ----------
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     i : int
-        Number of the body.
+        Index of the body.
     """
     cell = grid.cell[i]
     if cell < 0:
@@ -115,11 +115,11 @@ def link(grid, bodies, i):
     Parameters
     ----------
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     i : int
-        Number of the body.
+        Index of the body.
     """
     x, y, z = vector_at(bodies.rows[i], POSITION)
     cell = cell_of(grid, x, y, z)
@@ -138,11 +138,12 @@ def mark_moved(grid, counts, i):
     Parameters
     ----------
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     i : int
-        Number of the body.
+        Index of the body.
     """
     if grid.moved[i] == 0:
         grid.moved[i] = 1
@@ -205,10 +206,11 @@ def drop_near(pairs, counts, grid, k):
     ----------
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     k : int
         Place of the pair in the list of near pairs.
     """
@@ -240,12 +242,13 @@ def add_near(pairs, counts, grid, i, j, limit, nx, ny, nz):
     ----------
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     i, j : int
-        The two bodies.
+        Indices of the two bodies.
     limit : float
         Sum of both displacements at which the pair is checked [m].
     nx, ny, nz : float
@@ -272,12 +275,13 @@ def add_contact(pairs, counts, grid, i, j, normal):
     ----------
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     i, j : int
-        The two bodies.
+        Indices of the two bodies.
     normal : array (3,)
         Unit normal from i to j.
     """
@@ -299,14 +303,16 @@ def drop_contact(pairs, counts, grid, k, ghost):
     ----------
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     k : int
         Place of the pair in the list of touching pairs.
     ghost : int
-        Number of the absent body, which unused places of lists hold.
+        Index of an absent body, which never moves and has no size. Unused places of the
+        lists hold this index.
     """
     last = counts[st.N_PAIRS] - 1
     counts[st.N_PAIRS] = last
@@ -326,17 +332,17 @@ def solve_near_gap(bodies, pairs, grid, parts, k, normal):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     parts : int
-        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     k : int
         Place of the pair in the list of near pairs.
     normal : array (3,)
-        Scratch for a unit normal; is overwritten.
+        Working memory for a unit normal; it is overwritten.
     """
     for axis in range(3):
         normal[axis] = pairs.near_normal[k, axis]
@@ -363,19 +369,20 @@ def check_near(bodies, pairs, counts, grid, parts, k, normal):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     parts : int
-        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     k : int
         Place of the pair in the list of near pairs.
     normal : array (3,)
-        Scratch for a unit normal; is overwritten.
+        Working memory for a unit normal; it is overwritten.
 
     Returns
     -------
@@ -436,17 +443,18 @@ def update_near(bodies, pairs, counts, grid, parts, normal):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     parts : int
-        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     normal : array (3,)
-        Scratch for a unit normal; is overwritten.
+        Working memory for a unit normal; it is overwritten.
     """
     first = pairs.near_first
     second = pairs.near_second
@@ -472,9 +480,10 @@ def count_pairs_of_moved(counter, grid, counts):
     counter : array of int (bodies,)
         Number of pairs of each body: `Grid.touching` or `Grid.near`.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     """
     n_pairs = 0
     for place in range(counts[st.N_MOVED]):
@@ -493,10 +502,11 @@ def drop_near_of_moved(pairs, counts, grid):
     ----------
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     """
     is_moved = grid.moved  # of each body whether it is in `Grid.moved_list`
     n_left = count_pairs_of_moved(grid.near, grid, counts)
@@ -523,7 +533,7 @@ def chain_partner(pairs, grid, n_used, i, j):
     pairs : Pairs or SpherePairs
         The lists of pairs, of smooth bodies or of clumps.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     n_used : int
         Number of links in use; the next one gets this number.
     i, j : int
@@ -553,10 +563,11 @@ def chain_contacts(pairs, counts, grid):
     ----------
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     """
     n_links = count_pairs_of_moved(grid.touching, grid, counts)
     n_used = 0
@@ -580,19 +591,20 @@ def list_pair(bodies, pairs, counts, grid, parts, a, b, normal):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     parts : int
-        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     a, b : int
         The two bodies; the pair must not be listed yet.
     normal : array (3,)
-        Scratch for a unit normal; is overwritten.
+        Working memory for a unit normal; it is overwritten.
     """
     rows = bodies.rows
     skin = grid.lengths[st.SKIN]
@@ -627,18 +639,20 @@ def retire_pairs(bodies, pairs, counts, grid, begin, n_ended, ghost):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     begin, n_ended : int
         The pairs that parted are at the places `pairs.ended[begin : begin + n_ended]` of
         the list of touching pairs, in increasing order; their gaps are in `pairs.gap`.
     ghost : int
-        Number of the absent body, which unused places of lists hold.
+        Index of an absent body, which never moves and has no size. Unused places of the
+        lists hold this index.
     """
     for place in range(begin + n_ended - 1, begin - 1, -1):
         k = pairs.ended[place]

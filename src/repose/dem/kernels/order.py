@@ -122,9 +122,9 @@ def _permute_bodies(order, bodies, grid, flat, curved, meshed):
     order : ndarray (n,)
         Old number of each body.
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     flat, curved, meshed : WallContacts
         Contacts with planes, with curved walls and with meshes.
     """
@@ -161,8 +161,9 @@ def _rename_bodies(new_number, pairs, flat, curved, meshed, counts):
         The lists of touching pairs and of near pairs (`state.Pairs`).
     flat, curved, meshed : WallContacts
         Contacts with planes, with curved walls and with meshes.
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     """
     # arrays of body numbers, and where `counts` has their length
     lists = (
@@ -192,8 +193,9 @@ def _sort_contacts(pairs, flat, counts):
         The lists of touching pairs and of near pairs (`state.Pairs`).
     flat : WallContacts
         The contacts with planes.
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     """
     # pairs that touch
     n_pairs = counts[st.N_PAIRS]
@@ -224,15 +226,16 @@ def reorder(bodies, grid, pairs, flat, curved, meshed, counts):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
     flat, curved, meshed : WallContacts
         Contacts with planes, with curved walls and with meshes.
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
 
     Returns
     -------

@@ -160,11 +160,12 @@ def note_paths(bodies, counts, grid):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+        State of all bodies, and the loads on them (`state.Bodies`).
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     """
     n_tiles = (counts[st.N_BODIES] + LANES - 1) // LANES
     tiles_per_group = (1 << group_bits(bodies)) // LANES
@@ -188,13 +189,13 @@ def check_block(bodies, pairs, grid, parts, begin, end, due, place, normal):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     parts : int
-        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     begin, end : int
         First pair of the block, and its end.
     due : array of int
@@ -202,7 +203,7 @@ def check_block(bodies, pairs, grid, parts, begin, end, due, place, normal):
     place : int
         Place in `due` of the first one.
     normal : array (3,)
-        Scratch for a unit normal; is overwritten.
+        Working memory for a unit normal; it is overwritten.
 
     Returns
     -------
@@ -306,10 +307,11 @@ def add_found_contacts(pairs, counts, grid, due, n_due, begins):
     ----------
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     due : array of int
         Places of these pairs in the list of near pairs, in increasing order.
     n_due, begins : array of int (SHARES,)

@@ -33,17 +33,19 @@ def list_bodies(bodies, pairs, clumps, counts, grid, parts, i, j, scratch):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     pairs : Pairs or SpherePairs
         The lists of pairs, of smooth bodies or of clumps.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     parts : int
-        Ellipsoids of a body, at most; 0 for clumps, SPHERES for spheres.
+        Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
+        are spheres.
     i, j : int
         The two bodies, which are not listed yet; i is the lower number.
     scratch : array
@@ -65,19 +67,21 @@ def find_partners(bodies, pairs, clumps, counts, grid, parts, i, scratch):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     pairs : Pairs or SpherePairs
         The lists of pairs, of smooth bodies or of clumps.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     parts : int
-        Ellipsoids of a body, at most; 0 for clumps, SPHERES for spheres.
+        Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
+        are spheres.
     i : int
-        Number of the body.
+        Index of the body.
     scratch : array
         Scratch for a normal (3,); of clumps `Scratch.spheres`.
     """
@@ -126,9 +130,9 @@ def mark_partners(pairs, grid, i, mark):
     pairs : Pairs or SpherePairs
         The lists of pairs, of smooth bodies or of clumps.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     i : int
-        Number of the body.
+        Index of the body.
     mark : int
         Is written to `grid.mark`: i while the pairs of i are listed, UNMARKED after
         that.
@@ -150,21 +154,24 @@ def renew(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     pairs : Pairs or SpherePairs
         The lists of pairs, of smooth bodies or of clumps.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     parts : int
-        Ellipsoids of a body, at most; 0 for clumps, SPHERES for spheres.
+        Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
+        are spheres.
     scratch : array
         Scratch for a normal (3,); of clumps `Scratch.spheres`.
     ghost : int
-        Number of the absent body, which unused places of lists hold.
+        Index of an absent body, which never moves and has no size. Unused places of the
+        lists hold this index.
     """
     n_moved = counts[st.N_MOVED]
     if n_moved == 0:
@@ -204,17 +211,19 @@ def drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     pairs : Pairs or SpherePairs
         The lists of pairs, of smooth bodies or of clumps.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     ghost : int
-        Number of the absent body, which unused places of lists hold.
+        Index of an absent body, which never moves and has no size. Unused places of the
+        lists hold this index.
     """
     presence = bodies.presence
     if len(clumps) == 0:
@@ -241,12 +250,14 @@ def drop_touches_of_gone(presence, contacts, clumps, counts, slot, ghost):
         The list of contacts with walls of one kind.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     slot : int
         Place in `counts` of the length of this list, such as st.N_PLANE.
     ghost : int
-        Number of the absent body, which unused places of lists hold.
+        Index of an absent body, which never moves and has no size. Unused places of the
+        lists hold this index.
     """
     # from the end, since a dropped contact is replaced by the last one
     for k in range(counts[slot] - 1, -1, -1):
@@ -263,19 +274,21 @@ def drop_gone(bodies, pairs, flat, curved, meshed, clumps, counts, grid, ghost):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     pairs : Pairs or SpherePairs
         The lists of pairs, of smooth bodies or of clumps.
     flat, curved, meshed : WallContacts
         Contacts with planes, with curved walls and with meshes.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     ghost : int
-        Number of the absent body, which unused places of lists hold.
+        Index of an absent body, which never moves and has no size. Unused places of the
+        lists hold this index.
     """
     presence = bodies.presence
     drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost)

@@ -52,8 +52,9 @@ def move_centres(scratch, gx, gy, gz, dt):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
+        k]`, and `body_tile` names the rows.
     gx, gy, gz : float
         Acceleration of gravity [m/s2].
     dt : float
@@ -85,10 +86,12 @@ def count_events(scratch, motion, displacement, base, exit_height, floor_height)
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
-    motion : array
-        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
+        k]`, and `body_tile` names the rows.
+    motion : array (MOTION_ROWS * LANES,)
+        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
+        and so on. `state` names the rows.
     displacement : array (bodies,)
         `Bodies.displacement` [m]; is updated.
     base : int
@@ -125,8 +128,9 @@ def longest_path(scratch):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
+        k]`, and `body_tile` names the rows.
     """
     half = LANES // 2
     while half > 0:
@@ -148,17 +152,19 @@ def find_events(bodies, physics, scratch, motion, lane, i):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
-    scratch : array
-        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
-    motion : array
-        The same bodies in `Bodies.motion` (rows of `state`): quaternion, momentum.
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
+        k]`, and `body_tile` names the rows.
+    motion : array (MOTION_ROWS * LANES,)
+        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
+        and so on. `state` names the rows.
     lane : int
         Lane of the body in both tiles.
     i : int
-        Number of the body.
+        Index of the body.
     """
     # heights of the centre after and before the step
     z = scratch[HEIGHT + lane]
@@ -182,11 +188,12 @@ def act_on_events(bodies, grid, counts, begin, n_events, time):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     begin, n_events : int
         The bodies with events are `bodies.events[begin : begin + n_events]`; their
         events are in `bodies.event`.
@@ -216,11 +223,12 @@ def sum_loads(bodies, tile_number, scratch):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     tile_number : int
         Number of the tile.
-    scratch : array
-        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
+        k]`, and `body_tile` names the rows.
     """
     base = tile_number * LANES
     for place in range(st.LOAD_COLUMNS * LANES):
@@ -243,11 +251,12 @@ def move_only_load(bodies, tile_number, scratch):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     tile_number : int
         Number of the tile.
-    scratch : array
-        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
+        k]`, and `body_tile` names the rows.
     """
     base = tile_number * LANES
     load = bodies.load[0]
@@ -265,7 +274,7 @@ def fetch_next(bodies, tile_number):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     tile_number : int
         Number of the present tile.
     """
@@ -298,11 +307,12 @@ def scatter_rows(bodies, base, scratch, columns):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     base : int
         Number of the tile's first body.
-    scratch : array
-        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
+        k]`, and `body_tile` names the rows.
     columns : int
         Number of columns, a multiple of WIDTH.
     """
@@ -329,13 +339,15 @@ def integrate(bodies, counts, physics, scratch, begin, end):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+        State of all bodies, and the loads on them (`state.Bodies`).
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
-    scratch : array
-        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
+        k]`, and `body_tile` names the rows.
     begin, end : int
         The bodies; `begin` is the first one of a tile. `end` may be beyond the last
         one.
@@ -418,13 +430,15 @@ def place_shape(bodies, i, parts, scratch):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     i : int
-        Number of the body.
+        Index of the body.
     parts : int
-        Ellipsoids of a body, at most; 0 for clumps, SPHERES for spheres.
-    scratch : array
-        Scratch tile of LANES bodies, one in each lane (rows of `body_tile`).
+        Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
+        are spheres.
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
+        k]`, and `body_tile` names the rows.
     """
     motion = bodies.motion[i // LANES]
     lane = i % LANES
@@ -446,9 +460,9 @@ def stop_body(bodies, i):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     i : int
-        Number of the body.
+        Index of the body.
     """
     row = bodies.rows[i]
     set_vector(row, st.VELOCITY, 0.0, 0.0, 0.0)

@@ -199,7 +199,7 @@ def watch_nearest(bodies, pairs, entry, i, j, skin, scratch):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
     entry, i, j : int
@@ -230,13 +230,14 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     entry : int
@@ -335,11 +336,11 @@ def sphere_in_world(bodies, clumps, i, k):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     i : int
-        Number of the body.
+        Index of the body.
     k : int
         Number of the sphere in its body.
     """
@@ -368,11 +369,11 @@ def sphere_gap(bodies, clumps, i, j, a, b):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     i, j : int
-        The two bodies.
+        Indices of the two bodies.
     a, b : int
         Numbers of the spheres in their bodies.
     """
@@ -418,11 +419,12 @@ def check_watched(bodies, pairs, counts, clumps, entry, i, j):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     entry, i, j : int
@@ -458,19 +460,21 @@ def update_near_clumps(bodies, pairs, counts, grid, clumps, scratch, ghost):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     scratch : array
         `Scratch.spheres`; is overwritten.
     ghost : int
-        Number of the absent body, which unused places of lists hold.
+        Index of an absent body, which never moves and has no size. Unused places of the
+        lists hold this index.
     """
     first = pairs.near_first
     second = pairs.near_second
@@ -504,17 +508,18 @@ def list_clumps(bodies, pairs, counts, grid, clumps, i, j, scratch):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     grid : Grid
-        Cells of the neighbour search, and marks of bodies (`state.Grid`).
+        Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     i, j : int
-        The two bodies.
+        Indices of the two bodies.
     scratch : array
         `Scratch.spheres`; is overwritten.
     """
@@ -539,18 +544,20 @@ def retire_spheres(bodies, pairs, counts, clumps, n_ended, ghost):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     n_ended : int
         The first n_ended numbers of `pairs.ended` are places of contacts, in increasing
         order. The other arrays of contacts are read at these places.
     ghost : int
-        Number of the absent body, which unused places of lists hold.
+        Index of an absent body, which never moves and has no size. Unused places of the
+        lists hold this index.
     """
     for place in range(n_ended - 1, -1, -1):
         contact = pairs.ended[place]

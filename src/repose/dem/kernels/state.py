@@ -360,7 +360,8 @@ def new_bodies(n, parts, shares=1):
     n : int
         Number of bodies.
     parts : int
-        Ellipsoids of a body, at most; 0 for clumps, SPHERES for spheres.
+        Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
+        are spheres.
     shares : int
         Number of shares of the loads, see `parallel`.
 

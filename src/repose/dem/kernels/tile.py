@@ -77,8 +77,9 @@ def fill_constants(scratch, first, constants):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
     first : int
         First row of the law; constant number c goes to the row c rows after it.
     constants : array
@@ -95,8 +96,9 @@ def lane_part(scratch, shape_row, lane, nx, ny, nz):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
     shape_row : int
         First of the six rows with the ellipsoid's matrix (xx, xy, xz, yy, yz, zz).
     lane : int
@@ -121,8 +123,9 @@ def body_terms(scratch, shape_row, parts, lane, nx, ny, nz):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
     shape_row : int
         First row of the first part's matrix; each part has PART rows.
     parts : int
@@ -161,10 +164,12 @@ def write_terms_of_a(scratch, contacts, parts):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
-    contacts : array
-        Tile of the numbers that these contacts keep from step to step.
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
+    contacts : array (rows * LANES,)
+        Tile of the quantities that these contacts keep from step to step. `state` names
+        the rows.
     parts : int
         Number of ellipsoids of a body.
     """
@@ -188,10 +193,12 @@ def add_terms_of_b(scratch, contacts, parts):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
-    contacts : array
-        Tile of the numbers that these contacts keep from step to step.
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
+    contacts : array (rows * LANES,)
+        Tile of the quantities that these contacts keep from step to step. `state` names
+        the rows.
     parts : int
         Number of ellipsoids of a body.
     """
@@ -247,10 +254,12 @@ def write_newton_step(scratch, contacts):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
-    contacts : array
-        Tile of the numbers that these contacts keep from step to step.
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
+    contacts : array (rows * LANES,)
+        Tile of the quantities that these contacts keep from step to step. `state` names
+        the rows.
     """
     for lane in range(LANES):
         nx, ny, nz = lane_vector(contacts, NORMAL, lane)
@@ -293,10 +302,12 @@ def write_contact_points(scratch, contacts):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
-    contacts : array
-        Tile of the numbers that these contacts keep from step to step.
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
+    contacts : array (rows * LANES,)
+        Tile of the quantities that these contacts keep from step to step. `state` names
+        the rows.
     """
     for lane in range(LANES):
         # the normal after the step, of unit length
@@ -334,10 +345,12 @@ def write_terms(scratch, contacts, parts):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
-    contacts : array
-        Tile of the numbers that these contacts keep from step to step.
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
+    contacts : array (rows * LANES,)
+        Tile of the quantities that these contacts keep from step to step. `state` names
+        the rows.
     parts : int
         Number of ellipsoids of a body; a constant in each call.
     """
@@ -355,10 +368,12 @@ def write_sphere_pair_geometry(scratch, contacts):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
-    contacts : array
-        Tile of the numbers that these contacts keep from step to step.
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
+    contacts : array (rows * LANES,)
+        Tile of the quantities that these contacts keep from step to step. `state` names
+        the rows.
     """
     for lane in range(LANES):
         # the normal, from the centre of A to that of B
@@ -402,12 +417,14 @@ def write_pair_geometry(scratch, contacts, parts):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
-    contacts : array
-        Tile of the numbers that these contacts keep from step to step.
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
+    contacts : array (rows * LANES,)
+        Tile of the quantities that these contacts keep from step to step. `state` names
+        the rows.
     parts : int
-        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     """
     if parts == st.SPHERES:
         write_sphere_pair_geometry(scratch, contacts)
@@ -432,10 +449,12 @@ def write_terms_of_sphere(scratch, contacts):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
-    contacts : array
-        Tile of the numbers that these contacts keep from step to step.
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
+    contacts : array (rows * LANES,)
+        Tile of the quantities that these contacts keep from step to step. `state` names
+        the rows.
     """
     for lane in range(LANES):
         nx, ny, nz = lane_vector(contacts, NORMAL, lane)
@@ -477,13 +496,14 @@ def write_plane_geometry(scratch, contacts, parts):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
     contacts : array
         Tile of the contacts: the plane's normal (row NORMAL, into the wall), its OFFSET
         along the normal, and its disc (MIDDLE, RADIUS2).
     parts : int
-        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     """
     # The number of parts is a constant in each call, so that the loop is vector code.
     if parts == st.SPHERES:
@@ -527,8 +547,9 @@ def write_torques(scratch):
 
     Parameters
     ----------
-    scratch : array
-        Scratch tile of LANES contacts, one in each lane (rows of `tile`).
+    scratch : array (rows * LANES,)
+        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
+        k]`, and `tile` names the rows.
     """
     torque_row = st.TORQUE * LANES
     dashpots_row = st.DASHPOTS * LANES

@@ -91,8 +91,8 @@ def cone_axes(cone, theta):
 
     Parameters
     ----------
-    cone : array
-        The row of `Walls.cones`.
+    cone : array (CONE_COLUMNS,)
+        The cone: a row of `Walls.cones`.
     theta : float
         The angle about the axis of the cone [rad].
     """
@@ -116,9 +116,10 @@ def cone_slope(row, parts, cone, theta):
     Parameters
     ----------
     row, parts : array, int
-        The body in the frame of the cone, and its number of ellipsoids, or SPHERES.
-    cone : array
-        The row of `Walls.cones`.
+        Row of the body in the frame of the cone, laid out as in `Bodies.rows`; and its
+        number of ellipsoids, or SPHERES.
+    cone : array (CONE_COLUMNS,)
+        The cone: a row of `Walls.cones`.
     theta : float
         The angle [rad].
 
@@ -150,9 +151,10 @@ def climb_cone(row, parts, cone, theta):
     Parameters
     ----------
     row, parts : array, int
-        The body in the frame of the cone, and its number of ellipsoids, or SPHERES.
-    cone : array
-        The row of `Walls.cones`.
+        Row of the body in the frame of the cone, laid out as in `Bodies.rows`; and its
+        number of ellipsoids, or SPHERES.
+    cone : array (CONE_COLUMNS,)
+        The cone: a row of `Walls.cones`.
     theta : float
         The angle about the cone's axis before the step [rad].
     """
@@ -169,13 +171,15 @@ def write_cone_contact(row, parts, cone, theta, geometry):
     Parameters
     ----------
     row, parts : array, int
-        The body in the frame of the cone, and its number of ellipsoids, or SPHERES.
-    cone : array
-        The row of `Walls.cones`.
+        Row of the body in the frame of the cone, laid out as in `Bodies.rows`; and its
+        number of ellipsoids, or SPHERES.
+    cone : array (CONE_COLUMNS,)
+        The cone: a row of `Walls.cones`.
     theta : float
         Angle about the cone's axis at which the overlap is largest [rad].
     geometry : array (8,)
-        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
+        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        (`contact_geometry`).
 
     Returns
     -------
@@ -217,8 +221,8 @@ def ring_newton(row, parts, ring, theta, nx, ny, nz):
     ----------
     row, parts : array, int
         The body in the frame of the ring, and its number of ellipsoids, or SPHERES.
-    ring : array
-        The row of `Walls.rings`.
+    ring : array (RING_COLUMNS,)
+        The ring: a row of `Walls.rings`.
     theta : float
         Angle of the point of the circle before the step [rad].
     nx, ny, nz : float
@@ -294,8 +298,8 @@ def ring_curvatures(ring, outward):
 
     Parameters
     ----------
-    ring : array
-        The row of `Walls.rings`.
+    ring : array (RING_COLUMNS,)
+        The ring: a row of `Walls.rings`.
     outward : float
         Component of the contact's unit normal away from the axis.
     """
@@ -312,15 +316,16 @@ def write_ring_contact(row, parts, ring, theta, nx, ny, nz, geometry):
     ----------
     row, parts : array, int
         The body in the frame of the ring, and its number of ellipsoids, or SPHERES.
-    ring : array
-        The row of `Walls.rings`.
+    ring : array (RING_COLUMNS,)
+        The ring: a row of `Walls.rings`.
     theta : float
         Angle about the axis of the point of the circle that is nearest to the body
         [rad].
     nx, ny, nz : float
         Unit normal n, from the body into the wall.
     geometry : array (8,)
-        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
+        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        (`contact_geometry`).
 
     Returns
     -------
@@ -369,9 +374,10 @@ def solve_cone(row, parts, cone, theta):
     Parameters
     ----------
     row, parts : array, int
-        The body in the frame of the cone, and its number of ellipsoids, or SPHERES.
-    cone : array
-        The row of `Walls.cones`.
+        Row of the body in the frame of the cone, laid out as in `Bodies.rows`; and its
+        number of ellipsoids, or SPHERES.
+    cone : array (CONE_COLUMNS,)
+        The cone: a row of `Walls.cones`.
     theta : float
         Angle about the cone's axis at the start [rad].
 
@@ -421,10 +427,11 @@ def write_sphere_on_cone(x, y, z, radius, cone, geometry):
     ----------
     x, y, z, radius : float
         Centre of the sphere in the frame of the cone, and its radius [m].
-    cone : array
-        The row of `Walls.cones`.
+    cone : array (CONE_COLUMNS,)
+        The cone: a row of `Walls.cones`.
     geometry : array (8,)
-        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
+        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        (`contact_geometry`).
 
     Returns
     -------
@@ -456,10 +463,11 @@ def write_sphere_on_ring(x, y, z, radius, ring, geometry):
     ----------
     x, y, z, radius : float
         Centre of the sphere in the frame of the ring, and its radius [m].
-    ring : array
-        The row of `Walls.rings`.
+    ring : array (RING_COLUMNS,)
+        The ring: a row of `Walls.rings`.
     geometry : array (8,)
-        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
+        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        (`contact_geometry`).
 
     Returns
     -------

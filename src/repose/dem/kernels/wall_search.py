@@ -28,7 +28,7 @@ def find_on_plane(bodies, flat, curved, clumps, walls, counts, parts, wall, i, s
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     flat : WallContacts
         The contacts with planes.
     curved : WallContacts
@@ -36,17 +36,18 @@ def find_on_plane(bodies, flat, curved, clumps, walls, counts, parts, wall, i, s
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+        Shapes, places and motion of all walls (`state.Walls`).
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     parts : int
-        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     wall : int
         Number of the plane.
     i : int
-        Number of the body.
+        Index of the body.
     scratch : Scratch
-        Working memory of this thread; is overwritten.
+        Working memory of this thread (`state.Scratch`); it is overwritten.
 
     Returns
     -------
@@ -82,25 +83,26 @@ def find_on_curved(
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     curved : WallContacts
         The contacts with cones, tubes and rings.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+        Shapes, places and motion of all walls (`state.Walls`).
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     parts : int
-        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     wall : int
         Number of the wall: cones and tubes first, then rings.
     i : int
-        Number of the body.
+        Index of the body.
     path : float
         Displacement of the body and the walls so far [m].
     scratch : Scratch
-        Working memory of this thread; is overwritten.
+        Working memory of this thread (`state.Scratch`); it is overwritten.
 
     Returns
     -------
@@ -136,7 +138,7 @@ def search_walls(
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     flat : WallContacts
         The contacts with planes.
     curved : WallContacts
@@ -144,20 +146,21 @@ def search_walls(
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+        Shapes, places and motion of all walls (`state.Walls`).
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     parts : int
-        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     i : int
-        Number of the body.
+        Index of the body.
     path : float
         Displacement of the body and the walls so far [m].
     lowest : float
         All curved walls lie above this height [m]. A body that was once wholly below it
         is not searched against them again.
     scratch : Scratch
-        Working memory of this thread; is overwritten.
+        Working memory of this thread (`state.Scratch`); it is overwritten.
 
     Returns
     -------
@@ -202,7 +205,7 @@ def search_bodies(
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     flat : WallContacts
         The contacts with planes.
     curved : WallContacts
@@ -210,15 +213,16 @@ def search_bodies(
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+        Shapes, places and motion of all walls (`state.Walls`).
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     parts : int
-        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     lowest : float
         All curved walls lie above this height [m].
     scratch : Scratch
-        Working memory of this thread; is overwritten.
+        Working memory of this thread (`state.Scratch`); it is overwritten.
     begin, end : int
         First body of the range, and its end.
     """
@@ -249,7 +253,7 @@ def smallest_margin(bodies, approach, begin, end):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     approach : float
         How far any wall may have come nearer until now [m].
     begin, end : int
@@ -272,7 +276,7 @@ def update_walls(bodies, flat, curved, clumps, walls, counts, parts, lowest, scr
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     flat : WallContacts
         The contacts with planes.
     curved : WallContacts
@@ -280,16 +284,17 @@ def update_walls(bodies, flat, curved, clumps, walls, counts, parts, lowest, scr
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+        Shapes, places and motion of all walls (`state.Walls`).
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     parts : int
-        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     lowest : float
         All curved walls lie above this height [m]; a body that was once wholly below it
         is searched on planes only.
     scratch : Scratch
-        Working memory of this thread; is overwritten.
+        Working memory of this thread (`state.Scratch`); it is overwritten.
     """
     n = counts[st.N_BODIES]
     # A large simulation has several shares of the loads.
@@ -331,25 +336,26 @@ def find_on_mesh(
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     meshed : WallContacts
         The contacts with meshes.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     meshes : Meshes
         The features of all meshes (`features.Meshes`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     parts : int
-        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     mesh : int
         Number of the mesh.
     i : int
-        Number of the body.
+        Index of the body.
     scratch : Scratch
-        Working memory of this thread; is overwritten.
+        Working memory of this thread (`state.Scratch`); it is overwritten.
 
     Returns
     -------
@@ -398,21 +404,22 @@ def update_meshes(bodies, meshed, clumps, walls, meshes, counts, parts, scratch)
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     meshed : WallContacts
         The contacts with meshes.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     meshes : Meshes
         The features of all meshes (`features.Meshes`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     parts : int
-        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     scratch : Scratch
-        Working memory of this thread; is overwritten.
+        Working memory of this thread (`state.Scratch`); it is overwritten.
     """
     approach = walls.approach[st.WALL_PATH]
     for mesh in range(meshes.box.shape[0]):

@@ -74,8 +74,8 @@ def towards_ring(row, ring, start):
     ----------
     row : array
         The body in the frame of the ring, a row of `Bodies.rows`.
-    ring : array
-        The row of `Walls.rings`.
+    ring : array (RING_COLUMNS,)
+        The ring: a row of `Walls.rings`.
     start : int
         Number of the point, of st.STARTS at equal angles about the axis.
 
@@ -142,10 +142,11 @@ def add_wall_contact(contacts, counts, length_slot, body, wall, geometry):
     ----------
     contacts : WallContacts
         The list of contacts with walls of one kind.
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     length_slot : int
-        Place in `counts` of the length of this list, such as st.N_PLANE.
+        Index in `counts` of the length of this list, such as st.N_PLANE.
     body, wall : int
         Numbers of the body and of the wall.
     geometry : array (8,)
@@ -176,14 +177,16 @@ def drop_wall_contact(contacts, counts, length_slot, k, ghost):
     ----------
     contacts : WallContacts
         The list of contacts with walls of one kind.
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     length_slot : int
-        Place in `counts` of the length of this list, such as st.N_PLANE.
+        Index in `counts` of the length of this list, such as st.N_PLANE.
     k : int
-        Number of the contact.
+        Index of the contact in its list.
     ghost : int
-        Number of the absent body, which unused places of lists hold.
+        Index of an absent body, which never moves and has no size. Unused places of the
+        lists hold this index.
     """
     last = counts[length_slot] - 1
     counts[length_slot] = last
@@ -252,15 +255,15 @@ def note_slide_off(bodies, contacts, walls, n, k, depth):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     contacts : WallContacts
         The list of contacts with walls of one kind.
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     n : int
         Number of contacts in the list.
     k : int
-        Number of the contact.
+        Index of the contact in its list.
     depth : float
         Overlap with which it slid off [m]. The contact with the next wall begins with
         this overlap at most, so that wall is searched in the next step.
@@ -303,10 +306,11 @@ def add_if_new(
     ----------
     contacts : WallContacts
         The list of contacts with walls of one kind.
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     body, wall : int
         Numbers of the body and of the wall.
     theta : float
@@ -314,7 +318,8 @@ def add_if_new(
     is_on_wall : bool
         Whether it lies on the wall, not beyond its end.
     radius : float
-        Bounding radius of the body [m].
+        Bounding radius of the body [m]: the distance of its farthest point from its
+        centre.
     deepest : float
         Largest overlap with which a contact may begin [m], see `state.WallContacts`. It
         is infinite unless the body was past the wall before this search.
@@ -384,14 +389,14 @@ def search_cone(
     walls, wall : Walls, int
         All walls, and the number of the cone.
     i : int
-        Number of the body.
+        Index of the body.
     radius, deepest, distance_moved : float
         Its bounding radius, the largest overlap with which a contact may begin, and how
         far the body may have moved since its last search [m], see `add_if_new`.
     profile : array (STARTS,)
         Scratch for the overlaps; is overwritten.
     geometry : array (8,)
-        Scratch for one contact (`contact_geometry`); is overwritten.
+        Working memory for one contact (`contact_geometry`); it is overwritten.
 
     Returns
     -------
@@ -469,14 +474,14 @@ def search_ring(
     walls, wall : Walls, int
         All walls, and the number of the ring among the curved walls, after the cones.
     i : int
-        Number of the body.
+        Index of the body.
     radius, deepest, distance_moved : float
         Its bounding radius, the largest overlap with which a contact may begin, and how
         far the body may have moved since its last search [m], see `add_if_new`.
     profile : array (STARTS,)
         Scratch for the distances; is overwritten.
     geometry : array (8,)
-        Scratch for one contact (`contact_geometry`); is overwritten.
+        Working memory for one contact (`contact_geometry`); it is overwritten.
 
     Returns
     -------
@@ -537,9 +542,9 @@ def touching_distance(row, parts, nx, ny, nz, dx, dy, dz):
     Parameters
     ----------
     row : array
-        The body, a row of `Bodies.rows`.
+        The body: a row of `Bodies.rows`, whose columns `state` names.
     parts : int
-        Ellipsoids of the body, or SPHERES.
+        Number of ellipsoids of the body; SPHERES, -1, for a sphere.
     nx, ny, nz : float
         Unit normal of the disc.
     dx, dy, dz : float
@@ -562,21 +567,22 @@ def search_plane(bodies, contacts, curved, counts, parts, plane, wall, i, geomet
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     contacts, curved : WallContacts
         The lists of contacts with planes, and with cones and rings.
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     parts : int
-        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     plane : array
         The row of `Walls.planes`.
     wall : int
         Number of the plane.
     i : int
-        Number of the body.
+        Index of the body.
     geometry : array (8,)
-        Scratch for one contact (`contact_geometry`); is overwritten.
+        Working memory for one contact (`contact_geometry`); it is overwritten.
 
     Returns
     -------
@@ -626,13 +632,13 @@ def row_seen_from_wall(walls, frame, row, parts, local_row):
     Parameters
     ----------
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     frame : int
         Number of the frame in `Walls.frames`.
     row : array
-        The body, a row of `Bodies.rows`.
+        The body: a row of `Bodies.rows`, whose columns `state` names.
     parts : int
-        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     local_row : array
         Scratch for the row in the frame.
     """
@@ -651,11 +657,12 @@ def write_sphere_on_frame_wall(x, y, z, radius, walls, wall, geometry):
     x, y, z, radius : float
         Centre of the sphere in this frame, and its radius [m].
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     wall : int
         Number of the wall: cones and tubes first, then rings.
     geometry : array (8,)
-        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
+        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        (`contact_geometry`).
 
     Returns
     -------
@@ -677,11 +684,12 @@ def write_sphere_row_on_wall(row, walls, wall, geometry):
     row : array
         The sphere in the frame of the wall, a row of `Bodies.rows`.
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
+        Shapes, places and motion of all walls (`state.Walls`).
     wall : int
         Number of the wall: cones and tubes first, then rings.
     geometry : array (8,)
-        One contact (`contact_geometry`): normal, gap, R*, arm; is written.
+        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        (`contact_geometry`).
     """
     x, y, z = vector_at(row, st.POSITION)
     radius = row[st.SPHERE_RADIUS]
@@ -704,12 +712,12 @@ def search_sphere(
     walls, wall : Walls, int
         All walls, and the number of this one.
     i : int
-        Number of the body.
+        Index of the body.
     radius, deepest, distance_moved : float
         Its radius, the largest overlap with which a contact may begin, and how far it
         may have moved since its last search [m], see `add_if_new`.
     geometry : array (8,)
-        Scratch for one contact (`contact_geometry`); is overwritten.
+        Working memory for one contact (`contact_geometry`); it is overwritten.
 
     Returns
     -------
@@ -745,23 +753,24 @@ def search_curved(bodies, curved, walls, counts, parts, wall, i, path, scratch):
     Parameters
     ----------
     bodies : Bodies
-        Columns and loads of all bodies (`state.Bodies`).
+        State of all bodies, and the loads on them (`state.Bodies`).
     curved : WallContacts
         The contacts with cones, tubes and rings.
     walls : Walls
-        Shapes, frames and motion of all walls (`state.Walls`).
-    counts : array of int
-        Length of each list, at the places `N_PAIRS` and so on of `state`.
+        Shapes, places and motion of all walls (`state.Walls`).
+    counts : array (COUNTS,) of int
+        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
+        indices.
     parts : int
-        Ellipsoids of a body, at most; SPHERES where every body is a sphere.
+        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     wall : int
         Number of the wall: cones and tubes first, then rings.
     i : int
-        Number of the body.
+        Index of the body.
     path : float
         Displacement of the body and the walls so far [m].
     scratch : Scratch
-        Working memory of this thread; is overwritten.
+        Working memory of this thread (`state.Scratch`); it is overwritten.
 
     Returns
     -------
@@ -833,15 +842,15 @@ def follow_wall(parts, row, walls, wall, history, lane, geometry, local_row):
     Parameters
     ----------
     parts : int
-        Ellipsoids of the body, or SPHERES.
+        Number of ellipsoids of the body; SPHERES, -1, for a sphere.
     row : array
-        The body, a row of `Bodies.rows`.
+        The body: a row of `Bodies.rows`, whose columns `state` names.
     walls, wall : Walls, int
         The walls, and the number of this one: cones and tubes first, then rings.
     history, lane : array, int
         The contact's tile of `WallContacts.data` and its lane; its azimuth is updated.
     geometry : array (8,)
-        The contact (`contact_geometry`); is written, in world axes.
+        Overwritten by the contact (`contact_geometry`), in world axes.
     local_row : array
         Scratch for the row in the frame of the wall; is overwritten.
 

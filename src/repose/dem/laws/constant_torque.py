@@ -67,7 +67,7 @@ def kernel(
     Parameters
     ----------
     law : namedtuple
-        The options of the law; not used.
+        Options of the law. This law does not use them.
     scratch, history : numpy.ndarray
         The tiles of 32 contacts, one in each lane, see `law.rolling_resistance`.
     first : int

@@ -230,7 +230,8 @@ def plastic_forces(
     Parameters
     ----------
     scratch, history : numpy.ndarray
-        The tiles of 32 contacts, one in each lane, see `law.contact_forces`.
+        Tiles of 32 contacts: working memory of this step, and what the contacts keep
+        from step to step. See `law.contact_forces`.
     last_circle, plastic : int
         Places of rows of `history`: the radius of the contact circle in the last step
         [m], and the plastic overlap [m].
@@ -282,7 +283,8 @@ def push(
     Parameters
     ----------
     scratch, history : numpy.ndarray
-        The tiles of 32 contacts, one in each lane, see `law.contact_forces`.
+        Tiles of 32 contacts: working memory of this step, and what the contacts keep
+        from step to step. See `law.contact_forces`.
     spring : int
         Place of the tangential spring's first row in `history`.
     tension, friction_limit : int
@@ -327,9 +329,10 @@ def kernel(
     law : namedtuple
         The options of the law.
     scratch, history : numpy.ndarray
-        The tiles of the contacts, see `law.contact_forces`.
+        Tiles of 32 contacts: working memory of this step, and what the contacts keep
+        from step to step. See `law.contact_forces`.
     first : int
-        Place of the law's first row in `history`.
+        Index in `history` at which the rows of the law begin.
     dt : float
         Time step [s].
     """

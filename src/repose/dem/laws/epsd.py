@@ -125,7 +125,7 @@ def levers(scratch: np.ndarray, lane: int) -> tuple[float, float]:
     scratch : numpy.ndarray
         Scratch tile of 32 contacts (rows of `kernels.tile`).
     lane : int
-        Lane of the contact.
+        Lane of the contact in its tile, 0 to LANES - 1.
 
     Returns
     -------
@@ -155,7 +155,7 @@ def relative_rotation(
     scratch : numpy.ndarray
         Scratch tile of 32 contacts (rows of `kernels.tile`).
     lane : int
-        Lane of the contact.
+        Lane of the contact in its tile, 0 to LANES - 1.
     nx, ny, nz : float
         Unit normal from A to B.
 
@@ -183,7 +183,7 @@ def oppose(scratch: np.ndarray, lane: int, x: float, y: float, z: float) -> None
     scratch : numpy.ndarray
         Scratch tile of 32 contacts; the torques of its loads are added to.
     lane : int
-        Lane of the contact.
+        Lane of the contact in its tile, 0 to LANES - 1.
     x, y, z : float
         The torque on B [N m].
     """
@@ -209,7 +209,7 @@ def resist(
     scratch, history : numpy.ndarray
         The tiles of 32 contacts, one in each lane, see `law.rolling_resistance`.
     first : int
-        Place of the law's first row in `history`.
+        Index in `history` at which the rows of the law begin.
     dt : float
         Time step [s].
     tangential : int
@@ -275,11 +275,11 @@ def kernel(
     Parameters
     ----------
     law : namedtuple
-        The options of the law; not used.
+        Options of the law. This law does not use them.
     scratch, history : numpy.ndarray
         The tiles of the contacts, see `law.rolling_resistance`.
     first : int
-        Place of the law's first row in `history`.
+        Index in `history` at which the rows of the law begin.
     dt : float
         Time step [s].
     """

@@ -33,11 +33,11 @@ def kernel(
     Parameters
     ----------
     law : namedtuple
-        The options of the law; not used.
+        Options of the law. This law does not use them.
     scratch, history : numpy.ndarray
         The tiles of the contacts, see `law.rolling_resistance`.
     first : int
-        Place of the law's first row in `history`.
+        Index in `history` at which the rows of the law begin.
     dt : float
         Time step [s].
     """

@@ -314,9 +314,10 @@ def kernel(
     law : namedtuple
         The options of the law.
     scratch, history : numpy.ndarray
-        The tiles of the contacts, see `law.contact_forces`.
+        Tiles of 32 contacts: working memory of this step, and what the contacts keep
+        from step to step. See `law.contact_forces`.
     first : int
-        Place of the law's first row in `history`.
+        Index in `history` at which the rows of the law begin.
     dt : float
         Time step [s].
     """

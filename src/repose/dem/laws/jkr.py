@@ -233,7 +233,8 @@ def begin_cohesion(scratch: np.ndarray, history: np.ndarray, root: int) -> None:
     Parameters
     ----------
     scratch, history : numpy.ndarray
-        The tiles of 32 contacts, one in each lane, see `law.contact_forces`.
+        Tiles of 32 contacts: working memory of this step, and what the contacts keep
+        from step to step. See `law.contact_forces`.
     root : int
         Place of the row in `history`.
     """
@@ -259,7 +260,8 @@ def cohesive_sizes(
     Parameters
     ----------
     scratch, history : numpy.ndarray
-        The tiles of 32 contacts, one in each lane, see `law.contact_forces`.
+        Tiles of 32 contacts: working memory of this step, and what the contacts keep
+        from step to step. See `law.contact_forces`.
     root, reach : int
         Places of the rows ROOT and REACH of `history`, which are brought up to date.
     """
@@ -321,7 +323,8 @@ def push(
     Parameters
     ----------
     scratch, history : numpy.ndarray
-        The tiles of 32 contacts, one in each lane, see `law.contact_forces`.
+        Tiles of 32 contacts: working memory of this step, and what the contacts keep
+        from step to step. See `law.contact_forces`.
     spring : int
         Place of the tangential spring's first row in `history`.
     tension, friction_limit : int
@@ -363,9 +366,10 @@ def kernel(
     law : namedtuple
         The options of the law.
     scratch, history : numpy.ndarray
-        The tiles of the contacts, see `law.contact_forces`.
+        Tiles of 32 contacts: working memory of this step, and what the contacts keep
+        from step to step. See `law.contact_forces`.
     first : int
-        Place of the law's first row in `history`.
+        Index in `history` at which the rows of the law begin.
     dt : float
         Time step [s].
     """
@@ -382,13 +386,13 @@ def reach(law: Any, history: np.ndarray, first: int, lane: int) -> float:
     Parameters
     ----------
     law : namedtuple
-        The options of the law; not used.
+        Options of the law. This law does not use them.
     history : numpy.ndarray
         What the contacts keep from step to step.
     first : int
-        Place of the law's first row in `history`.
+        Index in `history` at which the rows of the law begin.
     lane : int
-        Lane of the contact.
+        Lane of the contact in its tile, 0 to LANES - 1.
     """
     return history[first + REACH + lane]
 

@@ -175,7 +175,7 @@ def contact_forces(
     history : ndarray
         What the contacts keep from step to step.
     first : int
-        Place of the law's first row in `history`.
+        Index in `history` at which the rows of the law begin.
     dt : float
         Time step [s].
     """
@@ -201,7 +201,7 @@ def rolling_resistance(
     history : ndarray
         What the contacts keep from step to step.
     first : int
-        Place of the law's first row in `history`.
+        Index in `history` at which the rows of the law begin.
     dt : float
         Time step [s].
     """
@@ -228,9 +228,9 @@ def reach(law: Any, history: np.ndarray, first: int, lane: int) -> float:
     history : ndarray
         What the contacts keep from step to step.
     first : int
-        Place of the law's first row in `history`.
+        Index in `history` at which the rows of the law begin.
     lane : int
-        Lane of the contact.
+        Lane of the contact in its tile, 0 to LANES - 1.
     """
     return _REACHES[type(law)](law, history, first, lane)
 

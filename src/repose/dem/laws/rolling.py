@@ -62,7 +62,7 @@ def kernel(
     Parameters
     ----------
     law : namedtuple
-        The options of the law; not used.
+        Options of the law. This law does not use them.
     scratch : numpy.ndarray
         Scratch tile of the contacts, see `law.rolling_resistance`.
     history, first, dt

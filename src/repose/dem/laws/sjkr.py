@@ -111,7 +111,7 @@ def geometry(
     Parameters
     ----------
     law : namedtuple
-        The options of the law; not used.
+        Options of the law. This law does not use them.
     scratch, history : numpy.ndarray
         The tiles of 32 contacts, one in each lane, see `law.surfaces`.
     of_spheres, on_wall : int
@@ -144,7 +144,8 @@ def pull(scratch: np.ndarray, history: np.ndarray) -> None:
     Parameters
     ----------
     scratch, history : numpy.ndarray
-        The tiles of 32 contacts, one in each lane, see `law.contact_forces`.
+        Tiles of 32 contacts: working memory of this step, and what the contacts keep
+        from step to step. See `law.contact_forces`.
     """
     for lane in range(LANES):
         gap = scratch[tl.GAP + lane]
@@ -166,9 +167,10 @@ def kernel(
     law : namedtuple
         The options of the law.
     scratch, history : numpy.ndarray
-        The tiles of the contacts, see `law.contact_forces`.
+        Tiles of 32 contacts: working memory of this step, and what the contacts keep
+        from step to step. See `law.contact_forces`.
     first : int
-        Place of the law's first row in `history`.
+        Index in `history` at which the rows of the law begin.
     dt : float
         Time step [s].
     """

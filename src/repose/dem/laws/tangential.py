@@ -164,7 +164,7 @@ def add_forces(
     spring : int
         Place of the spring's first row in `history`.
     lane : int
-        Lane of the contact.
+        Lane of the contact in its tile, 0 to LANES - 1.
     normal_force, limit : float
         The normal force, and the one that limits friction and rolling [N].
     friction : float
