@@ -293,8 +293,8 @@ class BenchTest(ABC, Generic[S]):
         Returns
         -------
         dict
-            The record with every response and number; they are None where they cannot
-            be measured, as in every run that is not ``ok``.
+            The record with every response and number. A number that cannot be measured
+            is None. All numbers of a run that is not ``ok`` are None.
         """
         if record["status"] != "ok":
             no_numbers = dict.fromkeys((*self.response_names, *self.numbers))
@@ -350,8 +350,8 @@ class BenchTest(ABC, Generic[S]):
         Returns
         -------
         dict
-            The result of `measure`. A run with a response outside its limits has the
-            status `OUT_OF_BOUNDS`, and the first such response as the reason.
+            The result of `measure`. If a response is outside its limits, the status is
+            `OUT_OF_BOUNDS`, and the reason describes the first such response.
         """
         measured = self.measure(record, arrays, scene)
         if measured["status"] != "ok":
@@ -420,12 +420,13 @@ T = TypeVar("T", bound=type[BenchTest[Any]])
 
 
 def register(name: str) -> Callable[[T], T]:
-    """Make a bench test and its responses known by name.
+    """Return a class decorator that registers a bench test and its responses.
 
     Parameters
     ----------
     name : str
-        A name that is free; also of its section in the configuration.
+        Name of the bench test and of its section in the configuration. No other bench
+        test may have it.
 
     Returns
     -------
@@ -439,7 +440,11 @@ def register(name: str) -> Callable[[T], T]:
     """
 
     def register_class(bench_class: T) -> T:
-        """Register a subclass of `BenchTest` with its responses, and return it."""
+        """Register a subclass of `BenchTest` with its responses, and return it.
+
+        The class gets its `name`, one more status, and by default the columns that its
+        runs record.
+        """
         if name in _REGISTRY:
             raise ValueError(f"bench test {name!r} is registered already")
         bench_class.name = name

@@ -78,8 +78,7 @@ class Bounded:
         Parameters
         ----------
         top_m : float
-            Largest z to which a grain is brought; it takes the place of the box's
-            upper end.
+            Largest z at which a grain is added [m]. It replaces the upper end of the box.
 
         Returns
         -------
@@ -117,7 +116,7 @@ class Bounded:
     def run_to(self, step: int) -> None:
         """Advance to a time step, and check the grains at regular intervals.
 
-        Do nothing if the simulation is there already.
+        The call does nothing if the simulation has reached the step already.
 
         Parameters
         ----------
@@ -193,10 +192,10 @@ class Bounded:
         )
 
     def _check_energy(self) -> None:
-        """Raise `Unstable` if the grains together have more energy than they were given.
+        """Raise `Unstable` if the grains have more energy than they can have received.
 
-        They were given at most that of a fall from the top of the scene, and that of
-        the largest speed of grains and walls.
+        They can have received at most the energy of a fall from the top of the scene,
+        plus that of the largest speed of grains and walls.
         """
         simulation = self.simulation
         present = simulation.present
@@ -219,7 +218,8 @@ class Bounded:
     def _check_overlaps(self) -> None:
         """Raise `Unstable` if grains pass through each other or through walls.
 
-        The largest overlap of all contacts is kept as `overlap_share`.
+        Sets `overlap_share` to the largest overlap of all contacts, as a share of the
+        thickness of the grain.
         """
         simulation = self.simulation
         self.overlap_share = 0.0

@@ -198,8 +198,9 @@ class Vessel:
     ) -> np.ndarray:
         """Compute the share of each grain's volume that lies in the core.
 
-        It is counted over `POINTS` points of the body: the share of a grain that is cut
-        is off by 0.003 (rms), the density of a core by less than 1e-3 of itself.
+        The share is estimated from `POINTS` points of the body. For a grain that the
+        boundary of the core cuts, it has a root mean square error of 0.003. The density
+        of the core has a relative error below 1e-3.
 
         Parameters
         ----------
@@ -233,8 +234,9 @@ class Vessel:
 def points_of(particle: "Particle") -> np.ndarray:
     """Spread points evenly over a body.
 
-    They are the first points of a Kronecker sequence in the body's box that lie in the
-    body. The sequence is the same each time, and more even than random points.
+    The points are those of a Kronecker sequence in the body's box that lie in the body,
+    up to `POINTS` of them. The sequence is always the same, and more even than random
+    points.
 
     Parameters
     ----------
@@ -249,7 +251,8 @@ def points_of(particle: "Particle") -> np.ndarray:
     # A Kronecker sequence takes equal steps along each axis, and its fractional parts
     # fill the unit cube. These steps are powers of the root of x^4 = x + 1.
     steps = 1.2207440846057596 ** -np.arange(1.0, 4.0)
-    # A body that fills a quarter of its box still gets enough points.
+    # Make four times as many points as needed, so that a body that fills only a quarter
+    # of its box still gets enough.
     point_numbers = np.arange(1.0, 4 * POINTS)
     unit_cube_points = np.outer(point_numbers, steps) % 1.0
 
@@ -291,18 +294,18 @@ def _in_convex_body(points: np.ndarray, particle: "Particle") -> np.ndarray:
 
 
 def tap(trial: Trial, height_m: float) -> None:
-    """Let the cylinder fall from a height, and its grains come to rest.
+    """Simulate a tap: the cylinder falls from a height, and the grains come to rest.
 
-    In the frame of the cylinder the stop at the end of its fall throws the grains up by
-    that height. So for one time step gravity points up, and gives all grains the speed
-    of the fall.
+    In the frame of the cylinder, the stop at the end of the fall throws the grains up to
+    that height. So gravity is changed for one time step, in which it gives all grains the
+    speed of the fall upwards. The trial is advanced in place.
 
     Parameters
     ----------
     trial : Trial
-        The filled cylinder, which is advanced. Afterwards its gravity is as before.
+        The filled cylinder. Afterwards its gravity is as before.
     height_m : float
-        Height of the fall.
+        Height of the fall [m].
     """
     simulation = trial.simulation
     settings = trial.scene.simulation
@@ -355,8 +358,9 @@ def _describe_filling(trial: Trial) -> Filling:
 def _judge_level(filling: Filling, section: CylinderSettings) -> Verdict | None:
     """Judge whether the cylinder is full.
 
-    It is if the grains above the rim would make a layer there as high as a grain is
-    long. The heap in the collar is nearly level, so the rim is then covered everywhere.
+    It is full if the grains above the rim would make a layer that is as high as a grain
+    is long. The heap in the collar is nearly level, so such a layer covers the rim
+    everywhere.
 
     Parameters
     ----------
@@ -374,7 +378,7 @@ def _judge_level(filling: Filling, section: CylinderSettings) -> Verdict | None:
     n_poured = len(filling.centres_m)
     n_below_rim = int(np.count_nonzero(filling.centres_m[:, 2] < height_m))
     n_above_rim = n_poured - n_below_rim
-    # The layer is packed as the grains below the rim: it has as many per height.
+    # The layer is as dense as the filling below the rim.
     n_layer = math.ceil(n_below_rim * filling.length_m / height_m)
     if n_above_rim < n_layer:
         return Verdict(
@@ -567,8 +571,8 @@ class CylinderTest(BenchTest[CylinderSettings]):
     def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure the bulk density in the cylinder, in its core, and after the taps.
 
-        A grain belongs to the cylinder if its centre does. In the core, which is small,
-        a grain counts by the share of its volume that lies in it.
+        A grain counts for the cylinder if its centre lies in it. For the core, which is
+        small, a grain counts by the share of its volume that lies in the core.
 
         Parameters
         ----------

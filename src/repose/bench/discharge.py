@@ -170,8 +170,8 @@ def rate_kg_s(exit_s: np.ndarray, mass_kg: np.ndarray) -> float:
     Returns
     -------
     float
-        The flow between `FROM_SHARE` and `TO_SHARE` of the mass [kg/s]; NaN if that took
-        no time.
+        The mean flow [kg/s] between the times at which the shares `FROM_SHARE` and
+        `TO_SHARE` of the mass have left. It is NaN if both times are the same.
     """
     order = np.argsort(exit_s, kind="stable")
     sorted_exit_s = exit_s[order]
@@ -276,9 +276,9 @@ class DischargeTest(BenchTest[DischargeSettings]):
         Returns
         -------
         Run
-            The arrays are ``exit_s`` (N,), when each grain left after the opening [s],
-            NaN where it did not; ``scale`` (N,); and ``position`` (N, 3) [m] and
-            ``quaternion`` (N, 4) when the lid was taken away.
+            The arrays are ``exit_s`` (N,), the time at which each grain left after the
+            opening [s], NaN for a grain that did not leave; the relative sizes ``scale``
+            (N,); and ``position`` (N, 3) [m] and ``quaternion`` (N, 4) at the opening.
         """
         section = self.section(scene.settings)
         settings = scene.simulation

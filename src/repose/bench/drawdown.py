@@ -204,13 +204,13 @@ class Box:
         edge_radius_m : float
             Radius of the edges of the blocks.
         room_m : float
-            How much higher the upper walls are than the chamber.
+            Additional height of the upper walls above the chamber.
 
         Returns
         -------
         dict
-            Planes and meshes by name, in an order that counts: the engine visits the
-            walls in it.
+            Planes and meshes by name. The engine visits the walls in this order, on which
+            the last bits of a run depend.
         """
         walls: dict[str, dem.Plane | dem.Mesh] = {
             "lower_floor": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall"),
@@ -558,7 +558,8 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
     def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure the angles above and below, and mass and rate of what drained.
 
-        A grain that passed the slot lies below; the others stayed above.
+        A grain with an exit time passed the slot and lies below. The other grains stayed
+        above.
 
         Parameters
         ----------

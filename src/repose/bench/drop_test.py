@@ -153,7 +153,8 @@ class _Tracker:
     def hit(self) -> bool:
         """Advance until the grain has left the plate.
 
-        The steps between two looks grow with the time of the contact.
+        The number of time steps between two checks grows with the duration of the
+        contact.
 
         Returns
         -------
@@ -176,10 +177,11 @@ class _Tracker:
         return _Height(self.simulation.time_s, self.simulation.positions[0, 2])
 
     def _choose_stride(self) -> int:
-        """Choose the number of time steps up to the next look at the flying grain.
+        """Choose the number of time steps until the next check of the flying grain.
 
-        They take half of the time until the ball around the grain reaches the plate, at
-        most `longest_stride_s`. Where the ball reaches it already, it is one step.
+        They take half of the time until the bounding ball of the grain reaches the plate,
+        but at most `longest_stride_s`. If the ball reaches the plate already, the result
+        is one step.
         """
         gap_m = self.simulation.positions[0, 2] - self.radius_m
         if not gap_m > 0.0:

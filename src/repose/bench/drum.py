@@ -366,7 +366,7 @@ class RotatingDrum(BenchTest[R]):
         return np.array(angles_deg, float)
 
     def impossible_filling(self, settings: SceneSettings) -> Contradictions:
-        """Yield keys of a drum that cannot be filled or recorded as they say.
+        """Yield keys whose values make it impossible to fill or record the drum.
 
         The drum may have no room, turn before it is full, or be recorded more often
         than once a time step.
@@ -406,9 +406,9 @@ class RotatingDrum(BenchTest[R]):
     def misfits(
         self, settings: SceneSettings, axes_mm: Sequence[float]
     ) -> Contradictions:
-        """Yield keys of a drum in which a mean grain has no room where grains appear.
+        """Yield keys of a drum that is too small for a mean grain where grains appear.
 
-        It has room if it fits in any orientation.
+        A grain has room if it fits in every orientation.
 
         Parameters
         ----------
@@ -577,7 +577,7 @@ class _DrumRecorder:
     """
 
     def __init__(self, trial: Trial, section: DrumSettings) -> None:
-        """Begin an empty record; see the class."""
+        """Create an empty record; the parameters are those of the class."""
         self.trial = trial
         self.simulation = trial.simulation
         self.section = section
@@ -669,7 +669,9 @@ class _DrumRecorder:
 
 
 def _turn_until_slip(recorder: _DrumRecorder) -> "bed.Slip | None":
-    """Turn the drum until the bed slips, stop it, and let the bed rest.
+    """Turn the drum until the bed slips, then stop the drum until the bed rests.
+
+    The recorder and its trial are advanced in place.
 
     Parameters
     ----------
@@ -694,15 +696,16 @@ def _turn_until_slip(recorder: _DrumRecorder) -> "bed.Slip | None":
         recorder.advance()
 
     _settle(recorder)
-    # The search before found where the slip begins; the record now has its end, too.
+    # The first search found the beginning of the slip. Search again, because the record
+    # now has its end as well.
     return recorder.find_slip()
 
 
 def _settle(recorder: _DrumRecorder) -> None:
     """Stop the drum, and record it until the bed rests and the report is due.
 
-    The bed has at most the time `drum.settle_s`. An energy that is not finite ends the
-    record at once.
+    The bed has at most `drum.settle_s` to come to rest. The record ends at once if an
+    energy is not finite.
 
     Parameters
     ----------
@@ -799,7 +802,7 @@ class DrumTest(RotatingDrum[DrumSettings]):
         section = self.section(scene.settings)
         trial, factory = self.empty_drum(scene, progress=progress)
         recorder = _DrumRecorder(trial, section)
-        # Both stay as they are if the run breaks a bound before.
+        # These values remain if the run breaks a bound before the drum slips.
         rest_energy_j = math.nan
         slip = None
         with trial.bounds.guard():
@@ -826,8 +829,8 @@ class DrumTest(RotatingDrum[DrumSettings]):
     def judge(self, outcome: DrumOutcome, settings: SceneSettings) -> Verdict:
         """Judge a stable run before it is measured.
 
-        Beyond the faults of every drum, its bed may have moved before it turned, or
-        never slipped.
+        In addition to the faults of every drum, the bed may have moved before the drum
+        turned, or may never have slipped.
 
         Parameters
         ----------

@@ -101,9 +101,9 @@ def free_point(
 ) -> np.ndarray | None:
     """Find a random point of an area where a new grain touches no other.
 
-    Up to `POINTS_TRIED` points are tried, one after the other. Afterwards, the
-    generator is in the state as if only the points up to the free one had been drawn.
-    So the next numbers do not depend on how many points are computed at once.
+    Up to `POINTS_TRIED` points are tried. The generator is advanced only by the numbers
+    of the points up to the free one, although all points are computed at once. So the
+    next random numbers do not depend on how many points are computed together.
 
     Parameters
     ----------
@@ -199,7 +199,8 @@ def random_orientation(orientation: str, rng: np.random.Generator) -> np.ndarray
     Parameters
     ----------
     orientation : str
-        ``random``; or ``lying`` or ``upright``, which the long axis of the grain is.
+        ``random`` for any orientation; ``lying`` for a level long axis; ``upright`` for a
+        vertical long axis.
     rng : Generator
         Random numbers.
 
@@ -318,7 +319,7 @@ def fill_and_rest(
     factory : Factory
         The grains.
     until_s : float
-        Simulated time before which the run does not go on.
+        Simulated time [s] up to which the run waits at least.
     check_interval : int
         Time steps between two checks whether the grains rest.
     is_at_rest : function, optional
@@ -341,9 +342,9 @@ def fill_to_level_and_rest(
 ) -> None:
     """Fill a scene up to a level of the bed (`bed_level_m`), and let the grains rest.
 
-    Half of the likely number of grains are added first. When they rest, their packing
-    shows how many are missing, and these are added; this is repeated until none are
-    missing. The whole takes at most twice the time `until_s`.
+    First, half of the likely number of grains is added. When they rest, the level of the
+    bed shows how many grains are missing, and these are added. This repeats until none
+    are missing. It takes at most twice the time `until_s`.
 
     Parameters
     ----------
@@ -355,7 +356,7 @@ def fill_to_level_and_rest(
     level_mm : float
         The level.
     until_s : float
-        Simulated time before which the run does not go on.
+        Simulated time [s] up to which the run waits at least.
     check_interval : int
         Time steps between two checks whether the grains rest.
     is_at_rest : function, optional

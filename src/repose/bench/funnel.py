@@ -297,7 +297,7 @@ def _is_over(
     section: FunnelSettings,
     position_history: Sequence[np.ndarray],
 ) -> bool:
-    """Return whether a pour is over: all grains have left the funnel and lie still.
+    """Return whether a pour is over: all grains have left the funnel and are at rest.
 
     Parameters
     ----------
@@ -320,8 +320,8 @@ def _is_over(
     motion_m = np.linalg.norm(position_history[-1] - position_history[0], axis=1)
     has_stayed = motion_m[present].max() <= largest_motion_m
 
-    # At its present speed, no grain would move far in another window. A point of its
-    # surface moves by its rotation, too.
+    # At its present speed, no grain would move far in another window. The speed includes
+    # that of the rotation, at the surface of the grain.
     spin = np.linalg.norm(simulation.angular_velocities, axis=1)
     surface_speed = spin * simulation.radius
     speed = np.linalg.norm(simulation.velocities, axis=1) + surface_speed
@@ -378,10 +378,10 @@ def _describe_final_state(
         Height of the funnel's outlet.
     window_start_centres : array or None
         Centres (N, 3) [m] of the grains at the beginning of the last rest window; None
-        if the pour ended before its first check for rest. Then no motion is known, and
-        the largest motion is 0.
+        if the pour ended before its first check for rest. The motion is then unknown, and
+        the largest motion is recorded as 0.
     wall_time : _WallTime
-        Wall times of the pour.
+        How long the pour took on the clock.
     """
     simulation = trial.simulation
     centres = simulation.positions.copy()

@@ -109,10 +109,11 @@ class Funnel:
         sin = math.sin(self._slope)
         cos = math.cos(self._slope)
         foot_r, foot_z = self._foot
-        # The line begins where it touches the rounded edge, ...
+        # Places are distances along the line. The line begins where it touches the
+        # rounded edge.
         first = cos * self._core_m + sin * self.neck_height_m
-        # ... and ends at the radius of the inlet. The place of the foot itself is 0
-        # up to rounding.
+        # It ends at the radius of the inlet. The place of the foot itself is 0 except for
+        # rounding errors.
         inlet_radius = 0.5 * self.inlet_diameter_m
         foot_place = cos * foot_r + sin * foot_z
         last = (inlet_radius - foot_r) / cos + foot_place

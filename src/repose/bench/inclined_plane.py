@@ -128,10 +128,9 @@ NO_LAYER = Layer(np.empty((0, 3)), np.array([1.0, 0.0, 0.0, 0.0]), 0.0)
 def layer(particle: "Particle", azimuth: float = 0.0) -> Layer:
     """Make a layer of grains that lie flat and close together on a plane.
 
-    The z axis goes through a pocket between three of them.
-
-    The layer is the closest one of spheres, stretched along x and y as the grain is.
-    Grains that are no ellipsoids lie farther apart, as far as they need.
+    The z axis goes through the gap between three neighbouring grains. The layer is the
+    densest layer of spheres, stretched along x and y by the half extents of the grain. If
+    the grains are no ellipsoids, they lie as much farther apart as they need.
 
     Parameters
     ----------
@@ -147,13 +146,13 @@ def layer(particle: "Particle", azimuth: float = 0.0) -> Layer:
     """
     from scipy.spatial.transform import Rotation
 
-    # Turn the body's longest axis along x, and its shortest up.
+    # Turn the body so that its longest axis points along x and its shortest axis up.
     half_extents = particle.dem_shape("berry").half_extents_m
     longest_first = np.argsort(half_extents)[::-1]
     half_x, half_y, half_z = half_extents[longest_first]
     body_axes = np.eye(3)[longest_first]
-    # A rotation has the determinant +1. Reverse an axis where the order of the axes is a
-    # reflection, whose determinant is -1.
+    # A rotation has the determinant +1. If the order of the axes is a reflection, with
+    # the determinant -1, reverse one axis.
     body_axes[2] *= np.linalg.det(body_axes)
 
     # Stretch a layer of unit spheres, and cut a round piece out of it.
@@ -174,7 +173,7 @@ def layer(particle: "Particle", azimuth: float = 0.0) -> Layer:
 
 
 def _sphere_layer() -> np.ndarray:
-    """Place spheres of radius 1 in a close layer about a pocket at the origin.
+    """Place spheres of radius 1 in the densest layer, with a gap of three at the origin.
 
     Returns
     -------
@@ -314,9 +313,10 @@ def _is_at_rest(trial: Trial) -> bool:
 
 
 def _tilt(trial: Trial, section: InclinedPlaneSettings) -> list[_Motion]:
-    """Tilt the plane until the grain has moved or the plane is at its steepest.
+    """Tilt the plane until the grain has moved or the steepest angle is reached.
 
-    The plane stays level, and gravity is turned instead.
+    The plane of the simulation stays level, and the direction of gravity is turned
+    instead.
 
     Parameters
     ----------
@@ -328,8 +328,8 @@ def _tilt(trial: Trial, section: InclinedPlaneSettings) -> list[_Motion]:
     Returns
     -------
     list of _Motion
-        The motion of the grain at each look; empty if the grain does not rest at the
-        beginning.
+        The motion of the grain at each check. The list is empty if the grain is not at
+        rest at the beginning.
     """
     if not _is_at_rest(trial):
         return []

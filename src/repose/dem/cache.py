@@ -124,7 +124,7 @@ class KernelCache(NullCache):
     def save_overload(self, sig: Any, data: Any) -> None:
         """Store the code that numba has compiled for a signature.
 
-        It lets other processes go on that wait for this code.
+        Releases the lock of the kernel, so processes that wait for this code continue.
 
         Parameters
         ----------
@@ -204,9 +204,10 @@ def _read_code(path: str, signature: object) -> tuple[Any, ...] | None:
 
 
 def _write_code(path: str, content: bytes) -> None:
-    """Store a file in one move.
+    """Write a file so that other processes see either all of it or none of it.
 
-    If it cannot be written, there is a warning, and each process compiles anew.
+    If it cannot be written, a warning is issued, and each process compiles the code
+    itself.
 
     Parameters
     ----------
@@ -256,7 +257,7 @@ def _unlock(path: str) -> None:
 def _set_lock(path: str, operation: int) -> None:
     """Lock or unlock a kernel's byte of the lock file in its folder.
 
-    Nothing happens where no such file can be made.
+    The call does nothing if the lock file cannot be created.
 
     Parameters
     ----------
@@ -266,8 +267,9 @@ def _set_lock(path: str, operation: int) -> None:
         A lock operation of `fcntl`.
     """
     parent = os.path.dirname(path)
-    # The place of the byte is the end of the hash in the file's name: below 2^60, and
-    # another one for each kernel. A lock may lie beyond the end of its file.
+    # The last 15 hexadecimal digits of the hash in the file's name are the place of the
+    # byte. It is below 2^60, and differs between kernels. A lock may lie beyond the end
+    # of its file.
     byte_number = int(path[-15:], 16)
     with contextlib.suppress(OSError):
         if parent not in _lock_files:

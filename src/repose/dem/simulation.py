@@ -95,14 +95,14 @@ class Simulation(Observables):
     """
 
     def set_motion(self, wall: str, motion: Motion) -> None:
-        """Give a wall another motion from now on.
+        """Change the motion of a wall, from now on.
 
         Parameters
         ----------
         wall : str
             Name of the wall.
         motion : Motion
-            Its motion; the other walls go on with theirs.
+            The new motion. The other walls keep their motions.
 
         Raises
         ------
@@ -264,9 +264,10 @@ class Simulation(Observables):
         return scale
 
     def glue(self, body: int) -> None:
-        """Fix a body in its place: no force moves or turns it any more.
+        """Fix a body in its place, so that no force moves or turns it any more.
 
-        It stops. Its mass counts as 0, as of a body that is gone. Fixed bodies must not
+        The body stops. Its inverse mass and inverse moments of inertia become 0. Its mass
+        is left out of sums, like that of a body that is gone. Fixed bodies must not
         overlap each other.
 
         Parameters
@@ -415,8 +416,8 @@ class Simulation(Observables):
     def _grow_lists(self) -> None:
         """Double the lists of contacts that are filling up.
 
-        Each list is replaced in one assignment, so that an interrupt leaves no list
-        half grown.
+        Each list is replaced in one assignment. So an interrupt never leaves a list that
+        is only partly longer.
         """
         self.pairs = contact_lists.grow_pairs(
             self.pairs, self.counts, self.capacity, self._most_spheres, self._n_state

@@ -50,10 +50,10 @@ def fit_particle(
 ) -> Particle:
     """Fit a convex particle to the support values of a mesh.
 
-    The mass is the density times the particle's own volume: an ellipsoid holds less
-    than a fuller grain of the same axes. A mesh whose vertices lie on an ellipsoid
-    becomes this ellipsoid, whose volume is a little above that of the mesh; the
-    deviations include the parts that its facets cut off.
+    The mass is the density times the volume of the particle, not of the mesh, because an
+    ellipsoid is smaller than a fuller grain of the same axes. If all vertices of a mesh
+    lie on an ellipsoid, the particle is this ellipsoid. Its volume is a little larger
+    than that of the mesh, and the deviations include the parts that the facets cut off.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def fit_particle(
     if fit is None:
         counts = (1,) if is_ellipsoid else support_fit.COMPONENTS
         fit = support_fit.fit_components(directions, mesh_support, radius, counts)
-    # Below a nanometre lies only the rounding of the file.
+    # Round to nanometres, because smaller digits are only rounding errors of the file.
     semi_axes = np.round(fit, 9)
 
     # Refuse a particle that does not represent the mesh.
@@ -231,9 +231,9 @@ def compare(particles: Mapping[str, Particle | InputError]) -> list[dict[str, An
     Returns
     -------
     list of dict
-        A row for the mesh, if a particle has it, and one for each particle: volume,
-        mass, principal moments, extents, deviations. The row of a particle that could
-        not be made has the reason instead, as `refused`.
+        A row for the mesh, if any particle could be made, and a row for each particle.
+        A row has volume, mass, principal moments of inertia, extents and deviations. For
+        a particle that could not be made, the key `refused` has the error instead.
     """
     rows = []
     # Each particle has the same mesh, so the first one gives its row.
@@ -377,8 +377,8 @@ def _make_mesh_file_from_axes(
     except InputError as error:
         if error.key != "mass_g":
             raise
-        # Where sizes scatter, the mean mass is too much for the mean axes. Say what a
-        # user can do about it.
+        # If sizes scatter, the mean mass may be too large for the mean axes. Tell the
+        # user what to do about it.
         allowed = f"{error.allowed}; without it, the mean volume of the sizes is taken"
         raise InputError(error.source, error.key, error.value, allowed) from error
     return write_stl(mesh)
@@ -411,9 +411,9 @@ def run(
 ) -> Particle:
     """Write berry.stl, particle.json, and particles.csv with all kinds of particles.
 
-    The mesh is the user's scan, or built from the mean axes and the mass (without a
-    mass, their ellipsoid). The particle is made from the mesh as in its file, in single
-    precision.
+    The mesh is the user's scan, or a mesh from the mean axes and the mass. Without a mass
+    it is the ellipsoid of the mean axes. The particle is made from the mesh as it is read
+    from its file, in single precision.
 
     Parameters
     ----------

@@ -68,7 +68,7 @@ def load_mesh(path: str | PathLike) -> trimesh.Trimesh:
 
 
 def _complete_stl(content: bytes, source: object) -> bytes:
-    """Return the one body of an STL file, without what follows it.
+    """Return the content of an STL file up to the end of its only body.
 
     Parameters
     ----------
@@ -120,8 +120,8 @@ def _complete_text_stl(text: bytes, source: object) -> bytes:
     if n_beginnings != n_ends:
         allowed = f"{n_beginnings}, as many as begin: the file is cut off"
         raise InputError(source, "facets", n_ends, allowed)
-    # Drop the last `endsolid` with what follows it, and end with a new one, also where
-    # it was missing.
+    # Remove the last `endsolid` and everything after it, and append a new one. The file
+    # may have no `endsolid`.
     end = text.rfind(b"endsolid")
     if end > text.rfind(b"endfacet"):
         text = text[:end]
@@ -129,7 +129,7 @@ def _complete_text_stl(text: bytes, source: object) -> bytes:
 
 
 def _complete_binary_stl(content: bytes, source: object) -> bytes:
-    """Return a binary STL without bytes behind the facets that its header counts.
+    """Return the content of a binary STL up to its last facet, by the count in its header.
 
     Parameters
     ----------
@@ -273,9 +273,9 @@ def _check_sides(mesh: trimesh.Trimesh, source: object) -> None:
 
 
 def _remove_bad_facets(mesh: trimesh.Trimesh, source: object) -> None:
-    """Remove facets without an area, then facets that are there twice.
+    """Remove facets without an area, and then repeated facets.
 
-    A closed mesh stays as it is: a facet without an area may close a joint.
+    A closed mesh is not changed, because a facet without an area may close a gap.
 
     Parameters
     ----------
@@ -375,7 +375,7 @@ def principal_pose(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     Parameters
     ----------
     mesh : Trimesh
-        The mesh, which stays as it is.
+        The mesh, which is not changed.
 
     Returns
     -------

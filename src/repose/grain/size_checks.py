@@ -52,10 +52,11 @@ class SizeGroups(NamedTuple):
 
 
 def best_split(values: np.ndarray) -> Split:
-    """Split values into small and large ones so that most variance is explained.
+    """Split values into small and large ones so that the split explains most variance.
 
-    This is the exact solution of k-means for two groups in one dimension. Of many
-    normal values the best split explains the share 2/pi, of many uniform ones 3/4.
+    This is the exact solution of k-means for two groups in one dimension. For many
+    normally distributed values, the best split explains the share 2/pi of the variance.
+    For many uniformly distributed values the share is 3/4.
 
     Parameters
     ----------

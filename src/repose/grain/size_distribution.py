@@ -87,7 +87,7 @@ def draw(
     Parameters
     ----------
     rng : Generator
-        Gives a uniform number for each grain, and none without scatter.
+        Random generator. One number is drawn for each grain, and none if `sd` is 0.
     count : int
         Number of grains.
     sd : float

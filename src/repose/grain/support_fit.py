@@ -166,8 +166,8 @@ def fit_components(
             break
         if count == 1:
             continue
-        # Several ellipsoids are good enough, too, if their largest deviation can be
-        # made small.
+        # A fit of several ellipsoids is also accepted if a second fit can make its
+        # largest deviation small.
         changed_axes = _reduce_largest_deviation(
             directions, support_values, radius, semi_axes
         )
@@ -187,8 +187,8 @@ def _reduce_largest_deviation(
 ) -> np.ndarray:
     """Change the half axes of a fit so that its largest deviation becomes smaller.
 
-    The sum of the sixth powers of the deviations is minimised, in which the largest
-    ones count most. Their root mean square becomes larger.
+    The fit minimises the sum of the sixth powers of the deviations, in which the largest
+    deviations count most. The root mean square of the deviations becomes larger.
 
     Parameters
     ----------
@@ -249,8 +249,8 @@ def _make_starts(
     # Each ellipsoid's share of each half extent (count, 3): at first random shares
     rng = np.random.default_rng(count)
     divisions = [rng.dirichlet(np.full(count, 2.0), size=3).T for _ in range(3)]
-    # A needle along one axis, and a body with the rest: for shapes that are fuller or
-    # more pointed than an ellipsoid.
+    # Then divisions into a needle along one axis and a body with the rest. They suit
+    # shapes that are fuller or more pointed than an ellipsoid.
     for axis in range(3):
         shares = np.full((count, 3), 0.1)
         shares[0, axis] = 0.7

@@ -161,12 +161,12 @@ def _list_arrays(simulation: World) -> Iterator[tuple[str, np.ndarray]]:
 
 
 def _restore_arrays(simulation: World, saved_arrays: Mapping[str, np.ndarray]) -> None:
-    """Give a new simulation the arrays of a saved one.
+    """Copy the arrays of a saved simulation into a new one.
 
     Parameters
     ----------
     simulation : Simulation
-        A simulation with the same arguments as the saved one, which is changed.
+        A simulation with the same arguments as the saved one. Its arrays are overwritten.
     saved_arrays : mapping
         The saved arrays by name.
 

@@ -290,7 +290,7 @@ class VtkSeries:
         self._wall_places = np.zeros(0)
 
     def __call__(self, simulation: "Observables") -> None:
-        """Write the present state and bring the .pvd up to date.
+        """Write the present state to new files, and list them in the .pvd file.
 
         Parameters
         ----------
@@ -309,8 +309,8 @@ class VtkSeries:
             raise ValueError(
                 f"time_s is {time!r}; expected later than the last one, {last_time!r}"
             )
-        # The new files come first, then the .pvd that names them: so it never names a
-        # file that is not there.
+        # Write the new files before the .pvd that names them. So the .pvd never names a
+        # missing file.
         number = len(self._states)
         bodies_file = f"{self.path.stem}/bodies_{number:06d}.vtp"
         write_vtk(self.path.parent / bodies_file, simulation, self.content)
@@ -322,7 +322,7 @@ class VtkSeries:
         write_whole(self.path, lambda handle: handle.write(text.encode()))
 
     def _write_walls(self, simulation: "Observables", number: int) -> str:
-        """Write the walls, unless they are still where they were last written.
+        """Write the walls, unless they have not moved since they were last written.
 
         Parameters
         ----------

@@ -7,14 +7,17 @@ from typing import IO, Any
 
 
 def write_whole(path: str | os.PathLike, write: Callable[[IO[bytes]], Any]) -> None:
-    """Write a file in one move, so that an interrupt leaves the earlier file as it was.
+    """Write a file completely, or leave the earlier file unchanged.
+
+    The content goes to a temporary file beside it, which then replaces the file. So an
+    interrupt never leaves half a file.
 
     Parameters
     ----------
     path : path
         The file; its folder is made if there is none.
     write : callable
-        Writes the content to the open file that it gets.
+        Function that takes an open binary file and writes the content to it.
     """
     path = Path(path)
     path.parent.mkdir(parents=True, exist_ok=True)

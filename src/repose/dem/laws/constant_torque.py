@@ -71,7 +71,7 @@ def kernel(
     scratch, history : numpy.ndarray
         The tiles of 32 contacts, one in each lane, see `law.rolling_resistance`.
     first : int
-        Place of the law's first row in `history`; not used.
+        Index in `history` at which the rows of the law begin. This law has none.
     dt : float
         Time step [s].
     """
@@ -80,7 +80,8 @@ def kernel(
         inverse_lever, mobility = levers(scratch, lane)
         spin, wx, wy, wz = relative_rotation(scratch, lane, nx, ny, nz)
 
-        # Rolling: torque over angular velocity, at most what stops it in this step.
+        # Rolling: the torque divided by the angular velocity. It is at most the torque
+        # that stops the rotation in this step. TINY avoids a division by 0.
         stopping = SPHERE_ABOUT_CENTRE / (dt * mobility + TINY)
         rolling_limit = (
             scratch[ROLLING_FRICTION + lane] * scratch[tl.PUSH + lane] / inverse_lever

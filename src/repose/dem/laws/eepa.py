@@ -104,8 +104,8 @@ def constants(
     Returns
     -------
     ndarray (n,)
-        Those of `hertz_mindlin`, zeros for the other rows of that law, and those of the
-        rows PLASTIC_SHARE, STIFFENING and ADHESION.
+        The constants of `hertz_mindlin`, zeros for the other rows of that law, and the
+        values of the rows PLASTIC_SHARE, STIFFENING and ADHESION.
     """
     plasticity = contact.constants[PLASTICITY_RATIO.name]
     gamma = contact.constants[SURFACE_ENERGY.name]
@@ -223,9 +223,9 @@ def branches(
 def plastic_forces(
     scratch: np.ndarray, history: np.ndarray, last_circle: int, plastic: int
 ) -> None:
-    """Compute the normal force without dashpot, by the path of the overlap.
+    """Compute the normal force without dashpot from the history of the overlap.
 
-    Writes the rows FORCE and FLOOR of `scratch`, and the plastic overlap.
+    Writes the rows FORCE and FLOOR of `scratch`, and the row `plastic` of `history`.
 
     Parameters
     ----------
@@ -233,8 +233,8 @@ def plastic_forces(
         Tiles of 32 contacts: working memory of this step, and what the contacts keep
         from step to step. See `law.contact_forces`.
     last_circle, plastic : int
-        Places of rows of `history`: the radius of the contact circle in the last step
-        [m], and the plastic overlap [m].
+        Indices at which two rows of `history` begin: the radius of the contact circle in
+        the last step [m], and the plastic overlap [m].
     """
     for lane in range(LANES):
         gap = scratch[tl.GAP + lane]
@@ -278,7 +278,8 @@ def push(
 ) -> None:
     """Compute the forces of each lane from velocities, springs and the plastic force.
 
-    Call `plastic_forces` first. Writes the rows TO_A and PUSH.
+    `plastic_forces` must have been called before. Writes the rows TO_A and PUSH of
+    `scratch`, and the springs in `history`.
 
     Parameters
     ----------
@@ -297,7 +298,7 @@ def push(
         damped = (
             force + scratch[NORMAL_DAMPING + lane] * viscous * scratch[tl.VN + lane]
         )
-        # A contact that releases does not pull by more than without its dashpot.
+        # With the options "release" and "cut", the dashpot must not increase the pull.
         smallest = -math.inf if tension == KEEP else min(force, 0.0)
         normal_force = max(damped, smallest)
         # Friction is limited by the normal force and the adhesion at this overlap.

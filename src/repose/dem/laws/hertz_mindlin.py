@@ -65,26 +65,26 @@ SPRING = _state.take(3)
 
 
 def damping_ratio(restitution: float, tension: str = "keep") -> float:
-    """Compute the damping ratio with which an impact has a coefficient of restitution.
+    """Compute the damping ratio that gives a coefficient of restitution in an impact.
 
     Parameters
     ----------
     restitution : float
-        e, above 0, at most 1.
+        Coefficient of restitution e, above 0 and at most 1.
     tension : {"keep", "release", "cut"}
         How the contact ends, see `Simulation`.
 
     Returns
     -------
     float
-        beta, 0 or more.
+        Damping ratio beta, 0 or more.
 
     Notes
     -----
-    If the contact lasts until the bodies part, pulling in the end, beta = -ln e /
-    sqrt(ln^2 e + pi^2) (Tsuji et al. 1992). "cut" keeps this damping, so its bodies
-    leave faster. For "release" the contact ends when the force vanishes, and
-    `_log_restitution` is solved for beta by bisection.
+    With "keep" the contact lasts until the bodies part, so the dashpot pulls at the end.
+    Then beta = -ln e / sqrt(ln^2 e + pi^2) (Tsuji et al. 1992). "cut" uses the same beta
+    without the pull, so its bodies leave faster. With "release" the contact ends when the
+    force vanishes, and `_log_restitution` is solved for beta by bisection.
     """
     log = math.log(restitution)
     if tension != "release" or restitution == 1.0:
@@ -92,7 +92,7 @@ def damping_ratio(restitution: float, tension: str = "keep") -> float:
     # ln e falls as beta grows.
     low, high = 0.0, 1.0 / restitution
     middle = 0.5 * (low + high)
-    # until low and high are neighbours among the floating-point numbers
+    # Stop when no floating-point number lies between low and high.
     while low < middle < high:
         if _log_restitution(middle) > log:
             low = middle

@@ -47,9 +47,11 @@ LAST_CIRCLE = _state.take()
 def keep_force(
     scratch: np.ndarray, history: np.ndarray, spring: int, last_circle: int
 ) -> None:
-    """Shorten the springs of contacts that were pressed, so that their force stays.
+    """Shorten the springs of contacts whose load has grown, so that their force stays.
 
-    A spring's stiffness is proportional to the radius of the contact circle.
+    The stiffness of a spring is proportional to the radius of the contact circle. When
+    the radius grows, the spring is shortened by the same factor. `history` is changed in
+    place.
 
     Parameters
     ----------
@@ -57,13 +59,13 @@ def keep_force(
         Tiles of 32 contacts: working memory of this step, and what the contacts keep
         from step to step. See `law.contact_forces`.
     spring, last_circle : int
-        Places of rows of `history`: the three of the spring, and that of the radius in
-        the last step, which is brought up to date.
+        Indices at which rows of `history` begin: the three rows of the spring, and the
+        radius of the contact circle in the last step [m]. The radius is updated.
     """
     for lane in range(LANES):
         circle = scratch[tl.CIRCLE + lane]
         old_circle = history[last_circle + lane]
-        # a spring of a contact that was pressed becomes shorter as its stiffness grows
+        # the spring is shortened by the factor by which its stiffness grows
         share = old_circle / circle if circle > old_circle else 1.0
         history[last_circle + lane] = circle
         history[spring + lane] *= share

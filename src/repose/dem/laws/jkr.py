@@ -263,7 +263,8 @@ def cohesive_sizes(
         Tiles of 32 contacts: working memory of this step, and what the contacts keep
         from step to step. See `law.contact_forces`.
     root, reach : int
-        Places of the rows ROOT and REACH of `history`, which are brought up to date.
+        Indices at which the rows ROOT and REACH of `history` begin. Both are updated: the
+        root of the unit A, 0 without cohesion, and the gap at which the contact ends [m].
     """
     for lane in range(LANES):
         gap, radius, root_a = (
@@ -316,9 +317,10 @@ def push(
 ) -> None:
     """Compute the forces of each lane from velocities, springs and the elastic force.
 
-    Call `cohesive_sizes` first. The pull-off force is added before the rules of
-    `tangential.normal_forces` and subtracted after them, so a contact that releases
-    ends at the pull-off force instead of at 0. Writes the rows TO_A and PUSH.
+    `cohesive_sizes` must have been called before. The pull-off force is added before the
+    call of `tangential.normal_forces` and subtracted after it. So with "release" a
+    contact ends at the pull-off force instead of at 0. Writes the rows TO_A and PUSH of
+    `scratch`, and the springs in `history`.
 
     Parameters
     ----------

@@ -54,10 +54,10 @@ SPIN_B = tl.B + st.ANGULAR_VELOCITY * LANES
 def slip(
     scratch: np.ndarray, history: np.ndarray, spring: int, dt: float, reach: int = 0
 ) -> None:
-    """Compute the velocity of A against B in each lane, and move the tangential spring.
+    """Compute the velocity of A relative to B in each lane, and extend the springs.
 
-    The spring is the path of the contact point of A over that of B, as long as they
-    touch.
+    The tangential spring is the path of the contact point of A along that of B since the
+    contact began. It is 0 in lanes without a contact.
 
     Parameters
     ----------
@@ -67,12 +67,12 @@ def slip(
     history : numpy.ndarray
         What the contacts keep from step to step.
     spring : int
-        Place of the spring's first row in `history`; its three rows are written.
+        Index in `history` at which the three rows of the spring begin. They are updated.
     dt : float
         Time step [s].
     reach : int
-        Place in `history` of the row with the gaps at which the contacts end; 0 for a
-        law whose contacts end when the surfaces part.
+        Index in `history` of the row with the gaps at which the contacts end [m]. The
+        number 0 stands for a law whose contacts end when the surfaces part.
     """
     for lane in range(LANES):
         # Normal n, arms a and b, velocities v and angular velocities w of both bodies.
@@ -97,7 +97,7 @@ def slip(
         write_vector(scratch, tl.V, lane, vx, vy, vz)
         scratch[tl.VN + lane] = vn
 
-        # 1.0 while the contact lasts; a spring that ended is relaxed
+        # 1.0 while the contact lasts, else 0.0, which resets the spring to zero length
         if reach > 0:  # a law without reach must compile to one comparison
             touching = 1.0 if scratch[tl.GAP + lane] <= history[reach + lane] else 0.0
         else:
@@ -131,7 +131,7 @@ def normal_forces(
     Returns
     -------
     force, limit : float
-        The normal force, and the one that limits friction and rolling [N].
+        The normal force, and the force that limits friction and rolling [N].
     """
     # a contact may pull only where its tension is kept
     smallest = -math.inf if tension == KEEP else 0.0
@@ -152,7 +152,7 @@ def add_forces(
     stiffness: float,
     damping: float,
 ) -> None:
-    """Compute the forces of one lane, within Coulomb's limit.
+    """Compute the forces of one lane, and limit the tangential force by Coulomb's law.
 
     Parameters
     ----------
@@ -166,18 +166,18 @@ def add_forces(
     lane : int
         Lane of the contact in its tile, 0 to LANES - 1.
     normal_force, limit : float
-        The normal force, and the one that limits friction and rolling [N].
+        The normal force, and the force that limits friction and rolling [N].
     friction : float
         Coefficient of static friction.
     stiffness, damping : float
-        Of the tangential spring [N/m], and of the dashpot [N s/m], of which the share
-        in row SHARE acts.
+        Stiffness of the tangential spring [N/m], and constant of its dashpot [N s/m]. The
+        row SHARE has the share of the dashpot that acts.
     """
     scratch[tl.DASHPOT + lane] = damping
     damping *= scratch[tl.SHARE + lane]
     largest_force = friction * limit
 
-    # Cut the spring, whose force is (sx, sy, sz) without sign.
+    # Shorten the spring if its force, (sx, sy, sz) without sign, exceeds the limit.
     ex, ey, ez = lane_vector(history, spring, lane)
     sx, sy, sz = stiffness * ex, stiffness * ey, stiffness * ez
     cut = largest_force * rsqrt(sx * sx + sy * sy + sz * sz)
