@@ -256,7 +256,7 @@ def drop_sphere_contact(pairs, counts, clumps, k, ghost):
     k : int
         Place of the contact in the list.
     ghost : int
-        Index of an absent body, which never moves and has no size. Unused places of the
+        Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
     # the entry has one contact fewer
@@ -328,7 +328,7 @@ def drop_entry(pairs, counts, grid, entry, ghost):
     entry : int
         Place of the entry.
     ghost : int
-        Index of an absent body, which never moves and has no size. Unused places of the
+        Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
     count_pair(grid.near, pairs.near_first[entry], pairs.near_second[entry], -1)
@@ -356,7 +356,7 @@ def chain_entries(pairs, counts, grid, ghost):
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     ghost : int
-        Index of an absent body, which never moves and has no size. Unused places of the
+        Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
     n_links = count_pairs_of_moved(grid.near, grid, counts)
@@ -392,7 +392,7 @@ def drop_entries_of_gone(bodies, pairs, counts, grid, clumps, ghost):
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     ghost : int
-        Index of an absent body, which never moves and has no size. Unused places of the
+        Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
     presence = bodies.presence

@@ -94,7 +94,7 @@ def begin_step(
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     ghost : int
-        Index of an absent body, which never moves and has no size. Unused places of the
+        Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
     if counts[st.N_GONE] > 0:
@@ -145,7 +145,7 @@ def wall_contacts_and_forces(
     scratch : Scratch
         Working memory of this thread (`state.Scratch`); it is overwritten.
     ghost : int
-        Index of an absent body, which never moves and has no size. Unused places of the
+        Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
     geometry = scratch.geometry
@@ -227,7 +227,7 @@ def find_pair_contacts(bodies, pairs, clumps, counts, grid, physics, scratch, gh
     scratch : Scratch
         Working memory of this thread (`state.Scratch`); it is overwritten.
     ghost : int
-        Index of an absent body, which never moves and has no size. Unused places of the
+        Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
     parts = physics.parts
@@ -267,7 +267,7 @@ def add_pair_forces(bodies, pairs, clumps, counts, grid, physics, contact_tile, 
     contact_tile : array
         Scratch tile of LANES contacts (rows of `tile`); is overwritten.
     ghost : int
-        Index of an absent body, which never moves and has no size. Unused places of the
+        Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
     # one thread handles all pairs, as share 0 of the loads
@@ -424,7 +424,7 @@ def add_wall_loads(
     scratch_numbers : array (SCRATCH,)
         Memory of the other scratch arrays (`state.Scratch`).
     ghost : int
-        Index of an absent body, which never moves and has no size. Unused places of the
+        Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
     scratch = st.scratch_of(scratch_numbers)

@@ -550,7 +550,7 @@ def drop_touch(contacts, clumps, counts, length_slot, k, ghost):
     k : int
         Index of the contact in its list.
     ghost : int
-        Index of an absent body, which never moves and has no size. Unused places of the
+        Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
     if len(clumps) > 0:
@@ -580,7 +580,7 @@ def drop_ended(contacts, clumps, counts, length_slot, n_ended, ghost):
     n_ended : int
         Number of the contacts that ended.
     ghost : int
-        Index of an absent body, which never moves and has no size. Unused places of the
+        Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
     for place in range(n_ended - 1, -1, -1):
@@ -636,7 +636,7 @@ def plane_forces(bodies, flat, clumps, walls, counts, physics, scratch, ghost):
         Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
         k]`, and `tile` names the rows.
     ghost : int
-        Index of an absent body, which never moves and has no size. Unused places of the
+        Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
     n_contacts = counts[st.N_PLANE]
@@ -888,7 +888,7 @@ def curved_forces(
     local_row : array
         Working memory for the row of a body in the frame of a wall; it is overwritten.
     ghost : int
-        Index of an absent body, which never moves and has no size. Unused places of the
+        Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
     n_contacts = counts[st.N_CURVED]
@@ -1056,7 +1056,7 @@ def mesh_forces(
     local_row : array
         Working memory for the row of a body in the frame of a wall; it is overwritten.
     ghost : int
-        Index of an absent body, which never moves and has no size. Unused places of the
+        Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
     n_contacts = counts[st.N_MESHED]

@@ -311,7 +311,7 @@ def drop_contact(pairs, counts, grid, k, ghost):
     k : int
         Place of the pair in the list of touching pairs.
     ghost : int
-        Index of an absent body, which never moves and has no size. Unused places of the
+        Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
     last = counts[st.N_PAIRS] - 1
@@ -651,7 +651,7 @@ def retire_pairs(bodies, pairs, counts, grid, begin, n_ended, ghost):
         The pairs that parted are at the places `pairs.ended[begin : begin + n_ended]` of
         the list of touching pairs, in increasing order; their gaps are in `pairs.gap`.
     ghost : int
-        Index of an absent body, which never moves and has no size. Unused places of the
+        Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
     for place in range(begin + n_ended - 1, begin - 1, -1):

@@ -170,7 +170,7 @@ def renew(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
     scratch : array
         Scratch for a normal (3,); of clumps `Scratch.spheres`.
     ghost : int
-        Index of an absent body, which never moves and has no size. Unused places of the
+        Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
     n_moved = counts[st.N_MOVED]
@@ -222,7 +222,7 @@ def drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost):
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     ghost : int
-        Index of an absent body, which never moves and has no size. Unused places of the
+        Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
     presence = bodies.presence
@@ -256,7 +256,7 @@ def drop_touches_of_gone(presence, contacts, clumps, counts, slot, ghost):
     slot : int
         Place in `counts` of the length of this list, such as st.N_PLANE.
     ghost : int
-        Index of an absent body, which never moves and has no size. Unused places of the
+        Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
     # from the end, since a dropped contact is replaced by the last one
@@ -287,7 +287,7 @@ def drop_gone(bodies, pairs, flat, curved, meshed, clumps, counts, grid, ghost):
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     ghost : int
-        Index of an absent body, which never moves and has no size. Unused places of the
+        Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
     presence = bodies.presence

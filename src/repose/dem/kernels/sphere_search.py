@@ -473,7 +473,7 @@ def update_near_clumps(bodies, pairs, counts, grid, clumps, scratch, ghost):
     scratch : array
         `Scratch.spheres`; is overwritten.
     ghost : int
-        Index of an absent body, which never moves and has no size. Unused places of the
+        Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
     first = pairs.near_first
@@ -556,7 +556,7 @@ def retire_spheres(bodies, pairs, counts, clumps, n_ended, ghost):
         The first n_ended numbers of `pairs.ended` are places of contacts, in increasing
         order. The other arrays of contacts are read at these places.
     ghost : int
-        Index of an absent body, which never moves and has no size. Unused places of the
+        Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
     for place in range(n_ended - 1, -1, -1):

@@ -185,7 +185,7 @@ def drop_wall_contact(contacts, counts, length_slot, k, ghost):
     k : int
         Index of the contact in its list.
     ghost : int
-        Index of an absent body, which never moves and has no size. Unused places of the
+        Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
     last = counts[length_slot] - 1
