@@ -18,7 +18,7 @@ def linear_features(x):
 
 
 def linear_jacobian(w, x, outputs):
-    """As `two_layer.jacobian`."""
+    """As `two_layer.compute_jacobian`."""
     p = linear_features(x)
     return p @ w[..., None], np.tile(p[:, None, :], (*w.shape[:-1], 1, 1, 1))
 
@@ -26,7 +26,7 @@ def linear_jacobian(w, x, outputs):
 @pytest.fixture
 def linear(monkeypatch):
     for module in (levenberg_marquardt, bayesian_bp):
-        monkeypatch.setattr(module, "jacobian", linear_jacobian)
+        monkeypatch.setattr(module, "compute_jacobian", linear_jacobian)
 
     def residuals(w, x, t, root):
         return (linear_features(x) @ w - t[:, 0]) * root[:, 0]
