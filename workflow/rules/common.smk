@@ -23,7 +23,7 @@ from repose.config.workflow_run import (
 )
 from repose.common import places
 from repose.common.errors import BAD_INPUT, InputError, exit_on_fault
-from repose.common.provenance import engine_hash, hash_of
+from repose.common.provenance import engine_hash, hash_content
 from repose.common.source_code import code_hash
 from repose.stages.published import (
     FIRST_PUBLISHED,

@@ -48,7 +48,7 @@ for name, shown in FIGURES.items():
                 f"--input={key}={path}" for key, path in {**inputs, **there}.items()
             ],
             # No rule is asked for these files, so the figure is drawn anew when they change.
-            there=[hash_of(Path(path).read_text()) for path in there.values()],
+            there=[hash_content(Path(path).read_text()) for path in there.values()],
             settings=sections("small_run", *shown.reads) | RESOLUTION,
             caption=shown.caption_of(config),
         message:

@@ -19,7 +19,7 @@ from repose.calibrate.scales import LOG
 from repose.calibrate.strategies.base import Answer, Batch, strategy
 from repose.calibrate.strategies.runs import (
     NUMBER_COLUMNS,
-    TURN_COLUMN,
+    TURN_NUMBERS,
     add_missing_columns,
     checked_runs,
     describe_unread_columns,
@@ -33,7 +33,7 @@ from repose.calibrate.strategies.runs import (
 )
 from repose.common import ledger
 from repose.common.errors import InputError, require
-from repose.common.files import write_table
+from repose.common.files import TURN_COLUMN, write_table
 from repose.common.lock import lock_file
 from repose.common.tables import (
     Column,
@@ -152,7 +152,7 @@ class Record:
     def _turn_numbers(self) -> np.ndarray:
         """Number of the turn of each run; 0 for a run without a turn."""
         cells = [row.get(TURN_COLUMN) for row in self._rows]
-        numbers, _ = convert_columns({TURN_COLUMN: cells}, [TURN_COLUMN])
+        numbers, _ = convert_columns({TURN_COLUMN: cells}, [TURN_NUMBERS])
         return np.nan_to_num(numbers[TURN_COLUMN]).astype(int)
 
     @property

@@ -51,7 +51,7 @@ Table: TypeAlias = pd.DataFrame | Rows
 # A number as pandas and spreadsheets write it in a column of whole numbers with gaps.
 WHOLE_NUMBER = re.compile(r"\d+\.0")
 NUMBER_COLUMNS = ("sample", "run")
-TURN_COLUMN = Column(TURN_COLUMN, int, low=0, high=1e9, empty=True)
+TURN_NUMBERS = Column(TURN_COLUMN, int, low=0, high=1e9, empty=True)
 OPTIONAL_COLUMNS = ("status", TURN_COLUMN)
 # The largest size of a response; a larger one counts as infinite.
 MAX_RESPONSE = 1e100
@@ -344,7 +344,7 @@ def checked_runs(
     )
     sets, faults_of_sets = convert_columns(cells, parameter_columns)
     outcomes = judge_runs(cells, responses)
-    turns, faults_of_turns = convert_columns(cells, [TURN_COLUMN])
+    turns, faults_of_turns = convert_columns(cells, [TURN_NUMBERS])
     refuse(source, [*faults_of_sets, *outcomes.faults, *faults_of_turns])
 
     table = pd.DataFrame({"status": outcomes.statuses, **sets, **outcomes.values})

@@ -11,9 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure, FigureBase
 
 from repose.calibrate.calibration import Calibration
-from repose.calibrate.strategies.runs import TURN_COLUMN
 from repose.calibrate.targets import Target
-from repose.common.files import convert_to_path
+from repose.common.files import TURN_COLUMN, convert_to_path
 
 from . import panels, plane, posterior, style, surrogate
 
