@@ -87,7 +87,7 @@ def write_template(
 
 
 def make_template(
-    write_text: Callable[[Mapping[str, float]], str],
+    render: Callable[[Mapping[str, float]], str],
     parameters: Mapping[str, float],
     names: Sequence[str],
 ) -> str:
@@ -98,7 +98,7 @@ def make_template(
 
     Parameters
     ----------
-    write_text : callable
+    render : callable
         Writes the text for a mapping of parameters.
     parameters : mapping
         Values of the parameters by name.
@@ -116,12 +116,12 @@ def make_template(
         If a parameter changes no number, or a number that is not in proportion to it.
     """
     # Words and numbers alternate. Even entries are words, and odd entries are numbers.
-    parts = NUMBER.split(write_text(parameters))
+    parts = NUMBER.split(render(parameters))
     template = list(parts)
     for name in names:
         value = parameters[name]
         changed_parts = NUMBER.split(
-            write_text({**parameters, name: CHANGE_FACTOR * value})
+            render({**parameters, name: CHANGE_FACTOR * value})
         )
         if len(changed_parts) != len(parts):
             raise _make_proportion_error(name)
