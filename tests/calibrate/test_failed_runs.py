@@ -193,6 +193,12 @@ def test_a_column_that_varies_from_run_to_run_is_named_by_some_values():
         "wall_s": "column wall_s is not read; it has '0' once, '1' once, '2' once, "
         "'3' once, '4' once and 3 other values"
     }
+    # Only a column of few values, some of them repeated, may say which runs failed.
+    for values, may_be_status in (([0, 1] * 4, True), ([*range(7), 0], False)):
+        sentence = describe_unread_columns(
+            study, table.assign(code=values).to_dict("records")
+        )["code"]
+        assert ("name it status" in sentence) is may_be_status
     wide = [{f"c{k}": row for k in range(40)} for row in range(3)]
     assert len(describe_unread_columns(study, wide)) == 31
     assert describe_unread_columns(study, wide)[""] == "10 further columns are not read"

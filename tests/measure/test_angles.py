@@ -276,6 +276,14 @@ def test_windows_levels_and_lines_are_what_their_words_say():
     )
     expected = np.polyfit(distance[5:21], height[5:21], 1)[0]
     assert slope[0] == pytest.approx(expected, rel=1e-9)
+    # a window of the fewest levels has a slope, one of a level less has none
+    few = profile_points.MIN_LEVELS
+    slopes = angles.compute_window_slopes(
+        distance, height, np.array([5.0, 5.0]), np.array([4.0 + few, 3.0 + few])
+    )
+    expected = np.polyfit(distance[5 : 5 + few], height[5 : 5 + few], 1)[0]
+    assert slopes[0] == pytest.approx(expected, rel=1e-9)
+    assert np.isnan(slopes[1])
     middle, heights = profile_points.select_by_levels(
         np.array([0.0, 10.0, 20.0, 10.0, 20.0, 30.0]), 14.5, 16.5
     )

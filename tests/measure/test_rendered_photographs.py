@@ -157,6 +157,7 @@ def test_what_floats_over_the_plate_or_in_a_deep_shadow_is_left_out(tmp_path):
     deep = measured(tmp_path, Scene(**SMALL | {"shadow": 0.7})).measurement
     assert deep.height_mm == pytest.approx(light.height_mm, abs=0.1)
     assert deep.aor_deg == pytest.approx(light.aor_deg, abs=0.5)
+    assert light.pile_is == "darker"  # yellow peas before a white wall
     mask = np.zeros((100, 400), np.uint8)
     cv2.fillPoly(mask, [np.array([(100, 99), (200, 10), (300, 99)])], 1)
     pile = mask.copy()
