@@ -263,7 +263,7 @@ def test_a_pour_that_measures_leaves_its_measurement_to_measure_runs(
     anew = []
     measured = job.measure_runs
     monkeypatch.setattr(
-        job, "measured", lambda *given: anew.append(given) or measured(*given)
+        job, "measure_runs", lambda *given: anew.append(given) or measured(*given)
     )
 
     def measure(*arguments, config=short_config):
