@@ -390,7 +390,7 @@ def test_a_finished_run_of_each_strategy_prints_the_verdict_first_and_ends_well(
         "RESULTS": str(tmp_path),
         "STUDY": studied(study(tmp_path, simulated, feasible)),
     }
-    known["RUN"] = SimpleNamespace(made=lambda path: path == "t4.csv")
+    known["RUN"] = SimpleNamespace(has_written=lambda path: path == "t4.csv")
     exec(textwrap.dedent(HANDLER[1]), known)
     met = "met" if feasible and simulated == 32.0 else "NOT met"
     assert capsys.readouterr().out.startswith(f"wheat: targets {met}. Angle of repose ")
