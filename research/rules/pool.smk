@@ -54,7 +54,7 @@ use rule pour as pool_pour with:
     params:
         purpose=lambda wildcards: STREAMS[wildcards.points],
         seeds=lambda wildcards: STUDIES["pool"][POOL_SETS[wildcards.points][2]],
-        settings=lambda wildcards: dependencies.simulation_settings(
+        settings=lambda wildcards: dependencies.select_simulation_settings(
             config, apparatus(wildcards)
         )
         | depending("parameters", "pool.seed"),

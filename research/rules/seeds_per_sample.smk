@@ -18,7 +18,7 @@ rule seeds_per_sample:
     params:
         config=CONFIG,
         folder=folder,
-        settings=dependencies.simulation_settings(config)
+        settings=dependencies.select_simulation_settings(config)
         | depending("berry", "parameters", "measure", "targets", "pool")
         | depending("surrogate", "network", "miga")
         | {"engine": engine_hash()},
