@@ -587,7 +587,13 @@ def _measure_beds(
 
     # Measure the photographs, and show in an overlay what was measured.
     points = args.points or ()
-    results = photographs.measure_all(pictures, points, scene, args.bench, settings)
+    results = photographs.measure_all(
+        pictures,
+        points_px=points,
+        settings=scene,
+        bench=args.bench,
+        pile_settings=settings,
+    )
     for result, overlay in zip(results, overlays, strict=True):
         write_image(overlay, photographs.stacked(result.views))
 
