@@ -234,7 +234,7 @@ def poured(args, path, X, *, count, key):
 
 
 def of_pours(study, values):
-    """Means of the fresh pours of an answer, and Eq. 11 of them in percent, with bounds."""
+    """Means of the fresh pours of an answer, and their Eq. 11 in percent: as it is, with bounds, and less noise."""
     targets = study.targets
     row = {"pours": len(values)}
     for k, target in enumerate(targets):
@@ -245,9 +245,18 @@ def of_pours(study, values):
     random = np.random.default_rng(STREAM)
     again = random.integers(len(values), size=(4000, len(values)))
     means = np.vstack([values.mean(axis=0), values[again].mean(axis=1)])
-    percent = 100 * np.abs(means - targets.aim) / targets.whole @ targets.weight
+    deviations = means - targets.aim
+    percent = 100 * np.abs(deviations) / targets.whole @ targets.weight
     low, high = np.quantile(percent[1:], [(1 - LEVEL) / 2, (1 + LEVEL) / 2])
-    return row | {"eq11_percent": percent[0], "low": low, "high": high}
+    # The noise of the pours enlarges the mean square of each deviation by its variance.
+    variances = values.var(axis=0, ddof=1) / len(values)
+    without_noise = np.sqrt(np.maximum(deviations[0] ** 2 - variances, 0.0))
+    return row | {
+        "eq11_percent": percent[0],
+        "low": low,
+        "high": high,
+        "without_noise_percent": 100 * without_noise / targets.whole @ targets.weight,
+    }
 
 
 @script.part(
