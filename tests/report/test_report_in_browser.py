@@ -88,6 +88,8 @@ def page_in(browser, folder, width=1280, height=720, **options):
     with browser.new_context(
         viewport={"width": width, "height": height}, **options
     ) as context:
+        # other programs may share the cores, and the picture is drawn without a card
+        context.set_default_timeout(120_000)
         tab = context.new_page()
         complaints = []
         tab.on(
