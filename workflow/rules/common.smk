@@ -83,7 +83,9 @@ MINUTES_OF_RUNS = 10
 if not IS_EXTERNAL:
     MINUTES_OF_RUNS += round(10 * cost.estimate_longest_job_s(config) / 60)
 # Folder of each bench test's runs. Wildcard `runs`: one of these.
-RUN_FOLDERS = {name: results_folder.name_run_folder(name) for name in (*names(), OWN_BENCH)}
+RUN_FOLDERS = {
+    name: results_folder.name_run_folder(name) for name in (*names(), OWN_BENCH)
+}
 APPARATUS_OF = {runs: name for name, runs in RUN_FOLDERS.items()}
 # Bench tests whose responses are targets, and the folders of their runs.
 BENCH_TESTS = STUDY.targets.apparatus

@@ -1,8 +1,8 @@
 # The representative solution's pile, measured from a picture as a photograph is, and a film of its pour.
 REPRESENTATIVE = OWN_SOLUTIONS[0]
-FILM_SEED = draw_run_seeds(config["design"]["seed"], "validation", int(REPRESENTATIVE), 1)[
-    0
-]
+FILM_SEED = draw_run_seeds(
+    config["design"]["seed"], "validation", int(REPRESENTATIVE), 1
+)[0]
 
 
 rule measure:
