@@ -33,13 +33,13 @@ for comparison, (depends, more, memory_mb) in COMPARISONS.items():
             f"{RESULTS}/benchmarks/compare_{comparison}.tsv"
         threads: 1
         resources:
-            mem_mb=growing(memory_mb),
-            runtime=growing(240),
+            mem_mb=grow_with_attempts(memory_mb),
+            runtime=grow_with_attempts(240),
         params:
             config=CONFIG,
-            folder=folder,
+            folder=find_output_folder,
             comparison=comparison,
-            depends=depending(*depends),
+            depends=select_study_sections(*depends),
         message:
             "Comparing {params.comparison}"
         shell:
@@ -61,19 +61,19 @@ for comparison, (depends, more, memory_mb) in COMPARISONS.items():
                 category="Comparisons",
                 labels={"figure": comparison.capitalize()},
             ),
-            further(f"{COMPARISON}/{comparison}.png"),
+            list_other_formats(f"{COMPARISON}/{comparison}.png"),
         log:
             f"{RESULTS}/logs/figures/{comparison}.log",
         benchmark:
             f"{RESULTS}/benchmarks/figures/{comparison}.tsv"
         threads: 1
         resources:
-            mem_mb=growing(400),
-            runtime=growing(10),
+            mem_mb=grow_with_attempts(400),
+            runtime=grow_with_attempts(10),
         params:
             config=CONFIG,
             figure=comparison,
-            depends=depending("small_run") | RESOLUTION,
+            depends=select_study_sections("small_run") | RESOLUTION,
         message:
             "Drawing {params.figure}"
         shell:
@@ -85,7 +85,7 @@ rule compare:
     input:
         expand(f"{COMPARISON}/{{comparison}}.csv", comparison=COMPARISONS),
         [
-            [png, further(png)]
+            [png, list_other_formats(png)]
             for png in expand(f"{COMPARISON}/{{name}}.png", name=COMPARISONS)
         ],
 
@@ -104,10 +104,10 @@ rule comparison_table:
         f"{RESULTS}/benchmarks/comparison_table.tsv"
     threads: 1
     resources:
-        mem_mb=growing(100),
-        runtime=growing(10),
+        mem_mb=grow_with_attempts(100),
+        runtime=grow_with_attempts(10),
     params:
-        folder=folder,
+        folder=find_output_folder,
     message:
         "All comparisons in one table"
     shell:

@@ -15,12 +15,12 @@ rule search_tables:
         f"{RESULTS}/benchmarks/search_tables.tsv"
     threads: 1
     resources:
-        mem_mb=growing(1500),
-        runtime=growing(240),
+        mem_mb=grow_with_attempts(1500),
+        runtime=grow_with_attempts(240),
     params:
         config=CONFIG,
-        folder=folder,
-        depends=depending("parameters", "targets", "miga", "compare_search"),
+        folder=find_output_folder,
+        depends=select_study_sections("parameters", "targets", "miga", "compare_search"),
     message:
         "Searches beside each other on the network"
     shell:
@@ -41,12 +41,12 @@ rule whole_tables:
         f"{RESULTS}/benchmarks/whole_tables.tsv"
     threads: 1
     resources:
-        mem_mb=growing(250),
-        runtime=growing(240),
+        mem_mb=grow_with_attempts(250),
+        runtime=grow_with_attempts(240),
     params:
         config=CONFIG,
-        folder=folder,
-        depends=depending(
+        folder=find_output_folder,
+        depends=select_study_sections(
             "parameters", "targets", "network", "surrogate", "miga", "compare_whole"
         ),
     message:
@@ -80,20 +80,20 @@ for figure, shown in INVERSION_FIGURES.items():
                 category="Comparisons",
                 labels={"figure": figure},
             ),
-            further(f"{RESULTS}/comparison/{figure}.png"),
+            list_other_formats(f"{RESULTS}/comparison/{figure}.png"),
         log:
             f"{RESULTS}/logs/figures/{figure}.log",
         benchmark:
             f"{RESULTS}/benchmarks/figures/{figure}.tsv"
         threads: 1
         resources:
-            mem_mb=growing(400),
-            runtime=growing(10),
+            mem_mb=grow_with_attempts(400),
+            runtime=grow_with_attempts(10),
         params:
             config=CONFIG,
             figure=figure,
             inputs=[f"--input={key}={path}" for key, path in shown.items()],
-            depends=depending("small_run", "compare_search") | RESOLUTION,
+            depends=select_study_sections("small_run", "compare_search") | RESOLUTION,
         message:
             "Drawing {params.figure}"
         shell:

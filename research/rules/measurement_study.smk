@@ -33,13 +33,13 @@ rule measurement_study:
         f"{RESULTS}/benchmarks/measurement_study.tsv"
     threads: 1
     resources:
-        mem_mb=growing(350),
-        runtime=growing(60),
+        mem_mb=grow_with_attempts(350),
+        runtime=grow_with_attempts(60),
     params:
         config=CONFIG,
-        folder=folder,
+        folder=find_output_folder,
         piles=lambda wildcards, input: input.heaps[:8],
-        depends=depending("measure", "targets"),
+        depends=select_study_sections("measure", "targets"),
     message:
         "Comparing the definitions of the angle of repose"
     shell:

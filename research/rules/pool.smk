@@ -21,12 +21,12 @@ rule pool_design:
         f"{RESULTS}/benchmarks/pool/design.tsv"
     threads: 1
     resources:
-        mem_mb=growing(250),
-        runtime=growing(60),
+        mem_mb=grow_with_attempts(250),
+        runtime=grow_with_attempts(60),
     params:
         config=CONFIG,
-        folder=folder,
-        depends=depending(
+        folder=find_output_folder,
+        depends=select_study_sections(
             "parameters", "pool.samples", "pool.fresh_samples", "pool.seed"
         ),
     message:
@@ -55,9 +55,9 @@ use rule pour as pool_pour with:
         purpose=lambda wildcards: STREAMS[wildcards.points],
         seeds=lambda wildcards: STUDIES["pool"][POOL_SETS[wildcards.points][2]],
         settings=lambda wildcards: dependencies.select_simulation_settings(
-            config, apparatus(wildcards)
+            config, find_bench_test(wildcards)
         )
-        | depending("parameters", "pool.seed"),
+        | select_study_sections("parameters", "pool.seed"),
     message:
         "Pouring point {wildcards.sample} of the set {wildcards.points}"
 
@@ -101,12 +101,12 @@ for points, (prefix, count, _) in POOL_SETS.items():
             f"{RESULTS}/benchmarks/pool/{points}_dataset.tsv"
         threads: 1
         resources:
-            mem_mb=growing(150),
-            runtime=growing(10),
+            mem_mb=grow_with_attempts(150),
+            runtime=grow_with_attempts(10),
         params:
             config=CONFIG,
-            folder=folder,
-            jobs=folders_of_jobs,
+            folder=find_output_folder,
+            jobs=list_job_folders,
             prefix=prefix,
             depends=STUDY.targets.names,
         message:

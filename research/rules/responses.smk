@@ -17,11 +17,11 @@ rule measure_responses:
         f"{RESULTS}/benchmarks/measure_responses.tsv"
     threads: 1
     resources:
-        mem_mb=growing(350),
-        runtime=growing(60),
+        mem_mb=grow_with_attempts(350),
+        runtime=grow_with_attempts(60),
     params:
         config=CONFIG,
-        depends=depending("measure", "funnel.plate_diameter_mm"),
+        depends=select_study_sections("measure", "funnel.plate_diameter_mm"),
     message:
         "Further responses of existing piles"
     shell:
@@ -106,17 +106,17 @@ for study, (where, more) in SECOND_RESPONSES.items():
             f"{RESULTS}/benchmarks/{study}.tsv"
         threads: 1
         resources:
-            mem_mb=growing(350),
-            runtime=growing(60),
+            mem_mb=grow_with_attempts(350),
+            runtime=grow_with_attempts(60),
         params:
             config=CONFIG,
-            folder=folder,
+            folder=find_output_folder,
             jobs=lambda wildcards, input: (
-                ["--jobs", *folders_of_jobs(wildcards, input)]
+                ["--jobs", *list_job_folders(wildcards, input)]
                 if hasattr(input, "jobs")
                 else []
             ),
-            depends=depending(
+            depends=select_study_sections(
                 "parameters",
                 "targets",
                 "network.hidden",
@@ -142,15 +142,15 @@ for study, (where, more) in SECOND_RESPONSES.items():
                 category="Comparisons",
                 labels={"figure": study},
             ),
-            further(f"{where}/second_responses.png"),
+            list_other_formats(f"{where}/second_responses.png"),
         log:
             f"{RESULTS}/logs/figures/{study}.log",
         benchmark:
             f"{RESULTS}/benchmarks/figures/{study}.tsv"
         threads: 1
         resources:
-            mem_mb=growing(400),
-            runtime=growing(10),
+            mem_mb=grow_with_attempts(400),
+            runtime=grow_with_attempts(10),
         params:
             config=CONFIG,
             inputs=[
@@ -158,7 +158,7 @@ for study, (where, more) in SECOND_RESPONSES.items():
                 for name in SECOND_TABLES
                 if name != "order"
             ],
-            depends=depending("small_run") | RESOLUTION,
+            depends=select_study_sections("small_run") | RESOLUTION,
         message:
             "Drawing the candidates for the next measurement"
         shell:
@@ -199,13 +199,13 @@ if FURTHER_RUNS:
             f"{RESULTS}/benchmarks/joint_targets.tsv"
         threads: 1
         resources:
-            mem_mb=growing(1150),
-            runtime=growing(60),
+            mem_mb=grow_with_attempts(1150),
+            runtime=grow_with_attempts(60),
         params:
             config=CONFIG,
-            folder=folder,
-            jobs=folders_of_jobs,
-            depends=depending(
+            folder=find_output_folder,
+            jobs=list_job_folders,
+            depends=select_study_sections(
                 "parameters", "targets", "network", "second_responses", "joint_targets"
             ),
         message:

@@ -13,14 +13,14 @@ rule seeds_per_sample:
         f"{RESULTS}/benchmarks/seeds_per_sample.tsv"
     threads: 16
     resources:
-        mem_mb=growing(8000),
-        runtime=growing(600),
+        mem_mb=grow_with_attempts(8000),
+        runtime=grow_with_attempts(600),
     params:
         config=CONFIG,
-        folder=folder,
+        folder=find_output_folder,
         settings=dependencies.select_simulation_settings(config)
-        | depending("berry", "parameters", "measure", "targets", "pool")
-        | depending("surrogate", "network", "miga")
+        | select_study_sections("berry", "parameters", "measure", "targets", "pool")
+        | select_study_sections("surrogate", "network", "miga")
         | {"engine": engine_hash()},
         # pours of a sample, data sets, pours of a fresh point and of an answer
         few=lambda wildcards: (

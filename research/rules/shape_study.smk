@@ -48,11 +48,11 @@ rule shape_cell:
     retries: 1
     threads: 1
     resources:
-        mem_mb=growing(600),
-        runtime=growing(MINUTES_OF_RUNS),
+        mem_mb=grow_with_attempts(600),
+        runtime=grow_with_attempts(MINUTES_OF_RUNS),
     params:
         config=CONFIG,
-        folder=folder,
+        folder=find_output_folder,
         depends=lambda wildcards: shape_cells.dependencies(STUDIES, wildcards.cell)
         | {"engine": engine_hash()},
     message:
@@ -77,12 +77,12 @@ checkpoint shape_selection:
         f"{RESULTS}/benchmarks/shape_selection.tsv"
     threads: 1
     resources:
-        mem_mb=growing(300),
-        runtime=growing(10),
+        mem_mb=grow_with_attempts(300),
+        runtime=grow_with_attempts(10),
     params:
         config=CONFIG,
-        folder=folder,
-        depends=depending("shape_study", "targets"),
+        folder=find_output_folder,
+        depends=select_study_sections("shape_study", "targets"),
     message:
         "Selecting the finalists of the shape study"
     shell:
@@ -106,12 +106,12 @@ rule shape_tables:
         f"{RESULTS}/benchmarks/shape_tables.tsv"
     threads: 1
     resources:
-        mem_mb=growing(300),
-        runtime=growing(10),
+        mem_mb=grow_with_attempts(300),
+        runtime=grow_with_attempts(10),
     params:
         config=CONFIG,
-        folder=folder,
-        depends=depending("shape_study", "targets"),
+        folder=find_output_folder,
+        depends=select_study_sections("shape_study", "targets"),
     message:
         "Judging the finalists of the shape study"
     shell:
@@ -130,18 +130,18 @@ rule draw_shape_study:
             category="Particles",
             labels={"figure": "Particles, tensions, fillings and definitions"},
         ),
-        further(f"{SHAPE}/shape_study.png"),
+        list_other_formats(f"{SHAPE}/shape_study.png"),
     log:
         f"{RESULTS}/logs/figures/shape_study.log",
     benchmark:
         f"{RESULTS}/benchmarks/figures/shape_study.tsv"
     threads: 1
     resources:
-        mem_mb=growing(400),
-        runtime=growing(10),
+        mem_mb=grow_with_attempts(400),
+        runtime=grow_with_attempts(10),
     params:
         config=CONFIG,
-        depends=depending("shape_study", "targets") | RESOLUTION,
+        depends=select_study_sections("shape_study", "targets") | RESOLUTION,
     message:
         "Drawing the shape study"
     shell:

@@ -74,8 +74,8 @@ PRODUCTS = [
     *([config["strategy"]] if config["strategy"] != "published" else []),
 ]
 # What a stage reads of the configuration, with the content of files; as it stands there. Their change reruns a rule.
-settings_of = functools.partial(dependencies.select_stage_settings, config)
-sections = functools.partial(dependencies.select_sections, config)
+select_stage_settings = functools.partial(dependencies.select_stage_settings, config)
+select_sections = functools.partial(dependencies.select_sections, config)
 # Whether a program of the user's own makes the runs.
 IS_EXTERNAL = STUDY.simulator is not None
 # Ten times the estimate of the longest job, for slower cores and busy ones.
@@ -98,50 +98,53 @@ wildcard_constraints:
     runs="|".join(APPARATUS_OF),
 
 
-def published(table):
-    """Path of a published table in the folder of the published solutions, if there is one."""
+def find_published_table(table):
+    """Find a table beside that of the published solutions; an empty list if there is none."""
     return str(find_sibling_table(config["validation"]["published"], table) or "") or []
 
 
-def folder(wildcards, output):
-    """Folder of a rule's first output."""
+def find_output_folder(wildcards, output):
+    """Find the folder of a rule's first output."""
     return os.path.dirname(output[0])
 
 
-def needs(mem_mb, minutes=10):
-    """Resources of a rule, once more with each attempt that failed: `--retries 2` tries again with more.
+def resources_for_attempt(mem_mb, minutes=10):
+    """Return the memory and the time of a rule, which grow with each attempt: `--retries 2` tries again with more.
 
-    Memory is the measured use with config/config.yaml and at least a fifth more; a test compares it with the benchmarks of a
-    run of config/quick.yaml.
+    The memory is what the rule needed with config/config.yaml, and at least a fifth more. A test compares it with the benchmarks
+    of a run of config/quick.yaml.
     """
-    return {"mem_mb": growing(mem_mb), "runtime": growing(minutes)}
+    return {
+        "mem_mb": grow_with_attempts(mem_mb),
+        "runtime": grow_with_attempts(minutes),
+    }
 
 
-def growing(amount):
-    """Memory in MB or time in minutes, in proportion to the number of attempts."""
+def grow_with_attempts(amount):
+    """Return a function that multiplies memory in MB or time in minutes by the number of the attempt."""
     return lambda wildcards, attempt: amount * attempt
 
 
-def apparatus(wildcards):
-    """Name of the bench test whose runs a rule makes."""
+def find_bench_test(wildcards):
+    """Find the bench test whose runs a rule makes."""
     return APPARATUS_OF[wildcards.get("runs", "heaps")]
 
 
-def folders_of_jobs(wildcards, input):
-    """Folders of a table's jobs: thousands of files would be more than a command line takes."""
+def list_job_folders(wildcards, input):
+    """List the folders of a table's jobs. The paths of thousands of files would be too long for a command line."""
     return list(dict.fromkeys(map(os.path.dirname, input.jobs)))
 
 
-def for_each(samples, path):
-    """Paths of all samples; further wildcards stay."""
+def list_sample_paths(samples, path):
+    """List a path for each sample. The other wildcards of the path stay."""
     return expand(path, sample=samples, allow_missing=True)
 
 
-def jobs_to_measure(wildcards, input, output):
-    """Words for the verb that measures: the folder of a table's jobs, or the one job."""
+def find_runs_to_measure(wildcards, input, output):
+    """Find what the subcommand measures: the runs of all samples in a folder, or those of one job."""
     if "samples" not in input.keys():
         return input.pours
-    return [folder(wildcards, output), "--samples", input.samples]
+    return [find_output_folder(wildcards, output), "--samples", input.samples]
 
 
 # Its change draws every figure again.
@@ -150,8 +153,8 @@ RESOLUTION = {"figures.dpi": STUDY.settings.figures.dpi}
 FIGURES = {name: one for name, one in figures.FIGURES.items() if one.when(STUDY)}
 
 
-def figures_in(folder):
-    """Names of the figures in a folder: `figures`, or that of a study or strategy."""
+def list_figure_names(folder):
+    """List the figures of a folder: `figures`, or the folder of a study or strategy."""
     return [name for name, one in FIGURES.items() if one.folder == folder]
 
 
@@ -162,13 +165,13 @@ Answer = collections.namedtuple(
 ANSWERS = {}  # by strategy
 
 
-def answer():
-    """The answer of the study's strategy; `refined` goes on from the published one."""
+def find_answer():
+    """Find the answer of the study's strategy. `refined` starts from the answer of `published`."""
     return ANSWERS["published" if AFTER_THE_ARTICLE else config["strategy"]]
 
 
-def drawn(*names):
-    """Paths of this study's figures among the names."""
+def find_figure_paths(*names):
+    """Find the paths of those figures that this study has."""
     return {
         name: f"{RESULTS}/{FIGURES[name].folder}/{name}.png"
         for name in names
@@ -176,14 +179,14 @@ def drawn(*names):
     }
 
 
-def present(paths):
-    """The entries whose path is neither empty nor false: what this study has."""
+def drop_missing(paths):
+    """Drop the entries whose path is empty or false, because this study does not have them."""
     return {name: path for name, path in paths.items() if path}
 
 
-def placed(inputs, places):
-    """Paths of a figure's inputs by name: files below the folder of results, or of `places` by their names in braces."""
-    return present(
+def find_input_paths(inputs, places):
+    """Find the paths of a figure's inputs: in the folder of results, or in the place that the path names in braces."""
+    return drop_missing(
         {
             name: place.format(**places) if "{" in place else f"{RESULTS}/{place}"
             for name, place in inputs.items()
@@ -191,20 +194,20 @@ def placed(inputs, places):
     )
 
 
-def further(png):
-    """Files of a figure beside its PNG: the other formats of the configuration."""
+def list_other_formats(png):
+    """List the files of a figure in the other formats of the configuration."""
     kinds = [kind for kind in STUDY.settings.figures.format if kind != "png"]
     return [f"{png.removesuffix('png')}{kind}" for kind in kinds]
 
 
-def all_files(*names):
-    """All files of figures by their names."""
-    pictures = drawn(*names).values()
-    return [*pictures, *(path for png in pictures for path in further(png))]
+def list_figure_files(*names):
+    """List the files of figures in all formats."""
+    pictures = find_figure_paths(*names).values()
+    return [*pictures, *(path for png in pictures for path in list_other_formats(png))]
 
 
-def answer_jobs(wildcards):
-    """Measured runs of the answer."""
+def list_answer_jobs(wildcards):
+    """List the measured runs of the answer."""
     if not AFTER_THE_ARTICLE:
         return check_jobs(config["strategy"])
     first = rules.measure_validation_runs.output.result[0]

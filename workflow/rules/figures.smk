@@ -4,20 +4,22 @@ if not PUBLISHED_IS_STORED:
 # The names in braces of the figures' inputs, which `repose.report.figures.registry` explains; the other inputs are files
 # below the folder of results.
 PLACES = {
-    "answer": answer(),
+    "answer": find_answer(),
     "config": config,
     "published": config["validation"]["published"] if PUBLISHED_SOLUTIONS else "",
     "simulated": STORED if PUBLISHED_IS_STORED else "",
     "stored": "" if IS_EXTERNAL else rules.validate.output.published,
-    "table3": published("table3.csv") or "",
+    "table3": find_published_table("table3.csv") or "",
     "trajectory": "" if IS_EXTERNAL else rules.trajectory.output.trajectory,
 }
 
 for name, shown in FIGURES.items():
-    path, inputs = drawn(name)[name], placed({**shown.inputs, **shown.optional}, PLACES)
+    path, inputs = find_figure_paths(name)[name], find_input_paths(
+        {**shown.inputs, **shown.optional}, PLACES
+    )
     there = {
         name: path
-        for name, path in placed(shown.if_there, PLACES).items()
+        for name, path in find_input_paths(shown.if_there, PLACES).items()
         if os.path.isfile(path)
     }
 
@@ -33,13 +35,13 @@ for name, shown in FIGURES.items():
                 category=shown.category,
                 labels={"figure": shown.title},
             ),
-            further=further(path),
+            further=list_other_formats(path),
         log:
             f"{RESULTS}/logs/figures/{name}.log",
         benchmark:
             f"{RESULTS}/benchmarks/figures/{name}.tsv"
         resources:
-            **needs(shown.memory_mb),
+            **resources_for_attempt(shown.memory_mb),
         params:
             config=CONFIG,
             code=code_hash("report.figures"),
@@ -49,7 +51,7 @@ for name, shown in FIGURES.items():
             ],
             # No rule is asked for these files, so the figure is drawn anew when they change.
             there=[hash_content(Path(path).read_text()) for path in there.values()],
-            settings=sections("small_run", *shown.reads) | RESOLUTION,
+            settings=select_sections("small_run", *shown.reads) | RESOLUTION,
             caption=shown.caption_of(config),
         message:
             "Drawing {params.figure}"
@@ -61,4 +63,4 @@ for name, shown in FIGURES.items():
 # The others belong to a study or strategy.
 rule figures:
     input:
-        all_files(*figures_in("figures")),
+        list_figure_files(*list_figure_names("figures")),

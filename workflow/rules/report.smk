@@ -1,8 +1,8 @@
 # The end of every calibration: the report of a study, one page for a browser, which is also part of `snakemake --report`,
 # and the answer as one file, for people and for other programs.
-BY_THE_CHAIN = answer() is ANSWERS["published"]
+BY_THE_CHAIN = find_answer() is ANSWERS["published"]
 HAS_PILE = "funnel" in BENCH_TESTS
-BY_BATCHES = None if BY_THE_CHAIN else getattr(rules, answer().rule).output
+BY_BATCHES = None if BY_THE_CHAIN else getattr(rules, find_answer().rule).output
 # The posterior takes the scatter of the targets from runs of one sample, by the network.
 HAS_POSTERIOR = BY_THE_CHAIN and all(
     STUDY.settings.count_seeds(name) > 1 for name in BENCH_TESTS
@@ -13,14 +13,16 @@ TRAJECTORY = not IS_EXTERNAL and (
     if BY_THE_CHAIN
     else f"{RESULTS}/{config['strategy']}/film/{REPRESENTATIVE}_trajectory_{FILM_SEED}.npz"
 )
-POSTERIOR = present(
+POSTERIOR = drop_missing(
     {
         "posterior": HAS_POSTERIOR and rules.posterior_tables.output.posterior,
         "draws": HAS_POSTERIOR and rules.posterior_tables.output.draws,
     }
 )
 # The card says whether piles can have angle and Height of the targets, by the study's own samples where it has a design.
-OWN_PILES = present({"dataset": AFTER_THE_ARTICLE and rules.dataset.output.dataset})
+OWN_PILES = drop_missing(
+    {"dataset": AFTER_THE_ARTICLE and rules.dataset.output.dataset}
+)
 # Figures of the page by the strategy that gives the answer; `figures.smk` says which a study has.
 PICTURES = {
     "published": (
@@ -38,12 +40,12 @@ PICTURES = {
 }
 STRATEGY = "published" if BY_THE_CHAIN else config["strategy"]
 # Inputs of the page by name, and tables that it holds by their titles.
-PAGE = present(
+PAGE = drop_missing(
     {
-        "dataset": answer().dataset,
-        "feasible": answer().feasible,
-        "summary": answer().summary,
-        "table4": answer().table4,
+        "dataset": find_answer().dataset,
+        "feasible": find_answer().feasible,
+        "summary": find_answer().summary,
+        "table4": find_answer().table4,
         "card": CARD,
         "network": BY_THE_CHAIN and rules.network.output.network,
         "metrics": BY_THE_CHAIN and rules.network.output.metrics,
@@ -59,13 +61,13 @@ PAGE = present(
         and config["validation"]["published"],
         "drum_summary": BY_THE_CHAIN and "drum" in config and rules.drum.output.summary,
     }
-) | drawn("plane", "profiles", *PICTURES.get(STRATEGY, ()))
-TABLES = present(
+) | find_figure_paths("plane", "profiles", *PICTURES.get(STRATEGY, ()))
+TABLES = drop_missing(
     {
         "Measured sizes": not IS_EXTERNAL and rules.berry.output.summary,
         "Designs compared": BY_THE_CHAIN and rules.design.output.comparison,
-        "Simulated samples": answer().dataset,
-        "Parameter sets found": answer().feasible,
+        "Simulated samples": find_answer().dataset,
+        "Parameter sets found": find_answer().feasible,
         "Span of the sets found": BY_THE_CHAIN and rules.miga.output.intervals,
         "Sets simulated again": BY_THE_CHAIN and rules.validate.output.table4,
         "The drum: angles and first slip": BY_THE_CHAIN
@@ -77,7 +79,7 @@ TABLES = present(
         "Published sets in this simulator": BY_THE_CHAIN
         and PUBLISHED_IS_STORED
         and rules.validate.output.published,
-        "The answer simulated again": not BY_THE_CHAIN and answer().table4,
+        "The answer simulated again": not BY_THE_CHAIN and find_answer().table4,
         "Batches": not BY_THE_CHAIN and BY_BATCHES.batches,
         "Analysis of variance of the surface": STRATEGY == "response_surface"
         and f"{RESULTS}/response_surface/surface_anova.csv",
@@ -88,7 +90,7 @@ if not BY_THE_CHAIN and not IS_EXTERNAL:
     use rule trajectory as strategy_trajectory with:
         input:
             **READY,
-            samples=answer().table4,
+            samples=find_answer().table4,
         output:
             trajectory=TRAJECTORY,
         log:
@@ -105,7 +107,7 @@ report: "../report/workflow.rst"
 rule page:
     input:
         **PAGE,
-        jobs=answer_jobs,
+        jobs=list_answer_jobs,
         tables=list(TABLES.values()),
     output:
         report(
@@ -119,13 +121,15 @@ rule page:
     benchmark:
         f"{RESULTS}/benchmarks/page.tsv"
     resources:
-        **needs(350),
+        **resources_for_attempt(350),
     params:
         config=CONFIG,
         code=code_hash("report.page"),
         inputs=[f"--input={name}={path}" for name, path in PAGE.items()],
         tables=[f"--table={title}={path}" for title, path in TABLES.items()],
-        settings=sections("label", "small_run", "parameters", "targets", "design")
+        settings=select_sections(
+            "label", "small_run", "parameters", "targets", "design"
+        )
         | {"funnel": config["funnel"] if HAS_PILE else None},
     message:
         "The report: {output}"
@@ -142,10 +146,10 @@ rule card:
         **GRAIN_OF_CARD,
         **POSTERIOR,
         **OWN_PILES,
-        feasible=answer().feasible,
-        summary=answer().summary,
-        representative=answer().representative,
-        table4=answer().table4,
+        feasible=find_answer().feasible,
+        summary=find_answer().summary,
+        representative=find_answer().representative,
+        table4=find_answer().table4,
     output:
         card=CARD,
     log:
@@ -153,7 +157,7 @@ rule card:
     benchmark:
         f"{RESULTS}/benchmarks/card.tsv"
     resources:
-        **needs(300),
+        **resources_for_attempt(300),
     params:
         config=CONFIG,
         code=code_hash("stages.card_study", "stages.answer"),
@@ -161,7 +165,7 @@ rule card:
             f"--{name}={path}"
             for name, path in (GRAIN_OF_CARD | POSTERIOR | OWN_PILES).items()
         ],
-        settings=settings_of("material_card") | {"label": config["label"]},
+        settings=select_stage_settings("material_card") | {"label": config["label"]},
     message:
         "The material card: {output}"
     shell:

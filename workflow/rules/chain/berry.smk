@@ -2,7 +2,7 @@ rule berry:
     input:
         sizes=config["berry"]["sizes"],
         compression=config["berry"]["compression"] or [],
-        table1=published("table1.csv"),
+        table1=find_published_table("table1.csv"),
     output:
         summary=f"{RESULTS}/berry/summary.csv",
         berry=f"{RESULTS}/berry/berry.json",
@@ -12,11 +12,11 @@ rule berry:
         f"{RESULTS}/benchmarks/berry.tsv"
     priority: 1
     resources:
-        **needs(250),
+        **resources_for_attempt(250),
     params:
         config=CONFIG,
-        folder=folder,
-        settings=settings_of("berry"),
+        folder=find_output_folder,
+        settings=select_stage_settings("berry"),
         code=code_hash("grain.berry"),
     message:
         "Sizes and moduli of the measured grains"

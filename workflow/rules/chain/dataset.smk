@@ -12,13 +12,13 @@ rule dataset:
         f"{RESULTS}/benchmarks/dataset.tsv"
     priority: 1
     resources:
-        **needs(250),
+        **resources_for_attempt(250),
     params:
         config=CONFIG,
-        folder=folder,
-        settings=settings_of("dataset"),
+        folder=find_output_folder,
+        settings=select_stage_settings("dataset"),
         code=code_hash("stages.dataset"),
-        jobs=folders_of_jobs,
+        jobs=list_job_folders,
     message:
         "Table of all samples and their responses"
     shell:

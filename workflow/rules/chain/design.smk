@@ -8,11 +8,11 @@ rule design:
         f"{RESULTS}/benchmarks/design.tsv"
     priority: 1
     resources:
-        **needs(600, minutes=60),
+        **resources_for_attempt(600, minutes=60),
     params:
         config=CONFIG,
-        folder=folder,
-        settings=settings_of("design"),
+        folder=find_output_folder,
+        settings=select_stage_settings("design"),
         code=code_hash("stages.design"),
     message:
         "Design of the virtual experiments"

@@ -23,12 +23,12 @@ rule drum_run:
     priority: 1
     retries: 1
     resources:
-        **needs(400, minutes=MINUTES_OF_RUNS),
+        **resources_for_attempt(400, minutes=MINUTES_OF_RUNS),
     params:
         config=CONFIG,
-        folder=folder,
+        folder=find_output_folder,
         sample=int(REPRESENTATIVE),
-        settings=settings_of("drum"),
+        settings=select_stage_settings("drum"),
         code=engine_hash(),
     message:
         "Turning the drum, seed {wildcards.seed}"
@@ -54,11 +54,11 @@ rule drum:
     benchmark:
         f"{RESULTS}/benchmarks/drum.tsv"
     resources:
-        **needs(350),
+        **resources_for_attempt(350),
     params:
         config=CONFIG,
-        folder=folder,
-        settings=settings_of("drum_tables"),
+        folder=find_output_folder,
+        settings=select_stage_settings("drum_tables"),
         code=code_hash("stages.drum_tables"),
     message:
         "Measuring the drum's runs: tables of angles, first slip, slipping layer; and choosing the median run"
@@ -78,11 +78,11 @@ rule drum_film:
     benchmark:
         f"{RESULTS}/benchmarks/drum_film.tsv"
     resources:
-        **needs(450, minutes=20),
+        **resources_for_attempt(450, minutes=20),
     params:
         config=CONFIG,
         code=code_hash("report.renderer.film"),
-        settings=sections("drum", "colour", "small_run"),
+        settings=select_sections("drum", "colour", "small_run"),
     message:
         "Film of the drum"
     shell:

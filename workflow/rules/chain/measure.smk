@@ -18,11 +18,11 @@ rule measure:
     benchmark:
         f"{RESULTS}/benchmarks/measure.tsv"
     resources:
-        **needs(300),
+        **resources_for_attempt(300),
     params:
         config=CONFIG,
         code=code_hash("measure.saved_piles", "measure.pile"),
-        settings=settings_of("silhouette"),
+        settings=select_stage_settings("silhouette"),
     message:
         "Measuring the pile in one side view"
     shell:
@@ -43,7 +43,7 @@ use rule pour as trajectory with:
     benchmark:
         f"{RESULTS}/benchmarks/trajectory.tsv"
     resources:
-        **needs(350, minutes=MINUTES_OF_RUNS),
+        **resources_for_attempt(350, minutes=MINUTES_OF_RUNS),
     params:
         purpose="validation",
         sample=int(REPRESENTATIVE),
@@ -64,11 +64,11 @@ rule film:
     benchmark:
         f"{RESULTS}/benchmarks/film.tsv"
     resources:
-        **needs(450, minutes=20),
+        **resources_for_attempt(450, minutes=20),
     params:
         config=CONFIG,
         code=code_hash("report.renderer.film"),
-        settings=sections("funnel", "colour", "small_run"),
+        settings=select_sections("funnel", "colour", "small_run"),
     message:
         "Film of the pour"
     shell:

@@ -2,7 +2,7 @@ rule miga:
     input:
         network=rules.network.output.network,
         dataset=rules.dataset.output.dataset,
-        table3=published("table3.csv"),
+        table3=find_published_table("table3.csv"),
     output:
         feasible=f"{RESULTS}/miga/feasible.csv",
         intervals=f"{RESULTS}/miga/intervals.csv",
@@ -14,11 +14,11 @@ rule miga:
         f"{RESULTS}/benchmarks/miga.tsv"
     priority: 1
     resources:
-        **needs(250, minutes=30),
+        **resources_for_attempt(250, minutes=30),
     params:
         config=CONFIG,
-        folder=folder,
-        settings=settings_of("miga"),
+        folder=find_output_folder,
+        settings=select_stage_settings("miga"),
         code=code_hash("stages.miga"),
     message:
         "Searching the parameters that give the target pile"

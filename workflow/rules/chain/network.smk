@@ -13,11 +13,11 @@ rule network:
         f"{RESULTS}/benchmarks/network.tsv"
     priority: 1
     resources:
-        **needs(200, minutes=60),
+        **resources_for_attempt(200, minutes=60),
     params:
         config=CONFIG,
-        folder=folder,
-        settings=settings_of("network"),
+        folder=find_output_folder,
+        settings=select_stage_settings("network"),
         code=code_hash("stages.network"),
     message:
         "Training the surrogate"

@@ -10,11 +10,11 @@ rule optimism:
     benchmark:
         f"{RESULTS}/benchmarks/optimism.tsv"
     resources:
-        **needs(250, minutes=30),
+        **resources_for_attempt(250, minutes=30),
     params:
         config=CONFIG,
-        folder=folder,
-        settings=settings_of("optimism"),
+        folder=find_output_folder,
+        settings=select_stage_settings("optimism"),
         code=code_hash("stages.optimism"),
     message:
         "Fitting to pours drawn again: the expected optimism of the predictions"

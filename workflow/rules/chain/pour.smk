@@ -16,16 +16,20 @@ rule pour:
     priority: 1
     retries: 1
     resources:
-        **needs(350, minutes=MINUTES_OF_RUNS),
+        **resources_for_attempt(350, minutes=MINUTES_OF_RUNS),
     params:
         config=CONFIG,
-        folder=folder,
-        apparatus=apparatus,
+        folder=find_output_folder,
+        apparatus=find_bench_test,
         purpose="design",
         sample=lambda wildcards: wildcards.sample,
-        seeds=lambda wildcards: STUDY.settings.count_design_seeds(apparatus(wildcards)),
+        seeds=lambda wildcards: STUDY.settings.count_design_seeds(
+            find_bench_test(wildcards)
+        ),
         more=["--keep-runs", "--measure"],
-        settings=lambda wildcards: settings_of("pour", apparatus(wildcards)),
+        settings=lambda wildcards: select_stage_settings(
+            "pour", find_bench_test(wildcards)
+        ),
         code=engine_hash(),
     message:
         "Pouring sample {wildcards.sample}"
@@ -41,24 +45,26 @@ DESIGN_RUNS = expand(rules.pour.output, runs=FOLDERS, sample=SAMPLES)
 rule measure_runs:
     input:
         **GRAIN,
-        pours=for_each(SAMPLES, rules.pour.output.pours),
-        berries=for_each(SAMPLES, rules.pour.output.berries),
+        pours=list_sample_paths(SAMPLES, rules.pour.output.pours),
+        berries=list_sample_paths(SAMPLES, rules.pour.output.berries),
         samples=rules.design.output.samples,
     output:
-        result=for_each(SAMPLES, f"{RESULTS}/{{runs}}/{{sample}}.json"),
+        result=list_sample_paths(SAMPLES, f"{RESULTS}/{{runs}}/{{sample}}.json"),
     log:
         f"{RESULTS}/logs/{{runs}}_measured.log",
     benchmark:
         f"{RESULTS}/benchmarks/{{runs}}_measured.tsv"
     priority: 1
     resources:
-        **needs(350, minutes=MINUTES_OF_RUNS),
+        **resources_for_attempt(350, minutes=MINUTES_OF_RUNS),
     params:
         config=CONFIG,
         code=code_hash("stages.job"),
-        folder=folder,
-        jobs=jobs_to_measure,
-        settings=lambda wildcards: settings_of("measure_runs", apparatus(wildcards)),
+        folder=find_output_folder,
+        jobs=find_runs_to_measure,
+        settings=lambda wildcards: select_stage_settings(
+            "measure_runs", find_bench_test(wildcards)
+        ),
     message:
         "Measuring the runs in {params.folder}"
     shell:

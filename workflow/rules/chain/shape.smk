@@ -12,11 +12,11 @@ rule shape:
         f"{RESULTS}/benchmarks/shape.tsv"
     priority: 1
     resources:
-        **needs(700),
+        **resources_for_attempt(700),
     params:
         config=CONFIG,
-        folder=folder,
-        settings=settings_of("shape"),
+        folder=find_output_folder,
+        settings=select_stage_settings("shape"),
         code=code_hash("grain.build"),
     message:
         "Mesh and particle of the grain"

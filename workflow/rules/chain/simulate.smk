@@ -24,13 +24,13 @@ rule simulate:
     retries: 1
     threads: PROGRAM.cores
     resources:
-        **needs(200 + PROGRAM.memory_mb, minutes=MINUTES_OF_PROGRAM),
+        **resources_for_attempt(200 + PROGRAM.memory_mb, minutes=MINUTES_OF_PROGRAM),
     params:
         config=CONFIG,
-        folder=folder,
+        folder=find_output_folder,
         purpose="design",
         sample=lambda wildcards: int(wildcards.sample),
-        settings=settings_of("simulate"),
+        settings=select_stage_settings("simulate"),
         code=code_hash("stages.simulate"),
         # braces of a template are no wildcards
         command=lambda wildcards: shlex.join(PROGRAM.command),
@@ -47,22 +47,22 @@ rule measure_runs:
         samples=rules.design.output.samples,
         records=DESIGN_RUNS,
     output:
-        result=for_each(SAMPLES, f"{RESULTS}/{{runs}}/{{sample}}.json"),
+        result=list_sample_paths(SAMPLES, f"{RESULTS}/{{runs}}/{{sample}}.json"),
     log:
         f"{RESULTS}/logs/{{runs}}_measured.log",
     benchmark:
         f"{RESULTS}/benchmarks/{{runs}}_measured.tsv"
     priority: 1
     resources:
-        **needs(350, minutes=60),
+        **resources_for_attempt(350, minutes=60),
     params:
         config=CONFIG,
         code=code_hash("stages.simulated"),
-        folder=folder,
+        folder=find_output_folder,
         jobs=lambda wildcards, input: results_folder.count_records_by_folder(
             input.records
         ),
-        settings=settings_of("measure_simulated"),
+        settings=select_stage_settings("measure_simulated"),
     message:
         "Reading the responses of the runs in {params.folder}"
     shell:

@@ -29,11 +29,11 @@ rule solutions:
         f"{RESULTS}/benchmarks/solutions.tsv"
     priority: 1
     resources:
-        **needs(250),
+        **resources_for_attempt(250),
     params:
         config=CONFIG,
-        folder=folder,
-        settings=settings_of("solutions"),
+        folder=find_output_folder,
+        settings=select_stage_settings("solutions"),
         code=code_hash("stages.validate"),
     message:
         "Choosing the solutions to simulate again"
@@ -61,11 +61,11 @@ rule validate:
     benchmark:
         f"{RESULTS}/benchmarks/validate.tsv"
     resources:
-        **needs(250),
+        **resources_for_attempt(250),
     params:
         config=CONFIG,
-        folder=folder,
-        settings=settings_of("validate"),
+        folder=find_output_folder,
+        settings=select_stage_settings("validate"),
         code=code_hash("stages.validate"),
     message:
         "Predicted beside simulated and published"

@@ -10,11 +10,11 @@ rule published_solutions:
     benchmark:
         f"{RESULTS}/benchmarks/published_solutions.tsv"
     resources:
-        **needs(250),
+        **resources_for_attempt(250),
     params:
         config=CONFIG,
-        folder=folder,
-        settings=settings_of("published_solutions"),
+        folder=find_output_folder,
+        settings=select_stage_settings("published_solutions"),
         code=code_hash("stages.validate"),
     message:
         "Listing the published solutions"
@@ -50,11 +50,13 @@ use rule pour as validation_pour with:
 use rule measure_runs as measure_validation_runs with:
     input:
         **GRAIN,
-        pours=for_each(OWN_SOLUTIONS, rules.validation_pour.output.pours),
-        berries=for_each(OWN_SOLUTIONS, rules.validation_pour.output.berries),
+        pours=list_sample_paths(OWN_SOLUTIONS, rules.validation_pour.output.pours),
+        berries=list_sample_paths(OWN_SOLUTIONS, rules.validation_pour.output.berries),
         samples=rules.solutions.output.solutions,
     output:
-        result=for_each(OWN_SOLUTIONS, f"{RESULTS}/validation/{{runs}}/{{sample}}.json"),
+        result=list_sample_paths(
+            OWN_SOLUTIONS, f"{RESULTS}/validation/{{runs}}/{{sample}}.json"
+        ),
     log:
         f"{RESULTS}/logs/validation/{{runs}}_measured.log",
     benchmark:
@@ -66,11 +68,15 @@ if PUBLISHED_SOLUTIONS:
     use rule measure_runs as measure_published_runs with:
         input:
             **GRAIN,
-            pours=for_each(PUBLISHED_SOLUTIONS, rules.validation_pour.output.pours),
-            berries=for_each(PUBLISHED_SOLUTIONS, rules.validation_pour.output.berries),
+            pours=list_sample_paths(
+                PUBLISHED_SOLUTIONS, rules.validation_pour.output.pours
+            ),
+            berries=list_sample_paths(
+                PUBLISHED_SOLUTIONS, rules.validation_pour.output.berries
+            ),
             samples=rules.published_solutions.output.solutions,
         output:
-            result=for_each(
+            result=list_sample_paths(
                 PUBLISHED_SOLUTIONS, f"{RESULTS}/validation/{{runs}}/{{sample}}.json"
             ),
         log:
@@ -94,11 +100,11 @@ rule published_sets:
     benchmark:
         f"{RESULTS}/benchmarks/published_sets.tsv"
     resources:
-        **needs(250),
+        **resources_for_attempt(250),
     params:
         config=CONFIG,
-        folder=folder,
-        settings=settings_of("published_sets"),
+        folder=find_output_folder,
+        settings=select_stage_settings("published_sets"),
         code=code_hash("stages.validate"),
     message:
         "The published parameter sets in this simulator: {output.table}"

@@ -27,7 +27,9 @@ use rule measure_runs as measure_validation_runs with:
         records=SOLUTION_RUNS,
         samples=rules.solutions.output.solutions,
     output:
-        result=for_each(OWN_SOLUTIONS, f"{RESULTS}/validation/{{runs}}/{{sample}}.json"),
+        result=list_sample_paths(
+            OWN_SOLUTIONS, f"{RESULTS}/validation/{{runs}}/{{sample}}.json"
+        ),
     log:
         f"{RESULTS}/logs/validation/{{runs}}_measured.log",
     benchmark:

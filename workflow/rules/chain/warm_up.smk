@@ -14,7 +14,7 @@ rule warm_up:
     priority: 1
     threads: 2
     resources:
-        **needs(1500, minutes=20),
+        **resources_for_attempt(1500, minutes=20),
     params:
         config=CONFIG,
     message:

@@ -29,11 +29,11 @@ for name in BATCHED:
         benchmark:
             f"{RESULTS}/benchmarks/{name}/concluded.tsv"
         resources:
-            **needs(350),
+            **resources_for_attempt(350),
         params:
             config=CONFIG,
-            folder=folder,
-            settings=settings_of("conclude", strategy_name=name),
+            folder=find_output_folder,
+            settings=select_stage_settings("conclude", strategy_name=name),
             code=code_hash("stages.batches"),
             strategy=name,
             batches=lambda wildcards, input: list(
@@ -63,4 +63,4 @@ for name in BATCHED:
         input:
             concluded,
             lambda wildcards, name=name: files_of_batches(name),
-            all_files(*figures_in(name)),
+            list_figure_files(*list_figure_names(name)),

@@ -21,15 +21,15 @@ checkpoint propose:
     benchmark:
         f"{RESULTS}/benchmarks/{{strategy}}/batch_{{batch}}_proposed.tsv"
     resources:
-        **needs(400, minutes=90),
+        **resources_for_attempt(400, minutes=90),
     params:
         config=CONFIG,
         code=code_hash("stages.batches", "calibrate.strategies"),
-        folder=folder,
+        folder=find_output_folder,
         batches=lambda wildcards: folders_of_batches(
             wildcards.strategy, int(wildcards.batch)
         ),
-        settings=lambda wildcards: settings_of(
+        settings=lambda wildcards: select_stage_settings(
             "propose", strategy_name=wildcards.strategy
         ),
     message:

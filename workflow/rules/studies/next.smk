@@ -12,11 +12,11 @@ rule plausible:
     benchmark:
         f"{RESULTS}/benchmarks/next/samples.tsv"
     resources:
-        **needs(250),
+        **resources_for_attempt(250),
     params:
         config=CONFIG,
-        folder=folder,
-        settings=settings_of("plausible"),
+        folder=find_output_folder,
+        settings=select_stage_settings("plausible"),
         code=code_hash("stages.next_measurement"),
     message:
         "Plausible parameter sets"
@@ -59,11 +59,11 @@ rule next:
     benchmark:
         f"{RESULTS}/benchmarks/next/table.tsv"
     resources:
-        **needs(350, minutes=MINUTES_OF_RUNS),
+        **resources_for_attempt(350, minutes=MINUTES_OF_RUNS),
     params:
         config=CONFIG,
-        folder=folder,
-        settings=settings_of("next"),
+        folder=find_output_folder,
+        settings=select_stage_settings("next"),
         code=code_hash("stages.next_measurement"),
     message:
         "What to measure next"

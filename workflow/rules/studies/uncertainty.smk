@@ -11,11 +11,11 @@ rule noise_tables:
     benchmark:
         f"{RESULTS}/benchmarks/noise.tsv"
     resources:
-        **needs(200),
+        **resources_for_attempt(200),
     params:
         config=CONFIG,
-        folder=folder,
-        settings=settings_of("noise"),
+        folder=find_output_folder,
+        settings=select_stage_settings("noise"),
         code=code_hash("calibrate.uncertainty.noise"),
     message:
         "Noise of the runs within and between samples"
@@ -30,7 +30,7 @@ rule posterior_tables:
         dataset=rules.dataset.output.dataset,
         runs=rules.dataset.output.runs,
         feasible=rules.miga.output.feasible,
-        table3=published("table3.csv"),
+        table3=find_published_table("table3.csv"),
     output:
         posterior=f"{RESULTS}/posterior/posterior.csv",
         draws=f"{RESULTS}/posterior/draws.csv",
@@ -43,11 +43,11 @@ rule posterior_tables:
         f"{RESULTS}/benchmarks/posterior.tsv"
     priority: 1
     resources:
-        **needs(300, minutes=30),
+        **resources_for_attempt(300, minutes=30),
     params:
         config=CONFIG,
-        folder=folder,
-        settings=settings_of("posterior"),
+        folder=find_output_folder,
+        settings=select_stage_settings("posterior"),
         code=code_hash("calibrate.uncertainty.posterior"),
     message:
         "Posterior of the parameters given the physical measurements"
@@ -68,11 +68,11 @@ rule sensitivity_tables:
     benchmark:
         f"{RESULTS}/benchmarks/sensitivity.tsv"
     resources:
-        **needs(200, minutes=30),
+        **resources_for_attempt(200, minutes=30),
     params:
         config=CONFIG,
-        folder=folder,
-        settings=settings_of("sensitivity"),
+        folder=find_output_folder,
+        settings=select_stage_settings("sensitivity"),
         code=code_hash("calibrate.uncertainty.sensitivity"),
     message:
         "Sobol indices and main effects on the surrogate"
@@ -86,7 +86,7 @@ rule noise:
     input:
         rules.dataset.output,
         rules.noise_tables.output,
-        all_files(*figures_in("noise")),
+        list_figure_files(*list_figure_names("noise")),
 
 
 rule posterior:
@@ -95,7 +95,7 @@ rule posterior:
         rules.network.output,
         rules.miga.output,
         rules.posterior_tables.output,
-        all_files(*figures_in("posterior")),
+        list_figure_files(*list_figure_names("posterior")),
 
 
 rule sensitivity:
@@ -103,7 +103,7 @@ rule sensitivity:
         rules.dataset.output,
         rules.network.output,
         rules.sensitivity_tables.output,
-        all_files(*figures_in("sensitivity")),
+        list_figure_files(*list_figure_names("sensitivity")),
 
 
 rule uncertainty:
