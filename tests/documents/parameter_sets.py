@@ -390,14 +390,16 @@ def open_intervals():
     """How wide the intervals stay, with the discrepancy of each number."""
     pooled, secant, exact = open_shares()
     return (
-        "The measured piles hardly narrow the 95 % intervals of the parameters. How much they narrow them depends on the "
-        "[discrepancy](#the-discrepancy), the assumed error of the simulator. "
-        f"With the default discrepancy, {pooled.size}, each interval keeps {pooled.all} of its width without a measurement.\n\n"
-        f"If the simulator's error, the discrepancy, is smaller, the piles determine `{NARROWEST}`, {KIND[NARROWEST]}, better. "
-        f"With {secant.size}, from models that were measured by one line, the interval of `{NARROWEST}` keeps "
-        f"{secant.narrowest} of its width, and with a perfect simulator it would keep {exact.narrowest}.\n"
-        f"The intervals of the other five parameters keep {exact.others} even with a perfect simulator. "
-        "So the piles leave these five open in any case.\n"
+        "Ten measured piles of goji berries hardly narrow the 95 % intervals of the contact parameters. How much they narrow "
+        "them depends on the [discrepancy](#the-discrepancy), the error that we assume for the simulator. By default this is "
+        f"{pooled.size} for the angle and the height of a pile. Each interval then keeps {pooled.all} of the width that it has "
+        "without a measurement.\n\n"
+        f"With a more exact simulator, ten measured piles would determine {KIND[NARROWEST]}, `{NARROWEST}`, better. "
+        f"If its assumed error falls from {pooled.size} to {secant.size}, one of our smaller estimates, the 95 % interval of "
+        f"`{NARROWEST}` shrinks to {secant.narrowest} of its width without a measurement. With a perfect simulator it would "
+        f"shrink to {exact.narrowest}.\n"
+        f"The intervals of the other five parameters keep {exact.others} of their width even with a perfect simulator. "
+        "So for these five you need other measurements in any case.\n"
     )
 
 
@@ -419,19 +421,21 @@ def design():
         f"These {len(meeting)} samples are spread over {100 * shares[least]:.0f} (`{least}`) to "
         f"{100 * shares[most]:.0f} % (`{most}`) of the searched ranges, from the smallest to the largest value. "
         f"As many points drawn at random would cover about {100 * random_share:.0f} %.\n\n"
-        "Some samples of `goji_berry` meet the targets only by chance, because each is a mean of six pours, with errors of "
+        "Some samples of the run `goji_berry`, which are parameter sets with six simulated piles each, meet the targets only by "
+        "chance. The reason is that a mean of six piles is uncertain, here by "
         f"{noise[ANGLE]:.1f}° and {noise[HEIGHT]:.1f} mm. "
-        f"The final network of the run predicts that {len(predicted)} samples meet both targets, and {len(both)} of them are "
-        f"among the {len(meeting)} that did. By the network, the samples that meet the targets span "
-        f"{100 * covered_share(DEFAULT, predicted, least):.0f} % of the range of `{least}`.\n\n"
-        "A statistical analysis gives the 95 % interval that ten measured piles leave each parameter. The interval depends on "
-        "the discrepancy, the assumed error of the simulator. "
-        f"With the default discrepancy, {pooled.size}, the intervals keep {pooled.all} of their width without a measurement.\n"
-        f"With {secant.size}, from models that were measured by one line, the interval of `{NARROWEST}` keeps "
-        f"{secant.narrowest}, and with a perfect simulator {exact.narrowest}; "
-        f"those of the other five parameters keep at least {exact.others.split()[0]} %. "
-        f"So the pile leaves five of the six parameters open. How far it determines `{NARROWEST}` depends on the discrepancy, "
-        "which is not well known.\n"
+        "The network of the run smooths this scatter. "
+        f"It predicts that {len(predicted)} samples meet both targets, of which {len(both)} really did. These {len(predicted)} "
+        f"still span {100 * covered_share(DEFAULT, predicted, least):.0f} % of the range of `{least}`.\n\n"
+        "A statistical analysis shows what ten measured piles tell about each parameter. It gives the 95 % interval in which the "
+        "parameter lies, and this interval is wider if a larger error of the simulator, the discrepancy, is assumed. "
+        f"With our default, {pooled.size} for angle and Height, the intervals of all six parameters keep {pooled.all} of the "
+        "width that they have without a measurement.\n\n"
+        f"With a smaller error of the simulator, {secant.size}, the interval of `{NARROWEST}`, {KIND[NARROWEST]}, shrinks to "
+        f"{secant.narrowest} of its width without a measurement. With a perfect simulator it would shrink to {exact.narrowest}. "
+        f"Even then, the other five keep at least {exact.others.split()[0]} %.\n"
+        f"So the pile leaves five of the six parameters open. How far it determines `{NARROWEST}` depends on the error of the "
+        "simulator, which is not well known.\n"
     )
 
 
@@ -450,13 +454,14 @@ def bounds():
     low, high = bounds_of(DEFAULT, "mus_gg")
     distance = (answer["mus_gg"] - low) / (high - low)
     return (
-        "A search finds solutions only inside the searched ranges. If many of them lie at an end of a range, a bound, better "
-        "ones may lie beyond it.\n"
+        "A search finds solutions only inside the searched ranges. If many of them lie at the end of a range, which is called a "
+        "bound, better ones may lie beyond it.\n"
         f"In the run `goji_berry`, {'; '.join(listed_bounds)}, the static friction between two berries, "
-        f"and the answer lies {100 * distance:.0f} % of the range above this bound.\n"
-        "We took this bound from the article (Table 2), so it may have cut the search off. To find out, the run `wider` "
-        "simulated samples below it, too. They meet both targets "
-        "[about as often](results.md#five-runs-five-parameter-sets) as samples above.\n"
+        f"and the answer lies {100 * distance:.0f} % of the range above this bound.\n\n"
+        "We took the lower bound of `mus_gg`, the static friction between berries, from the article (Table 2), so it may have "
+        "cut the search off. To find out, another run, `wider`, also simulated parameter sets below this bound. They meet both "
+        "targets [about as often](results.md#five-runs-five-parameter-sets) as sets above it. So values below the bound are "
+        "possible, too.\n"
     )
 
 
@@ -1047,8 +1052,8 @@ def pours_for_a_percent():
     pours = noise["seeds_for_1_percent"].astype(int)
     return (
         f"To know the mean of the simulated piles with a standard error of 1 %, for example, you need {pours[ANGLE]} piles for "
-        f"the angle but only {pours[HEIGHT]} for the height. To lie within 1 % with a probability of 90 %, you need 2.7 times "
-        "as many.\n"
+        f"the angle but only {pours[HEIGHT]} for the height. If the mean must lie within 1 % of the true one with a probability "
+        "of 90 %, you need 2.7 times as many.\n"
     )
 
 
@@ -1091,15 +1096,15 @@ def information():
     secant = by_line.loc["secant"]
     size = size_of(by_line.loc["all six"])
     return (
-        "The ten measured piles of goji berries tell little about the parameters. "
-        f"With the default discrepancy (the assumed error of the simulator), {size}, they give {total:.2f} bits about all six "
-        "parameters together, where one bit halves the possible range. "
-        f"The largest share, {bits[most]:.2f} bits, belongs to `{most}`, which probably lies in the {half} half of its "
-        "range. "
-        f"Each of the other five gains at most {bits.drop(most).max():.2f} bits.\n"
-        f"With a smaller discrepancy the same piles tell more. With {size_of(secant)}, from models that were measured by the "
-        f"secant alone, all six parameters together gain {secant['information_bits']:.1f} bits, and `{most}` "
-        f"{secant[f'{most}_bits']:.1f}.\n"
+        "The ten measured piles of goji berries tell little about the contact parameters. We measure this in bits, where one bit "
+        f"halves the possible range. With the default error of the simulator, {size}, the piles give {total:.2f} bits about all "
+        "six parameters together. "
+        f"The largest share, {bits[most]:.2f} bits, belongs to `{most}`, {KIND[most]}, which probably lies in the {half} half of "
+        f"its range. Each of the other five gains at most {bits.drop(most).max():.2f} bits.\n\n"
+        "The more exact the simulator is, the more the same measured piles tell. If its assumed error falls from "
+        f"{size} to {size_of(secant)}, all six parameters together gain {secant['information_bits']:.1f} bits instead of "
+        f"{total:.2f}, where one bit halves the possible range. Of these, {secant[f'{most}_bits']:.1f} bits belong to `{most}`, "
+        f"{KIND[most]}.\n"
     )
 
 
@@ -1177,23 +1182,27 @@ def shape_study_discrepancy():
     secant = eligible[eligible["definition"] == "secant"]
     angle_sd, height_sd = secant[["aor_difference_deg", "height_difference_mm"]].std()
     return (
-        f"The shape study measured the piles of each of its {models} models by six lines, and the line counts like any other "
-        "difference of the models. A combination of model and line counts more if its piles are near those that the article "
-        "simulated: its weight is exp(-d²/2), with d the distance in standard deviations. "
-        f"The secant has {100 * shares['secant']:.0f} % of the weight and the steepest part {100 * shares['steepest']:.0f} %.\n"
-        f"With these weights, the piles of all combinations scatter by {size_of(pooled)}, with a correlation of "
-        f"{pooled['discrepancy_correlation']:.2f} "
-        f"(effective number of models {posterior['discrepancy_models']:.1f}). This scatter is the default discrepancy.\n\n"
-        "The estimate of the discrepancy from the shape study has four weaknesses:\n\n"
-        "- It contains the scatter between lines, although a study compares piles by one line. The models of one line alone "
-        f"scatter by {lines.min():.1f} to {lines.max():.1f}°, "
-        f"by the steepest part by {by_line.loc['steepest', 'aor_sd_deg']:.1f}°. The calibrated line was not among the six.\n"
-        "- The models use the article's parameter sets. They show how much the pile changes with the model, not what is left "
-        "after a calibration of each.\n"
-        "- The weights are distances from the article's single simulated piles, not from real ones. Without weights the "
-        f"models scatter more, by the secant by {angle_sd:.1f}° and {height_sd:.1f} mm, "
-        "because some fillings make much lower piles.\n"
-        "- The models have [earlier contact laws](results.md#which-results-are-of-which-line-and-laws).\n"
+        "To estimate the error of our simulator for the goji berry, we asked how much the piles of different plausible models of "
+        f"the berry differ. There are {models} models, and the angle of their piles was measured by six different lines. Each "
+        "combination of a model and a line counts as one possible simulator. By this estimate, simulators differ by "
+        f"{size_of(pooled)}, with a correlation of {pooled['discrepancy_correlation']:.2f} between angle and Height. This is the "
+        "default discrepancy.\n\n"
+        "Not all combinations of a model and a line are equally plausible, so the estimate of the simulator's error weights them. "
+        "A combination whose piles are closer to those that the article simulated gets a larger weight, exp(-d²/2), where d is "
+        "the distance in standard deviations. "
+        f"As a result, lines from foot to crest (secant) carry {100 * shares['secant']:.0f} % of the weight, and lines along the "
+        f"steepest part of a side {100 * shares['steepest']:.0f} %. The models are worth as much as "
+        f"{posterior['discrepancy_models']:.1f} equally weighted ones.\n\n"
+        "This estimate of the simulator's error, the discrepancy, has four weaknesses:\n\n"
+        "- It contains the scatter between lines, although a study compares piles by one line only. By most lines alone, the "
+        f"angles of the models scatter by {lines.min():.1f} to {lines.max():.1f}°, by the line along the steepest part by "
+        f"{by_line.loc['steepest', 'aor_sd_deg']:.1f}°. The line that we calibrate with was not among the six.\n"
+        "- The models use the article's parameter sets. So they show how much a pile changes with the model, and not the error "
+        "that is left after each model has been calibrated.\n"
+        "- The weights compare the models with the article's single simulated piles, and not with real ones. Without weights the "
+        f"models scatter more (by the secant, {angle_sd:.1f}° and {height_sd:.1f} mm), "
+        "because some ways of filling make much lower piles.\n"
+        "- The models were simulated with [earlier contact laws](results.md#which-results-are-of-which-line-and-laws).\n"
     )
 
 
@@ -1205,8 +1214,8 @@ def open_region():
     excluded = int((region["share"] == 0).sum())
     cells = "none is" if excluded == 0 else f"{excluded} of {len(region)} are"
     return (
-        f"With the default discrepancy, history matching leaves {100 * share:.0f} % of the searched space open. "
-        f"Of the cells in the figure {cells} excluded:\n"
+        f"For the goji berry, history matching rules out little: {100 * share:.0f} % of the searched space remain possible, with "
+        f"the default error of the simulator. Of the cells in the figure, {cells} ruled out:\n"
     )
 
 
@@ -1470,11 +1479,13 @@ def effect_of_friction():
         freedom = len(samples) - design.shape[1]
         error = np.sqrt(inverse[place, place] * (rest @ rest) / freedom)
         cells.append(f"{slopes[place]:+.1f} ± {error:.1f}{unit}")
-    names = ("Height", "angle", "`straightest`", "`whole`", "`secant`")
-    changes = [f"{name} {cell}" for name, cell in zip(names, cells, strict=True)]
+    height, angle, straightest, whole, secant = cells
     return (
-        f"A linear fit to all {len(samples)} samples of `goji_berry` gives these changes from the lower to the upper end of the "
-        f"range of `mus_gg`: {listed(changes)}.\n"
+        f"The run `goji_berry` shows the same. By a linear fit to all its {len(samples)} samples, the default angle of a pile "
+        f"changes by {angle} and the height by {height}, if the static friction between berries, `mus_gg`, rises from the lower "
+        "to the upper end of its range.\n"
+        f"Other lines give smaller changes of the angle: {straightest} along the straightest part of a side, {whole} along the "
+        f"whole side, and {secant} from foot to crest.\n"
     )
 
 
