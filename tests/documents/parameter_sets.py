@@ -968,17 +968,17 @@ def optimism():
     typical_error = others["aor_se_deg"].mean()
     mean_found = with_error(found_others.mean(), typical_error / np.sqrt(len(others)))
     return (
-        "For the answer of `goji_berry`, the program expected the true angle to be "
-        f"{expected_answer} smaller than predicted, and the check found {found_answer}°.\n"
-        f"For the other {len(others)} solutions of Table 4 the program expected {expected.min():.2f} to {expected.max():.2f}°. "
-        f"Their checks found {found_others.min():.1f} to {found_others.max():.1f}°, each with an error of about "
-        f"{typical_error:.1f}°. "
-        f"The mean angle of these {len(others)} solutions is {mean_found}° smaller than predicted, of which "
-        f"{expected.mean():.1f}° was expected.\n\n"
-        f"Of all {len(table4)} solutions of `goji_berry` that were simulated again, {sets_flatter_than_predicted()} gave flatter "
-        "piles than predicted. One network predicts them all, so this points to a bias of the network near the answers. "
-        f"The network's stated error there, S_w, is {posterior_of(DEFAULT)['network_ensemble_se'][0]:.1f}°. The posterior, which "
-        "gives the intervals of the parameters, has no term for a bias.\n"
+        "For the answer of the run `goji_berry`, the program expected a slightly too steep prediction: the true angle "
+        f"should be smaller than the predicted one by {expected_answer}. New piles, simulated with this answer, were flatter "
+        f"than predicted by {found_answer}°, which agrees with the expectation.\n\n"
+        f"The run also simulated {len(others)} other solutions of its search again. For these, the program expected that the "
+        f"true angle is smaller than predicted by {expected.mean():.1f}°, in the mean. The new piles were flatter by "
+        f"{mean_found}°, so the expected optimism explains only a part of the error. For single solutions the difference was "
+        f"{found_others.min():.1f} to {found_others.max():.1f}°, each with an error of about {typical_error:.1f}°.\n\n"
+        f"Of the solutions of `goji_berry` that were simulated again, {counted_flatter()} gave flatter piles than predicted. One "
+        "network predicts them all, so this points to a bias of the network near the answers. "
+        f"The error that the network states there for the angle is {posterior_of(DEFAULT)['network_ensemble_se'][0]:.1f}°. The "
+        "95 % intervals of the parameters, in the posterior, allow for such an error, but not for a bias.\n"
     )
 
 
