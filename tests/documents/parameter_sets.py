@@ -286,14 +286,16 @@ def five_runs():
         "Each of our five calibrations ends with a check, in which new piles are simulated with its answer. "
         "In every check, the mean angle lies within 31 to 34°, and the mean Height within 64 to 69 mm.\n"
         "As these are means of a limited number of piles, the true means may still lie outside. "
-        f"They lie inside both ranges with a probability of at least {least:.2f} in {len(others)} runs, but of only {unsure:.2f} in "
-        "`paper`, whose check has eight pours. So the verdict of `paper` is [undecided](glossary.md).\n\n"
-        "The five answers are not five independent repetitions. `refined` continues `goji_berry`, and their parameters differ by "
-        f"{largest_difference(refined, DEFAULT)} of the ranges. `paper` and `matched` have another particle and contact law.\n"
-        "Only `goji_berry` and `fast` search the same model independently. Their answers differ by "
-        f"{largest_difference(fast, DEFAULT)} of the ranges, although both meet the targets. A further run, `wider`, searches "
-        "this model with a wider range of `mus_gg`, and its answer differs from that of `goji_berry` by "
-        f"{largest_difference(WIDER, DEFAULT)}.\n"
+        f"In {len(others)} of the five runs, both true means lie inside with a probability of at least {least:.2f}. In the run "
+        f"`paper`, the probability is only {unsure:.2f}, because its check has just eight piles. So we call its verdict "
+        "[undecided](glossary.md).\n\n"
+        "Different contact parameters can give the same pile. To see this, compare the two runs that search the same model "
+        "independently, `goji_berry` and `fast`. Both meet the targets, but their parameters differ by "
+        f"{largest_difference(fast, DEFAULT)} of the searched ranges. A third run of this model, `wider`, searches a wider range "
+        f"of `mus_gg`, and its answer differs from that of `goji_berry` by {largest_difference(WIDER, DEFAULT)}.\n\n"
+        "Do not count the five answers as five independent repetitions. The run `refined` continues `goji_berry`, so their "
+        f"parameters differ by only {largest_difference(refined, DEFAULT)} of the ranges. The runs `paper` and `matched` have "
+        "another particle and another contact law.\n"
     )
 
 
@@ -420,7 +422,7 @@ def design():
         "called samples, met both targets.\n"
         f"These {len(meeting)} samples are spread over {100 * shares[least]:.0f} (`{least}`) to "
         f"{100 * shares[most]:.0f} % (`{most}`) of the searched ranges, from the smallest to the largest value. "
-        f"As many points drawn at random would cover about {100 * random_share:.0f} %.\n\n"
+        f"As many points drawn at random would cover about {100 * random_share:.0f} %, hardly more.\n\n"
         "Some samples of the run `goji_berry`, which are parameter sets with six simulated piles each, meet the targets only by "
         "chance. The reason is that a mean of six piles is uncertain, here by "
         f"{noise[ANGLE]:.1f}° and {noise[HEIGHT]:.1f} mm. "
@@ -483,10 +485,9 @@ def wider_run():
     return (
         f"To see what lies beyond the article's lower bound of `mus_gg`, {old_low:g}, "
         f"we ran the study once more, as `wider`, with the range {low:g} to {high:g} and two pours for each sample.\n"
-        f"Below {old_low:g}, {meeting_beyond.sum()} of {beyond.sum()} samples meet both targets; "
-        f"above it, {(~meeting_beyond).sum()} of {(~beyond).sum()} do. "
-        f"This does not show that solutions are rarer below it (Fisher's exact test, p {chance:.2f}). So nothing shows that "
-        "solutions end at the article's bound.\n\n"
+        f"Below {old_low:g}, {meeting_beyond.sum()} of {beyond.sum()} samples (simulated parameter sets) meet both targets; "
+        f"above it, {(~meeting_beyond).sum()} of {(~beyond).sum()} do. Such a difference may be chance (Fisher's exact test, "
+        f"p {chance:.2f}). So nothing shows that solutions end at the article's bound.\n\n"
         "The search of the run `wider`, which has the wider range of `mus_gg`, nevertheless ended near the article's bound of "
         f"{old_low:g}: its {len(solutions)} solutions have a `mus_gg` of {span}.\n"
         f"New piles, poured with the answer of this run, have an angle of {check[ANGLE][0]} "
@@ -663,19 +664,22 @@ def published_verdict():
     # A pour of the article is taken to scatter as ours do.
     pour = (sets[f"{ANGLE}_se"] * np.sqrt(sets["pours"])).mean()
     return (
-        f"Whether the article's {len(sets)} sets meet its targets in our simulator depends on the line by which the angle is "
-        f"measured. By `flank`, the calibrated line, {inside[ANGLE].sum()} of them "
-        f"have a mean angle inside the target's range of {low:g} to {high:g}°, and "
-        f"{clear.sum()} lie below it by more than two standard errors.\n"
-        f"By `straightest`, the line of the article's reference 19, {inside[STRAIGHTEST].sum()} lie inside, and the sixth has "
-        f"{sets[STRAIGHTEST].min():.2f} ± {sets.loc[sets[STRAIGHTEST].idxmin(), f'{STRAIGHTEST}_se']:.2f}°. "
-        f"The mean Height lies inside its range, {height_range[0]:g} to {height_range[1]:g} mm, for {height_inside.sum()} sets.\n\n"
-        f"Our piles are flatter than those that the article simulated. It gives an angle for {count} of its sets, from one "
-        f"pour each. In the mean over these sets, our angle is smaller by "
-        f"{with_error(flatter, error)}° by `flank` and by {with_error(straight, straight_error)}° by `straightest`.\n"
-        f"These errors come from the scatter of the {count} differences. If a pour of the article scatters by {pour:.1f}°, as "
-        f"ours do, the error is {pour / np.sqrt(count):.1f}°. "
-        "A calibration by `flank` changes the parameters to remove this difference.\n"
+        f"Do the article's {len(sets)} parameter sets meet its targets in our simulator? For the angle, this depends on the line "
+        "by which it is measured. By the line that we calibrate with, along the flank of the pile, "
+        f"{inside[ANGLE].sum()} of the {len(sets)} sets have a mean angle inside the target's range of {low:g} to {high:g}°. "
+        f"{clear.sum()} of them lie below it by more than two standard errors.\n"
+        f"By another line, along the straightest part of a side, {inside[STRAIGHTEST].sum()} sets lie inside, and the last one "
+        f"just below ({sets[STRAIGHTEST].min():.2f} ± {sets.loc[sets[STRAIGHTEST].idxmin(), f'{STRAIGHTEST}_se']:.2f}°).\n\n"
+        f"The height is no problem: for {height_inside.sum()} of the article's {len(sets)} sets, our mean Height lies inside the "
+        f"target's range of {height_range[0]:g} to {height_range[1]:g} mm.\n\n"
+        f"With the article's parameters, our piles are flatter than the article's own. It gives an angle for {count} of its sets, "
+        "from one simulated pile each. On average over these sets, our angle is smaller by "
+        f"{with_error(flatter, error)}° along the flank, and by {with_error(straight, straight_error)}° along the straightest "
+        "part of a side.\n\n"
+        "How sure is it that our piles are flatter than the article's? The standard errors above come from the scatter of the "
+        f"{count} differences. If the article's single piles scatter by {pour:.1f}°, as ours do, the standard error is "
+        f"{pour / np.sqrt(count):.1f}° instead. Our calibration along the flank does not keep this difference, because it changes "
+        "the parameters until the angle fits.\n"
     )
 
 
@@ -689,11 +693,11 @@ def first_draw():
     all_pours = poured_published_sets().loc["representative"]
     return (
         "A few simulated piles can agree with a target by chance. An example is the article's representative parameter set. "
-        f"Of its first twelve pours in our simulator, {pours} came to rest, and their means met both targets: "
+        f"Of its first twelve piles in our simulator, {pours} came to rest, and their means met both targets: "
         f"{with_error(first['aor_flank_deg'], first['aor_flank_se_deg'])}° and "
         f"{with_error(first['height_mm'], first['height_se_mm'])} mm. "
-        f"But the mean angle of all {all_pours['pours']} piles of this set that came to rest is "
-        f"{with_error(all_pours[ANGLE], all_pours[f'{ANGLE}_se'])}°.\n"
+        f"But when we simulated more, the mean angle of all {all_pours['pours']} piles that came to rest was "
+        f"{with_error(all_pours[ANGLE], all_pours[f'{ANGLE}_se'])}°, which misses the target.\n"
     )
 
 
@@ -915,15 +919,13 @@ def drum():
     ours = runs[runs["case"] == "our answer"]
     again = mean_with_error(ours["before_turned_deg"])
     return (
-        f"In our simulated drum, the surface of the berries rises to {means['before_surface_deg']}° just before the bed slips, "
-        f"and lies at {means['after_surface_deg']}° afterwards.\n"
-        "These angles belong to the answer of `goji_berry`, with which the bed slips when the drum has turned by "
-        f"{means['before_turned_deg']}°. "
-        f"In six other runs of the drum with this answer, it slips at {again}°.\n"
-        f"With the answer of `paper` the bed slips after {drum_means(PAPER)['before_turned_deg']}° (a single run, with an "
-        "ellipsoid), "
-        f"with that of `matched` after {drum_means(MATCHED)['before_turned_deg']}°. So no answer brings the slip near the "
-        "27° that follow from the article's times.\n"
+        "In our simulated drum, the bed of berries slips when the drum has turned by "
+        f"{means['before_turned_deg']}°. This is with the parameters that the run `goji_berry` found. The surface of the berries "
+        f"has then risen to {means['before_surface_deg']}°, and after the slip it lies at {means['after_surface_deg']}°.\n\n"
+        "Other simulations of the drum give similar angles of the slip. Repeated with the same parameters, the bed slips after "
+        f"{again}° (six runs). With the parameters of the run `matched` it slips after {drum_means(MATCHED)['before_turned_deg']}°, "
+        f"and with those of the run `paper` after {drum_means(PAPER)['before_turned_deg']}° (a single simulation). So none of our "
+        "answers brings the slip near the 27° that follow from the article's times.\n"
     )
 
 
