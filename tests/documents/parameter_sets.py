@@ -519,9 +519,9 @@ def overlaps():
     without = [run.name for run in RUNS if run.solutions is None]
     common = [f"in {name} {count} do" for name, count in counts.items() if count]
     return (
-        "The article's search ends with 90 solutions, parameter sets that are predicted to meet the targets. "
-        "Its Table 3 gives their span in each parameter, from the smallest to the largest value. "
-        "Our searches keep 90 solutions, too, and we compared their spans with the article's.\n"
+        "The article's search ends with 90 solutions, parameter sets that are predicted to meet the targets, and so do most of "
+        "ours. Do they find the same sets? To see this, we compared the span of the solutions in each of the six parameters, "
+        "from the smallest to the largest value, with that in the article's Table 3.\n"
         f"In {listed(apart)} none of the six spans overlaps the article's; {listed(common)}. "
         f"The runs {listed(without)} are left out, because their strategy keeps no list of 90 solutions.\n"
     )
@@ -1419,16 +1419,17 @@ def further_tests():
     ]
     return (
         f"{markdown(head, rows)}\n"
-        "For each hour of work, two kinds of measurement tell most about the parameters. "
-        "[Further numbers of the same photographs](research/docs/second_responses.md) take "
-        f"{photographs['minutes']:.0f} minutes and give {with_error(photographs['gain_bits'], photographs['gain_se_bits'])} bits "
-        "(a bit halves what is possible), if the simulator errs by 2 %. "
-        f"A direct test of the wall takes {by_set.loc['direct mus_gp', 'minutes']:.0f} minutes and gives "
+        "For each hour of work, two kinds of measurement tell most about the parameters. The first is to read "
+        "[further numbers from the same photographs](research/docs/second_responses.md). This takes "
+        f"{photographs['minutes']:.0f} minutes and gives {with_error(photographs['gain_bits'], photographs['gain_se_bits'])} bits, "
+        "if the simulator errs by 2 %. One bit means that half of what was possible is ruled out. "
+        "The second is a direct test of the friction on the wall, which takes "
+        f"{by_set.loc['direct mus_gp', 'minutes']:.0f} minutes and gives "
         f"{by_set.loc['direct mus_gp', 'gain_bits']:.1f} bits, whatever the simulator's error.\n"
         "\nOnly the first two rows of this table come from the measured piles. The others are "
-        "[computed for made-up measurements](research/docs/joint_targets.md), with an earlier engine. "
-        "For the direct tests they assume standard deviations of 0.03 for a restitution, 0.035 for a static "
-        "and 0.005 for a rolling friction, so find those of your own tests.\n"
+        "[computed for made-up measurements](research/docs/joint_targets.md), with an earlier version of the simulator. "
+        "They assume that single direct tests scatter by a standard deviation of 0.03 for a restitution, 0.035 for a static "
+        "and 0.005 for a rolling friction. If your own tests scatter more, they tell less.\n"
     )
 
 
@@ -1437,11 +1438,11 @@ def left_open():
     samples, meeting = meeting_samples(DEFAULT)
     region = DEFAULT.table("posterior/region.csv")["share"].mean()
     return (
-        "**The measured piles determine none of the six parameters**, with the error that we allow the simulator. "
+        "**The measured piles determine none of the six parameters**, if we allow for the error of the simulator. "
         f"Of the {len(samples)} parameter sets that the run simulated first, {len(meeting)} "
         f"({100 * len(meeting) / len(samples):.0f} %) gave piles inside both target ranges. "
-        f"With the allowed error, {100 * region:.0f} % of all combinations remain possible. "
-        "So use the six values only together, and only for piles like the measured one. "
+        f"Allowing for the error, {100 * region:.0f} % of all combinations of parameters remain possible.\n\n"
+        "So use the six calibrated values only together, and only for piles like the measured one. "
         "A pile alone does not give parameters for a conveyor or a packing machine. "
         "It shows [which further tests you need](#what-a-pile-leaves-open).\n"
     )
@@ -1460,7 +1461,8 @@ def equal_berries():
     return (
         "**All 500 simulated berries are equal**: smooth, 21.1 mm long, 11.4 mm wide and 9.9 mm thick, the mean of fifty berries of "
         "15 to 25 mm. "
-        f"In {len(changes)} pairs of models, sizes that scatter as measured changed the angle by {angle}° and the Height by {height} mm.\n"
+        "Real berries differ in size, but this hardly changes the pile: in "
+        f"{len(changes)} pairs of models, sizes that scatter as measured changed the angle by {angle}° and the Height by {height} mm.\n"
     )
 
 
