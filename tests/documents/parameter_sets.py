@@ -666,8 +666,8 @@ def published_verdict():
     return (
         f"Do the article's {len(sets)} parameter sets meet its targets in our simulator? For the angle, this depends on the line "
         "by which it is measured. By the line that we calibrate with, along the flank of the pile, "
-        f"{inside[ANGLE].sum()} of the {len(sets)} sets have a mean angle inside the target's range of {low:g} to {high:g}°. "
-        f"{clear.sum()} of them lie below it by more than two standard errors.\n"
+        f"{inside[ANGLE].sum()} of the {len(sets)} sets have a mean angle inside the target's range of {low:g} to {high:g}°, and "
+        f"{clear.sum()} lie below it by more than two standard errors.\n"
         f"By another line, along the straightest part of a side, {inside[STRAIGHTEST].sum()} sets lie inside, and the last one "
         f"just below ({sets[STRAIGHTEST].min():.2f} ± {sets.loc[sets[STRAIGHTEST].idxmin(), f'{STRAIGHTEST}_se']:.2f}°).\n\n"
         f"The height is no problem: for {height_inside.sum()} of the article's {len(sets)} sets, our mean Height lies inside the "
@@ -1286,12 +1286,12 @@ def most_sensitive():
         return f"{share(target, most)} ({low:.0f} to {high:.0f} %)"
 
     return (
-        f"The pile responds most to {KIND[most]}, `{most}`: over the searched ranges, it alone explains "
-        f"{with_interval(ANGLE)} of the variance of the angle and {with_interval(HEIGHT)} of that of the Height. "
-        f"Next are `{next_angle}` for the angle ({share(ANGLE, next_angle)}) "
-        f"and `{next_height}` for the Height ({share(HEIGHT, next_height)}). "
-        f"`{least}` explains least of both together ({share(ANGLE, least)} and {share(HEIGHT, least)}).\n"
-        f"{direction(most)} {direction('mus_gg')}\n"
+        f"The pile responds most to {KIND[most]}, `{most}`. Over the searched ranges, this parameter alone explains "
+        f"{with_interval(ANGLE)} of the variance of the angle, and {with_interval(HEIGHT)} of that of the Height. "
+        f"{direction(most)}\n\n"
+        f"The other parameters change the pile less than `{most}`. Next for the angle is {KIND[next_angle]}, `{next_angle}`, with "
+        f"{share(ANGLE, next_angle)} of its variance. Next for the Height is {KIND[next_height]}, `{next_height}`, with "
+        f"{share(HEIGHT, next_height)}. The parameter that matters least is {KIND[least]}, `{least}`. {direction('mus_gg')}\n"
     )
 
 
@@ -1485,11 +1485,11 @@ def effect_of_friction():
         cells.append(f"{slopes[place]:+.1f} ± {error:.1f}{unit}")
     height, angle, straightest, whole, secant = cells
     return (
-        f"The run `goji_berry` shows the same. By a linear fit to all its {len(samples)} samples, the default angle of a pile "
-        f"changes by {angle} and the height by {height}, if the static friction between berries, `mus_gg`, rises from the lower "
-        "to the upper end of its range.\n"
-        f"Other lines give smaller changes of the angle: {straightest} along the straightest part of a side, {whole} along the "
-        f"whole side, and {secant} from foot to crest.\n"
+        "In the run `goji_berry`, too, more static friction between berries, `mus_gg`, makes the piles flatter. From the lower to "
+        f"the upper end of its range, the angle by the default line changes by {angle}, and the height by {height} (a linear fit "
+        f"to all {len(samples)} samples).\n"
+        f"By other lines, the angle changes less: by {straightest} along the straightest part of a side, by {whole} along the "
+        f"whole side, and by {secant} from foot to crest.\n"
     )
 
 
