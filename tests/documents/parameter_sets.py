@@ -398,8 +398,8 @@ def open_intervals():
         "without a measurement.\n\n"
         f"With a more exact simulator, ten measured piles would determine {KIND[NARROWEST]}, `{NARROWEST}`, better. "
         f"If its assumed error falls from {pooled.size} to {secant.size}, one of our smaller estimates, the 95 % interval of "
-        f"`{NARROWEST}` shrinks to {secant.narrowest} of its width without a measurement. With a perfect simulator it would "
-        f"shrink to {exact.narrowest}.\n"
+        f"`{NARROWEST}` shrinks to {secant.narrowest} of the width that it has without a measurement. With a perfect simulator "
+        f"it would shrink to {exact.narrowest}.\n"
         f"The intervals of the other five parameters keep {exact.others} of their width even with a perfect simulator. "
         "So for these five you need other measurements in any case.\n"
     )
@@ -426,16 +426,17 @@ def design():
         "Some samples of the run `goji_berry`, which are parameter sets with six simulated piles each, meet the targets only by "
         "chance. The reason is that a mean of six piles is uncertain, here by "
         f"{noise[ANGLE]:.1f}° and {noise[HEIGHT]:.1f} mm. "
-        "The network of the run smooths this scatter. "
+        "The neural network of the run, which is fitted to all samples, smooths this scatter. "
         f"It predicts that {len(predicted)} samples meet both targets, of which {len(both)} really did. These {len(predicted)} "
         f"still span {100 * covered_share(DEFAULT, predicted, least):.0f} % of the range of `{least}`.\n\n"
         "A statistical analysis shows what ten measured piles tell about each parameter. It gives the 95 % interval in which the "
         "parameter lies, and this interval is wider if a larger error of the simulator, the discrepancy, is assumed. "
         f"With our default, {pooled.size} for angle and Height, the intervals of all six parameters keep {pooled.all} of the "
-        "width that they have without a measurement.\n\n"
-        f"With a smaller error of the simulator, {secant.size}, the interval of `{NARROWEST}`, {KIND[NARROWEST]}, shrinks to "
-        f"{secant.narrowest} of its width without a measurement. With a perfect simulator it would shrink to {exact.narrowest}. "
-        f"Even then, the other five keep at least {exact.others.split()[0]} %.\n"
+        "width that they have without a measurement. So the piles hardly narrow them.\n\n"
+        "Ten measured piles tell more if the simulator is more exact. With an error of the simulator of only "
+        f"{secant.size}, the 95 % interval of `{NARROWEST}`, {KIND[NARROWEST]}, shrinks to {secant.narrowest} of the width that "
+        f"it has without a measurement. With a perfect simulator it would shrink to {exact.narrowest}. "
+        f"Even then, the intervals of the other five parameters keep at least {exact.others.split()[0]} % of theirs.\n"
         f"So the pile leaves five of the six parameters open. How far it determines `{NARROWEST}` depends on the error of the "
         "simulator, which is not well known.\n"
     )
@@ -517,7 +518,9 @@ def overlaps():
     counts = {run.name: len(common_parameters(run)[0]) for run in RUNS if run.solutions}
     apart = [name for name, count in counts.items() if count == 0]
     without = [run.name for run in RUNS if run.solutions is None]
-    common = [f"in {name} {count} do" for name, count in counts.items() if count]
+    common = [
+        f"in {name} {count} of them do" for name, count in counts.items() if count
+    ]
     return (
         "The article's search ends with 90 solutions, parameter sets that are predicted to meet the targets, and so do most of "
         "ours. Do they find the same sets? To see this, we compared the span of the solutions in each of the six parameters, "
@@ -676,10 +679,11 @@ def published_verdict():
         "from one simulated pile each. On average over these sets, our angle is smaller by "
         f"{with_error(flatter, error)}° along the flank, and by {with_error(straight, straight_error)}° along the straightest "
         "part of a side.\n\n"
-        "How sure is it that our piles are flatter than the article's? The standard errors above come from the scatter of the "
-        f"{count} differences. If the article's single piles scatter by {pour:.1f}°, as ours do, the standard error is "
-        f"{pour / np.sqrt(count):.1f}° instead. Our calibration along the flank does not keep this difference, because it changes "
-        "the parameters until the angle fits.\n"
+        "How sure is it that our piles are flatter than the article's? The standard errors of the mean differences come from the "
+        f"scatter of the {count} differences. But if the article's single piles scatter by {pour:.1f}°, as ours do, the standard "
+        f"error is {pour / np.sqrt(count):.1f}°.\n\n"
+        "A calibration by the flank removes the difference between our piles and the article's, because it changes the parameters "
+        "until the angle fits.\n"
     )
 
 
@@ -919,13 +923,13 @@ def drum():
     ours = runs[runs["case"] == "our answer"]
     again = mean_with_error(ours["before_turned_deg"])
     return (
-        "In our simulated drum, the bed of berries slips when the drum has turned by "
-        f"{means['before_turned_deg']}°. This is with the parameters that the run `goji_berry` found. The surface of the berries "
-        f"has then risen to {means['before_surface_deg']}°, and after the slip it lies at {means['after_surface_deg']}°.\n\n"
-        "Other simulations of the drum give similar angles of the slip. Repeated with the same parameters, the bed slips after "
-        f"{again}° (six runs). With the parameters of the run `matched` it slips after {drum_means(MATCHED)['before_turned_deg']}°, "
-        f"and with those of the run `paper` after {drum_means(PAPER)['before_turned_deg']}° (a single simulation). So none of our "
-        "answers brings the slip near the 27° that follow from the article's times.\n"
+        "With the contact parameters that the run `goji_berry` found, the bed of berries in our simulated drum slips when the drum "
+        f"has turned by {means['before_turned_deg']}°. The surface of the berries has then risen to "
+        f"{means['before_surface_deg']}°, and after the slip it lies at {means['after_surface_deg']}°.\n\n"
+        "Other simulations of our drum show the same late slip. Six further ones with the parameters of `goji_berry` give an angle "
+        f"of {again}°. With those of the run `matched` the bed slips after "
+        f"{drum_means(MATCHED)['before_turned_deg']}°, and with those of `paper` after {drum_means(PAPER)['before_turned_deg']}° "
+        "(a single simulation). So none of our answers brings the slip near the 27° that follow from the article's times.\n"
     )
 
 
@@ -973,8 +977,8 @@ def optimism():
         "For the answer of the run `goji_berry`, the program expected a slightly too steep prediction: the true angle "
         f"should be smaller than the predicted one by {expected_answer}. New piles, simulated with this answer, were flatter "
         f"than predicted by {found_answer}°, which agrees with the expectation.\n\n"
-        f"The run also simulated {len(others)} other solutions of its search again. For these, the program expected that the "
-        f"true angle is smaller than predicted by {expected.mean():.1f}°, in the mean. The new piles were flatter by "
+        f"The run `goji_berry` also simulated {len(others)} other solutions of its search again. For these, the program expected "
+        f"on average that the true angle is smaller than predicted by {expected.mean():.1f}°. The new piles were flatter by "
         f"{mean_found}°, so the expected optimism explains only a part of the error. For single solutions the difference was "
         f"{found_others.min():.1f} to {found_others.max():.1f}°, each with an error of about {typical_error:.1f}°.\n\n"
         f"Of the solutions of `goji_berry` that were simulated again, {counted_flatter()} gave flatter piles than predicted. One "
