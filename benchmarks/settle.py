@@ -32,7 +32,7 @@ def default_shape(config):
     mean = berries.compute_mean_grain(
         section["sizes"], section["compression"], TABLE1, section["density_kg_m3"]
     )[1]
-    return build.of_settings(mean, section).dem_shape("berry")
+    return build.make_configured_particle(mean, section).dem_shape("berry")
 
 
 def deepest(overlaps, thickness_m):

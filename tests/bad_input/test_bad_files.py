@@ -63,7 +63,7 @@ def test_every_key_of_a_berry_and_a_particle_is_checked(tmp_path):
     for key in (*berry_files.SIZE_COLUMNS, "density_kg_m3", "shear_modulus_pa"):
         for value in BAD:
             add(berry_files.read_grain, BERRY | {key: value}, key)
-    for key in berry_files.FROM_ZERO:
+    for key in berry_files.LARGEST_VALUES:
         for value in BAD:
             if value != 0:
                 add(berry_files.read_grain, BERRY | {key: value}, key)

@@ -47,7 +47,7 @@ STIFF = {"parameters.e_gg": [0.5, 0.9], "parameters.e_gp": [0.5, 0.9]}
 
 
 def particle_of(name):
-    return build.of_settings(
+    return build.make_configured_particle(
         BERRY,
         GrainSettings.model_construct(
             **CONFIG["berry"] | {"stl": None} | PARTICLES[name]
@@ -108,7 +108,7 @@ def test_check_and_pour_and_engine_agree():
         config, berry, particle = case(rng, particles)
         lowest = {name: float(config["parameters"][name][0]) for name in PARAMETERS}
         limit = longest_time_step(Scene.of(config, lowest, berry, particle)).time_step_s
-        smallest = size_distribution.smallest_scale(
+        smallest = size_distribution.compute_smallest_scale(
             config["berry"]["size_distribution"], berry
         )
         config["simulation"]["time_step_s"] = 0.9999 * limit
@@ -169,10 +169,10 @@ def test_a_published_set_of_low_restitution_counts_and_the_smallest_berry_is_one
     config["validation"]["published"] = str(table)
     assert refused_by_check(config, many, berry)
     spread = {"scale_sd": 0.1, "scale_low": 0.8, "scale_high": 1.2}
-    least = size_distribution.smallest_scale("measured", spread)
+    least = size_distribution.compute_smallest_scale("measured", spread)
     assert (
         least
         <= size_distribution.draw_scales("measured", spread, 1, 2000)[0].min()
         < 1.02 * least
     )
-    assert size_distribution.smallest_scale("none", {}) == 1.0
+    assert size_distribution.compute_smallest_scale("none", {}) == 1.0

@@ -128,7 +128,13 @@ def test_the_default_grain_is_poured_as_a_clump(config, program, law, tmp_path):
     grain = study.settings.berry.model_copy(
         update={"particle": "multisphere", "spheres": 14}
     )
-    job = job_of(config, build.of_settings(study.grain, grain), law, k_gg=3e3, k_gp=1e3)
+    job = job_of(
+        config,
+        build.make_configured_particle(study.grain, grain),
+        law,
+        k_gg=3e3,
+        k_gp=1e3,
+    )
     job = few(job, 3, duration_s=0.8)
     at = places(ran(program, job, tmp_path), job)
     assert len(at) == 3

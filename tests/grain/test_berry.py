@@ -12,7 +12,7 @@ from shared import ROOT, written
 
 from repose.cli import main
 from repose.grain import berry, berry_files, build, mesh_from_axes, size_distribution
-from repose.grain.mesh import principal_pose
+from repose.grain.mesh import move_to_principal_pose
 from repose.grain.settings import GrainSettings
 
 RESOURCES = ROOT / "resources"
@@ -35,7 +35,7 @@ def run(out_dir, **changes):
     }
     section = GrainSettings.model_construct(**section | changes)
     berry.run(section, TABLE1, out_dir)
-    return berry.of_settings(section, TABLE1)
+    return berry.compute_configured_grain(section, TABLE1)
 
 
 def test_equations_by_hand():
@@ -55,7 +55,7 @@ def test_shipped_measurements_are_those_of_the_article():
     sizes = berry.read_sizes(SIZES)
     assert len(sizes) == 50
     assert sizes.attrs["reconstruction"]
-    summary = berry.summarise(sizes, pd.read_csv(TABLE1))
+    summary = berry.summarise_sizes(sizes, pd.read_csv(TABLE1))
     for statistic in ("maximum", "minimum", "mean"):
         # Axes: on the grid of 0.01 mm the three are exact, not only rounded.
         assert np.abs(summary[f"difference_{statistic}"][:3]).max() < 1e-9
@@ -64,7 +64,7 @@ def test_shipped_measurements_are_those_of_the_article():
     assert (sizes * 100).round().div(100).equals(sizes)
     for column in berry.SIZE_COLUMNS:
         assert shapiro(sizes[column]).pvalue > 0.2
-    elastic, poisson, shear = berry.moduli(berry.read_compression(COMPRESSION))
+    elastic, poisson, shear = berry.compute_moduli(berry.read_compression(COMPRESSION))
     assert f"{elastic:.4e}" == "1.1352e+05"
     assert f"{poisson:.2f}" == "0.32"
     assert f"{shear:.1e}" == "4.3e+04"
@@ -178,7 +178,7 @@ def test_impossible_material_is_refused_and_published_tables_hold_together(tmp_p
 
 
 def test_the_spread_of_a_published_range():
-    sd, low, high = size_distribution.spread_of_range(*GOJI)
+    sd, low, high = size_distribution.estimate_spread(*GOJI)
     assert sd == pytest.approx(4.99 / 4.498 / 13.32)
     assert low == pytest.approx(10.41 / 13.32)
     assert high == pytest.approx(15.40 / 13.32)
@@ -189,19 +189,21 @@ def test_the_spread_of_a_published_range():
 
 
 def test_the_spread_of_measured_sizes():
-    assert size_distribution.spread_of_sizes([9.0, 10.0, 11.0]) == pytest.approx(
+    assert size_distribution.compute_spread([9.0, 10.0, 11.0]) == pytest.approx(
         (0.1, 0.9, 1.1)
     )
 
 
 def test_drawn_scales_have_the_moments_of_a_truncated_normal():
-    spread = size_distribution.spread_of_range(*GOJI)
-    drawn = size_distribution.draw(np.random.default_rng(2), 200_000, *spread)
+    spread = size_distribution.estimate_spread(*GOJI)
+    drawn = size_distribution.draw_sizes(np.random.default_rng(2), 200_000, *spread)
     assert np.mean(drawn**3) == pytest.approx(1.0, abs=2e-3)
     sd, low, high = spread
     theirs = truncnorm((low - 1) / sd, (high - 1) / sd, 1, sd)
     norm = np.cbrt(theirs.moment(3))
-    assert size_distribution.normalisation(*spread) == pytest.approx(norm, rel=1e-9)
+    assert size_distribution.compute_normalisation(*spread) == pytest.approx(
+        norm, rel=1e-9
+    )
     assert drawn.std() == pytest.approx(theirs.std() / norm, rel=0.01)
     assert drawn.min() >= low / norm
     assert drawn.max() <= high / norm
@@ -210,8 +212,8 @@ def test_drawn_scales_have_the_moments_of_a_truncated_normal():
 def test_a_pour_draws_from_its_seed_up_to_the_largest_scale():
     berry = dict(
         zip(
-            size_distribution.KEYS,
-            size_distribution.spread_of_range(*GOJI),
+            size_distribution.SPREAD_KEYS,
+            size_distribution.estimate_spread(*GOJI),
             strict=True,
         )
     )
@@ -237,7 +239,7 @@ DENSITY = 840.47
 
 def fullness(shape):
     """Share of its bounding box that a smooth body fills, V / (L W T), in closed form."""
-    m, k = mesh_from_axes.profile_exponents(shape)
+    m, k = mesh_from_axes.compute_profile_exponents(shape)
     beta = math.gamma(1 / m) * math.gamma(2 * k + 1) / math.gamma(1 / m + 2 * k + 1)
     return math.pi / 4 * beta / m
 
@@ -252,7 +254,7 @@ def test_fullness_in_closed_form():
 def test_the_mesh_has_the_axes_the_mass_and_the_exponent_it_was_made_from(number):
     axes = np.array([20.0, 12.0, 9.0])
     mass = 1e-6 * DENSITY * fullness(number) * axes.prod()
-    mesh, found = mesh_from_axes.grain_mesh(axes, mass, DENSITY)
+    mesh, found = mesh_from_axes.make_grain_mesh(axes, mass, DENSITY)
     assert mesh.is_watertight
     assert mesh.volume * DENSITY * 1e-6 == pytest.approx(mass, rel=1e-9)
     np.testing.assert_allclose(np.ptp(mesh.vertices, axis=0), axes, rtol=1e-3)
@@ -276,7 +278,7 @@ def test_a_grain_of_axes_and_mass_is_written_and_said(tmp_path, capsys):
 
 
 def test_taper_and_wrinkles_keep_mass_and_axes():
-    mesh, _ = mesh_from_axes.grain_mesh(
+    mesh, _ = mesh_from_axes.make_grain_mesh(
         GOJI_MM, 1.05, DENSITY, taper=0.1, wrinkles=8, wrinkle_depth_mm=0.2
     )
     assert mesh.is_watertight
@@ -293,7 +295,7 @@ def test_taper_and_wrinkles_keep_mass_and_axes():
 
 @pytest.mark.parametrize("taper", [-0.5, 0.5])
 def test_the_largest_taper_is_allowed(taper):
-    mesh, _ = mesh_from_axes.grain_mesh(GOJI_MM, 0.78, DENSITY, taper=taper)
+    mesh, _ = mesh_from_axes.make_grain_mesh(GOJI_MM, 0.78, DENSITY, taper=taper)
     # The thick end, and with it the centre of mass, is on the side of its sign.
     assert np.sign(mesh.center_mass[0]) == np.sign(taper)
 
@@ -319,7 +321,7 @@ def test_the_largest_taper_is_allowed(taper):
 )
 def test_impossible_berries_are_refused_with_what_is_allowed(keys, message):
     arguments = {"axes_mm": GOJI_MM, "mass_g": GOJI_G, "density_kg_m3": DENSITY} | keys
-    input_error(message, mesh_from_axes.grain_mesh, **arguments)
+    input_error(message, mesh_from_axes.make_grain_mesh, **arguments)
 
 
 def test_poissons_ratio_of_the_tests_is_from_0_to_a_half():
@@ -333,7 +335,10 @@ def test_poissons_ratio_of_the_tests_is_from_0_to_a_half():
 def test_the_goji_berry_is_two_ellipsoids():
     """1.25 g and 1487 mm3, as measured, within 1 % of the minor axis by two components."""
     particle = build.fit_particle(
-        principal_pose(mesh_from_axes.grain_mesh(GOJI_MM, GOJI_G, DENSITY)[0]), DENSITY
+        move_to_principal_pose(
+            mesh_from_axes.make_grain_mesh(GOJI_MM, GOJI_G, DENSITY)[0]
+        ),
+        DENSITY,
     )
     assert particle.kind == "smooth"
     assert len(particle.semi_axes_m) == 2

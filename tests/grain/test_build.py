@@ -13,7 +13,7 @@ from refusals import input_error
 
 from repose.dem.rotations import sphere_directions
 from repose.grain import build, support_fit
-from repose.grain.mesh import principal_pose
+from repose.grain.mesh import move_to_principal_pose
 from repose.grain.settings import GrainSettings
 
 BARREL_M = np.array([[7.399, 0.940, 0.940], [3.171, 4.745, 4.000]]) * 1e-3
@@ -65,7 +65,7 @@ def test_ellipsoids_are_recognised_through_the_file_whatever_their_pose(tmp_path
         trimesh.creation.icosphere(subdivisions=3, radius=0.5), shift=(0, 0, 0)
     )
     mesh.apply_scale([20.0, 12.0, 9.0])
-    particle = build.fit_particle(principal_pose(mesh), 1000.0)
+    particle = build.fit_particle(move_to_principal_pose(mesh), 1000.0)
     assert particle.kind == "ellipsoid"
     np.testing.assert_allclose(particle.semi_axes_m, [[10e-3, 6e-3, 4.5e-3]], rtol=1e-5)
 
@@ -122,7 +122,7 @@ def test_integrals_and_fit_of_a_barrel_are_those_of_its_dense_mesh(tmp_path):
 
 
 def test_support_is_what_the_mesh_says():
-    particle = build.fit_particle(principal_pose(barrel_mesh()), 840.47)
+    particle = build.fit_particle(move_to_principal_pose(barrel_mesh()), 840.47)
     n = np.random.default_rng(3).normal(size=(4, 50, 3))
     n /= np.linalg.norm(n, axis=-1, keepdims=True)
     brute = (n @ barrel_mesh().vertices.T).max(axis=-1) * 1e-3
@@ -161,7 +161,7 @@ def test_bounding_radius_of_crossed_components_and_particle_file_round_trip(tmp_
     assert support_fit.bounding_radius(axes) == pytest.approx(brute, rel=1e-4)
     assert support_fit.bounding_radius(axes) >= brute
     particle = build.fit_particle(
-        principal_pose(barrel_mesh(4)), 840.47, stl="berry.stl"
+        move_to_principal_pose(barrel_mesh(4)), 840.47, stl="berry.stl"
     )
     particle.save(tmp_path / "particle.json")
     again = build.Particle.load(tmp_path / "particle.json")
@@ -336,7 +336,7 @@ def test_a_scan_in_another_unit_than_the_sizes_is_told(tmp_path):
 
     def made(*axes_mm):
         scan = saved(build.ellipsoid_mesh(axes_mm), tmp_path)
-        return build.of_settings(
+        return build.make_configured_particle(
             grain, GrainSettings.model_construct(stl=str(scan), **options)
         )
 

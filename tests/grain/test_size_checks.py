@@ -33,17 +33,17 @@ def test_the_best_split_is_that_of_all_splits():
     for n_values in (2, 3, 5, 30):
         values = rng.normal(size=n_values)
         explained, n_small = slow_split(values)
-        split = size_checks.best_split(values)
+        split = size_checks.find_best_split(values)
         assert split.n_small == n_small
         assert split.explained == pytest.approx(explained)
-    assert size_checks.best_split(np.ones(5)).explained == 0
+    assert size_checks.find_best_split(np.ones(5)).explained == 0
 
 
 def test_many_normal_and_uniform_values_have_known_shares():
     rng = np.random.default_rng(2)
-    normal = size_checks.best_split(rng.normal(size=100_000)).explained
+    normal = size_checks.find_best_split(rng.normal(size=100_000)).explained
     assert normal == pytest.approx(2 / math.pi, abs=0.01)
-    uniform = size_checks.best_split(rng.random(100_000)).explained
+    uniform = size_checks.find_best_split(rng.random(100_000)).explained
     assert uniform == pytest.approx(3 / 4, abs=0.01)
 
 
@@ -58,7 +58,7 @@ def test_grains_of_one_kind_are_no_groups(kind, n_grains):
         # The largest spread of one kind, in the logarithm that is judged
         "uniform": np.exp(rng.random(shape)),
     }[kind]
-    found = [size_checks.find_groups(sample) is not None for sample in samples]
+    found = [size_checks.find_size_groups(sample) is not None for sample in samples]
     assert sum(found) <= MOST_SPLIT
 
 
@@ -68,29 +68,33 @@ def test_two_groups_are_found_with_their_sizes(share):
     n_large = round(60 * share)
     small = rng.normal(1.2, 0.05, 60 - n_large)
     large = rng.normal(3.0, 0.1, n_large)
-    groups = size_checks.find_groups(rng.permutation([*small, *large]))
+    groups = size_checks.find_size_groups(rng.permutation([*small, *large]))
     assert groups.counts == (60 - n_large, n_large)
     assert groups.diameters_mm == pytest.approx((1.2, 3.0), rel=0.02)
     assert groups.ratio == pytest.approx(2.5, rel=0.03)
 
 
 def test_two_or_three_grains_are_no_groups():
-    assert size_checks.find_groups(np.array([1.0, 3.0])) is None
-    assert size_checks.find_groups(np.array([1.0, 3.0, 3.1])) is None
+    assert size_checks.find_size_groups(np.array([1.0, 3.0])) is None
+    assert size_checks.find_size_groups(np.array([1.0, 3.0, 3.1])) is None
 
 
 def test_the_largest_volume_is_that_of_ball_and_box():
-    assert size_checks.largest_volume([3, 3, 3]) == pytest.approx(math.pi / 6 * 27)
+    assert size_checks.compute_largest_volume([3, 3, 3]) == pytest.approx(
+        math.pi / 6 * 27
+    )
     # A thin plate: the disc of the long axis, times the thickness
     plate = math.pi / 4 * 4 * 1e-3
-    assert size_checks.largest_volume([2, 2, 1e-3]) == pytest.approx(plate, rel=1e-6)
+    assert size_checks.compute_largest_volume([2, 2, 1e-3]) == pytest.approx(
+        plate, rel=1e-6
+    )
     # A long needle fills its box
-    assert size_checks.largest_volume([50, 1, 1]) == pytest.approx(50, rel=1e-3)
+    assert size_checks.compute_largest_volume([50, 1, 1]) == pytest.approx(50, rel=1e-3)
     # Random points of the box that lie in the ball
     axes = np.array([21.14, 11.37, 9.88])
     points = np.random.default_rng(4).uniform(-0.5, 0.5, (400_000, 3)) * axes
     share = np.mean(np.linalg.norm(points, axis=1) < 0.5 * axes[0])
     error = math.sqrt(share * (1 - share) / len(points))
-    assert size_checks.largest_volume(axes) / axes.prod() == pytest.approx(
+    assert size_checks.compute_largest_volume(axes) / axes.prod() == pytest.approx(
         share, abs=4 * error
     )

@@ -9,7 +9,7 @@ from refusals import input_error
 from repose.common.errors import InputError
 from repose.dem.rotations import rotation_matrices
 from repose.grain import build, mesh_from_axes, sphere_packing
-from repose.grain.mesh import compute_body, ellipsoid_mesh, principal_pose
+from repose.grain.mesh import compute_body, ellipsoid_mesh, move_to_principal_pose
 from repose.grain.particle import Particle
 from repose.measure import silhouette
 
@@ -18,8 +18,8 @@ BERRY = {"shear_modulus_pa": 4.3e4, "poisson_ratio": 0.32}
 
 @pytest.fixture(scope="module")
 def goji():
-    return principal_pose(
-        mesh_from_axes.grain_mesh((21.14, 11.37, 9.88), 1.25, 840.47)[0]
+    return move_to_principal_pose(
+        mesh_from_axes.make_grain_mesh((21.14, 11.37, 9.88), 1.25, 840.47)[0]
     )
 
 
@@ -35,7 +35,9 @@ def test_known_unions_volumes_and_moments():
     np.testing.assert_allclose(particle.spheres_m, [[0, 0, 0, 5e-3]], atol=2e-5)
     assert particle.mass_kg == pytest.approx(4 / 3 * math.pi * 5e-3**3 * 1000, rel=0.01)
     spheres = np.array([[-0.5, 0, 0, 1.0], [0.5, 0, 0, 1.0]])
-    volume = sphere_packing.union_volume(spheres, np.array([[-1.0] * 3, [1.0] * 3]))
+    volume = sphere_packing.compute_union_volume(
+        spheres, np.array([[-1.0] * 3, [1.0] * 3])
+    )
     assert volume == pytest.approx(8 / 3 * math.pi - 5 / 12 * math.pi, rel=2e-3)
     a = 10e-3
     b = 6e-3
@@ -88,12 +90,12 @@ def test_the_fewest_spheres_are_near_volume_and_minor_axis(goji, surface):
     assert particle.volume_m3 == pytest.approx(1e-9 * goji.volume, rel=0.02)
     assert particle.axes_m[2] == pytest.approx(9.88e-3, rel=0.03 + 1e-6)
     # one sphere less is too far off, grown to the volume or to the longest minor axis that is allowed
-    filling = sphere_packing._Filling(goji, surface)
-    less = filling.place(count - 1)
+    packer = sphere_packing._SpherePacker(goji, surface)
+    less = packer.place(count - 1)
     room = 1.03 * 9.88 - sphere_packing._measure_extent(less, 2)
-    assert sphere_packing._measure_extent(filling.fill(count - 1), 2) > 1.03 * 9.88
+    assert sphere_packing._measure_extent(packer.pack(count - 1), 2) > 1.03 * 9.88
     less[:, 3] += room / 2
-    assert sphere_packing.union_volume(less, filling.box) < 0.98 * goji.volume
+    assert sphere_packing.compute_union_volume(less, packer.box) < 0.98 * goji.volume
 
 
 @pytest.mark.slow
@@ -101,10 +103,10 @@ def test_the_volume_of_a_union_with_sixteen_times_the_points(goji):
     box = np.stack([goji.vertices.min(axis=0), goji.vertices.max(axis=0)])
     for surface in ("smooth", "rough"):
         spheres = 1e3 * sphere_packing.pack(goji, 40, surface).spheres_m
-        more = sphere_packing.union_volume(
+        more = sphere_packing.compute_union_volume(
             spheres, box, 16 * sphere_packing.N_VOLUME_POINTS
         )
-        assert sphere_packing.union_volume(spheres, box) == pytest.approx(
+        assert sphere_packing.compute_union_volume(spheres, box) == pytest.approx(
             more, rel=2e-3
         )
 
@@ -123,7 +125,7 @@ def test_what_cannot_be_packed_is_refused_and_a_clump_keeps_its_numbers(
     assert again.semi_axes_m.shape == (0, 3)
     expected = clump.mesh_inertia_kg_m2
     np.testing.assert_allclose(again.mesh.inertia_kg_m2, expected, rtol=1e-11)
-    rows = build.compare(
+    rows = build.compare_particles(
         {"multisphere": clump, "smooth": InputError("berry.stl", "share", 0.8, "0.95")}
     )
     assert [row["body"] for row in rows] == ["mesh", "multisphere", "smooth"]

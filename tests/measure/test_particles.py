@@ -85,7 +85,7 @@ def written(tmp_path):
 def test_every_format_gives_the_same_numbers(written):
     centres = cone()
     upright = np.tile([1.0, 0.0, 0.0, 0.0], (len(centres), 1))
-    sphere = Particle.of_record(sphere_record())
+    sphere = Particle.from_record(sphere_record())
     ours = measure_pile(Grains(centres, upright, sphere), SETTINGS)
     for path in written:
         found = measure_particles(particle_files.read_particles(path), SETTINGS)

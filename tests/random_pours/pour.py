@@ -141,7 +141,7 @@ def sized(particle, factor):
     }
     for key, power in (powers | {"inertia_g_mm2": 5}).items():
         record[key] = (np.array(record[key]) * factor**power).tolist()
-    return type(particle).of_record(record)
+    return type(particle).from_record(record)
 
 
 def drawn(number, default, mean, particles):
@@ -521,7 +521,8 @@ def study():
         for name, entry in PARTICLES.items()
     }
     particles = {
-        name: build.of_settings(means[name], entry) for name, entry in settings.items()
+        name: build.make_configured_particle(means[name], entry)
+        for name, entry in settings.items()
     }
     return config, mean, particles
 

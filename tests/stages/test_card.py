@@ -121,7 +121,7 @@ def made(
         **known,
     )
     berry = read_grain(STUDY / "berry/berry.json")
-    particle = Particle.of_record(record_of_an_ellipsoid())
+    particle = Particle.from_record(record_of_an_ellipsoid())
     return card_study.make_card(
         studied(config), found, berry, particle, solutions, posterior
     )
@@ -314,7 +314,7 @@ def test_a_card_of_before_the_reason_is_read_and_judged(tmp_path, command):
 
 def test_equal_rows_of_sizes_are_one_mean(config, solutions):
     """Two equal rows are no two grains; 50 that scatter are 50."""
-    particle = Particle.of_record(record_of_an_ellipsoid())
+    particle = Particle.from_record(record_of_an_ellipsoid())
     grain = read_grain(STUDY / "berry/berry.json")
     measured = card_study._describe_grain(True, grain, particle)
     assert measured["measured"] == 50
@@ -419,7 +419,7 @@ def test_an_angle_of_a_pile_has_its_line_and_the_same_piles_by_every_other(
         "aor_whole_deg": math.nan
     }
     berry = read_grain(STUDY / "berry/berry.json")
-    particle = Particle.of_record(record_of_an_ellipsoid())
+    particle = Particle.from_record(record_of_an_ellipsoid())
     for means in (None, row):
         made_card = card_study.make_card(
             studied(config), found, berry, particle, solutions, answer_row=means

@@ -30,7 +30,7 @@ from verification.simulations import (
 from repose.dem import Clump, Shape, random_quaternion
 from repose.dem.rotations import rotation_matrices, rotation_matrix
 from repose.grain.build import make_particle
-from repose.grain.mesh_from_axes import grain_mesh
+from repose.grain.mesh_from_axes import make_grain_mesh
 
 MASS_G = 1.25
 BARREL_M = ((7.399e-3, 0.94e-3, 0.94e-3), (3.171e-3, 4.745e-3, 4.0e-3))
@@ -65,7 +65,7 @@ def particles():
             np.array(BARREL_M), MASS_G * 1e-3, solid.inertia_kg_m2, "grain"
         ),
     }
-    mesh, _ = grain_mesh(2e3 * np.array(GRAIN_M), MASS_G, GRAIN_DENSITY)
+    mesh, _ = make_grain_mesh(2e3 * np.array(GRAIN_M), MASS_G, GRAIN_DENSITY)
     for name, (spheres, surface) in CLUMPS.items():
         particle = make_particle(mesh, GRAIN_DENSITY, "multisphere", spheres, surface)
         shapes[name] = particle.dem_shape("grain")

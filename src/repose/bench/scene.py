@@ -151,7 +151,7 @@ def longest_time_step(scene: Scene) -> "time_steps.Limit":
         shapes={"berry": scene.particle.dem_shape("berry")},
         walls=frozenset({"wall"}),
     )
-    smallest_scale = size_distribution.smallest_scale(
+    smallest_scale = size_distribution.compute_smallest_scale(
         scene.settings.size_distribution, scene.grain
     )
     return time_steps.longest(contact_scene, smallest_scale=smallest_scale)

@@ -63,4 +63,4 @@ def load_grain_and_particle(
     # loads a library of meshes.
     from repose.grain import build
 
-    return grain, build.of_settings(grain, study.settings.berry)
+    return grain, build.make_configured_particle(grain, study.settings.berry)

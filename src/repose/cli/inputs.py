@@ -101,7 +101,7 @@ def _build_mesh(args: argparse.Namespace) -> None:
     density = args.density
     if density is None:
         density = load_study(args).settings.berry.density_kg_m3
-    mesh, shape_number = mesh_from_axes.grain_mesh(
+    mesh, shape_number = mesh_from_axes.make_grain_mesh(
         args.axes,
         args.mass_g,
         density_kg_m3=density,
@@ -116,7 +116,9 @@ def _build_mesh(args: argparse.Namespace) -> None:
 
     # Print how full the shape is, by its share of the box around it and by its profile.
     box_mm3 = args.axes[0] * args.axes[1] * args.axes[2]
-    inner_exponent, outer_exponent = mesh_from_axes.profile_exponents(shape_number)
+    inner_exponent, outer_exponent = mesh_from_axes.compute_profile_exponents(
+        shape_number
+    )
     print(
         f"{args.stl}: {mesh.volume:.1f} mm3, {mesh.volume / box_mm3:.3f} of the box "
         f"around it, profile (1 - |t|^{inner_exponent:.3g})^{outer_exponent:.3g}"

@@ -730,7 +730,7 @@ def _make_measure_settings(args: argparse.Namespace) -> "MeasureSettings":
     Without a study these are the default settings. The height of a grain then comes from
     the file sizes.csv in the working folder, if there is one.
     """
-    from repose.grain.berry import mean_axes
+    from repose.grain.berry import compute_mean_axes
     from repose.grain.berry_files import read_sizes
     from repose.measure.settings import MeasureSettings
 
@@ -759,7 +759,7 @@ def _make_measure_settings(args: argparse.Namespace) -> "MeasureSettings":
             # Mention the option that makes the faulty table unnecessary.
             allowed = f"{error.allowed}; or give the size of a grain by --grain-mm"
             raise InputError(error.source, error.key, error.value, allowed) from None
-        return settings.for_grain(mean_axes(sizes, keeps_volume))
+        return settings.for_grain(compute_mean_axes(sizes, keeps_volume))
     return settings
 
 

@@ -231,7 +231,7 @@ def _describe_sizes(study: PipelineConfig) -> Iterator[str]:
 
     # Two kinds of grains in one table.
     diameters_mm = np.cbrt(products_mm3)
-    groups = size_checks.find_groups(diameters_mm)
+    groups = size_checks.find_size_groups(diameters_mm)
     if groups is not None and groups.ratio > 1 + LARGEST_SPREAD:
         yield _describe_groups(groups, section.size_distribution)
 
@@ -246,8 +246,8 @@ def _describe_sizes(study: PipelineConfig) -> Iterator[str]:
     # A scan gives the volume directly, so there is nothing to check.
     if section.mass_g is None or section.stl is not None:
         return
-    mean_axes = berry.mean_axes(axes_mm, keeps_volume=False)
-    largest_mm3 = size_checks.largest_volume(list(mean_axes.values()))
+    mean_axes = berry.compute_mean_axes(axes_mm, keeps_volume=False)
+    largest_mm3 = size_checks.compute_largest_volume(list(mean_axes.values()))
     volume_mm3 = 1e6 * section.mass_g / section.density_kg_m3
     excess = volume_mm3 / largest_mm3 - 1
     if excess > LARGEST_EXCESS:

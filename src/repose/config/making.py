@@ -333,7 +333,7 @@ class ConfigChecks:
             settings = self.settings
             table1 = find_sibling_table(settings.validation.published, "table1.csv")
             result = self._call_and_collect_faults(
-                "berry", berry.of_settings, settings.berry, table1
+                "berry", berry.compute_configured_grain, settings.berry, table1
             )
             # The first part of the result is the statistics of the sizes, which no check
             # needs.
@@ -341,7 +341,10 @@ class ConfigChecks:
                 _, self.mean_grain = result
         if self.mean_grain is not None and self.particle is None:
             self.particle = self._call_and_collect_faults(
-                "berry", build.of_settings, self.mean_grain, self.settings.berry
+                "berry",
+                build.make_configured_particle,
+                self.mean_grain,
+                self.settings.berry,
             )
 
     def _compute_setting(self, setting: computed.ComputedSetting) -> None:

@@ -13,30 +13,34 @@ import pandas as pd
 
 from repose.common.errors import InputError, raise_together
 from repose.common.files import read_table, write_json, write_table
+from repose.common.numbers import rounded
 from repose.common.tables import Column
 from repose.grain import size_distribution
 from repose.grain.berry_files import (
+    LARGEST_SIZE_RATIO,
     SIZE_COLUMNS,
-    SIZE_FACTOR,
     read_compression,
     read_sizes,
 )
 from repose.grain.particle import check_positive
 from repose.grain.settings import GrainSettings
 
-# Columns of the compression tests, and the axes of the grain that they measure
-AXES_OF_TESTS = {
+# Columns of the compression tests, and the axis of the grain that each one measures
+AXIS_BY_TEST_COLUMN = {
     "length_1_mm": "long_mm",
     "width_1_mm": "minor_mm",
     "breadth_mm": "major_mm",
 }
-MODULUS_FACTOR = 30.0  # moduli of tested grains differ by less from their median
-# Elastic modulus of a jelly, and of what is stiffer than steel or diamond
-MODULI_PA = (1e3, 1e12)
+# A force whose modulus differs from the median by a larger factor is a mistake.
+LARGEST_MODULUS_RATIO = 30.0
+# Limits of plausible elastic moduli: of a jelly, and of diamond
+PLAUSIBLE_MODULI_PA = (1e3, 1e12)
 
 # Columns of the published table of sizes
-TABLE1 = ("dimension", "maximum", "minimum", "mean")
-STATISTICS = [Column(name, str if name == "dimension" else float) for name in TABLE1]
+TABLE1_NAMES = ("dimension", "maximum", "minimum", "mean")
+TABLE1_COLUMNS = [
+    Column(name, str if name == "dimension" else float) for name in TABLE1_NAMES
+]
 
 # One number, or a column of them.
 Numbers = Any
@@ -51,20 +55,23 @@ class Moduli(NamedTuple):
 
 
 class _Elasticity(NamedTuple):
-    """What a simulation needs of a material."""
+    """Elastic constants that a simulation needs, and their origin."""
 
     poisson_ratio: float
     shear_pa: float
-    is_reconstructed: bool  # whether it rests on rows that were not measured
+    is_reconstructed: bool  # whether they come from rows that were not measured
 
 
 def equivalent_diameter(long: Numbers, major: Numbers, minor: Numbers) -> Numbers:
-    """Compute the diameter of the sphere with the same product of full axes (Eq. 1)."""
+    """Compute the diameter of the sphere with the volume of an ellipsoid (Eq. 1).
+
+    Its cube is the product of the three full axes.
+    """
     return np.cbrt(long * major * minor)
 
 
 def sphericity(long: Numbers, major: Numbers, minor: Numbers) -> Numbers:
-    """Compute the equivalent diameter over the long axis (Eq. 1, there in percent)."""
+    """Compute the ratio of equivalent diameter and long axis (Eq. 1, in percent there)."""
     return equivalent_diameter(long, major, minor) / long
 
 
@@ -75,9 +82,9 @@ def elastic_modulus(
     width_1_m: Numbers,
     width_2_m: Numbers,
 ) -> Numbers:
-    """Compute the elastic modulus [Pa]: stress over strain along the load (Eq. 2).
+    """Compute the elastic modulus [Pa], the ratio of stress and strain (Eq. 2).
 
-    The loaded section is an ellipse.
+    Both are along the load. The loaded section is an ellipse.
 
     Parameters
     ----------
@@ -96,10 +103,10 @@ def elastic_modulus(
 def poisson_ratio(
     length_1: Numbers, length_2: Numbers, width_1: Numbers, width_2: Numbers
 ) -> Numbers:
-    """Compute Poisson's ratio, taken positive (Eq. 3).
+    """Compute the absolute value of Poisson's ratio (Eq. 3).
 
-    It is the strain of the length over that of the loaded width; 1 is before and 2
-    after the load.
+    It is the strain of the length divided by the strain of the loaded width. The number
+    1 stands for the size before the load, and 2 for the size under it.
     """
     length_strain = (length_2 - length_1) / length_1
     width_strain = (width_2 - width_1) / width_1
@@ -111,11 +118,11 @@ def shear_modulus(elastic_modulus_pa: float, poisson: float) -> float:
     return elastic_modulus_pa / (2 * (1 + poisson))
 
 
-def moduli(tests: pd.DataFrame) -> Moduli:
-    """Compute the moduli of compression tests (`read_compression`).
+def compute_moduli(tests: pd.DataFrame) -> Moduli:
+    """Compute the mean moduli of compression tests (`read_compression`).
 
-    The elastic modulus and Poisson's ratio are means over the tests; the shear modulus
-    follows from both by Eq. 4.
+    The elastic modulus and Poisson's ratio are means over the tests. The shear modulus
+    follows from these two means (Eq. 4).
     """
     elastic = _compute_elastic_moduli(tests).mean()
     poisson = poisson_ratio(
@@ -142,7 +149,7 @@ def _compute_elastic_moduli(tests: pd.DataFrame) -> pd.Series:
     )
 
 
-def summarise(sizes: pd.DataFrame, published: pd.DataFrame) -> pd.DataFrame:
+def summarise_sizes(sizes: pd.DataFrame, published: pd.DataFrame) -> pd.DataFrame:
     """Compute statistics of sizes, and compare them with the published ones.
 
     Parameters
@@ -150,7 +157,8 @@ def summarise(sizes: pd.DataFrame, published: pd.DataFrame) -> pd.DataFrame:
     sizes : DataFrame
         The sizes (`read_sizes`).
     published : DataFrame
-        The published statistics (Table 1), a row for each dimension; may be empty.
+        The published statistics (Table 1), a row for each dimension. The table may be
+        empty.
 
     Returns
     -------
@@ -158,7 +166,7 @@ def summarise(sizes: pd.DataFrame, published: pd.DataFrame) -> pd.DataFrame:
         A row for each dimension: the three axes, equivalent diameter and sphericity.
         The columns are statistics, published statistics, and their differences.
     """
-    # The values of all grains by dimension
+    # Collect the values of all grains for each dimension.
     axes = [sizes[column] for column in SIZE_COLUMNS]
     values_by_dimension = {column: sizes[column] for column in SIZE_COLUMNS}
     values_by_dimension["equivalent_diameter_mm"] = equivalent_diameter(*axes)
@@ -189,7 +197,7 @@ def summarise(sizes: pd.DataFrame, published: pd.DataFrame) -> pd.DataFrame:
     return table
 
 
-def mean_axes(sizes: pd.DataFrame, keeps_volume: bool) -> dict[str, float]:
+def compute_mean_axes(sizes: pd.DataFrame, keeps_volume: bool) -> dict[str, float]:
     """Compute the full axes of the mean grain [mm], by the names of their columns.
 
     Parameters
@@ -198,14 +206,15 @@ def mean_axes(sizes: pd.DataFrame, keeps_volume: bool) -> dict[str, float]:
         The sizes (`read_sizes`).
     keeps_volume : bool
         Whether the ellipsoid of the axes has the mean volume of the ellipsoids of all
-        grains. One factor scales the three mean axes until their product is the mean of
-        the products. Otherwise the axes are the means.
+        grains. If so, the three mean axes are multiplied by one factor, so that their
+        product is the mean of the products. Otherwise the axes are the means.
 
     Notes
     -----
-    The volume goes with the cube of the size, so the ellipsoid of the mean axes lacks a
-    part of the mean volume: 10 % for similar grains whose sizes scatter by 19 %, since
-    E[d^3] is E[d]^3 (1 + 3 s^2) for a normal distribution of relative spread s.
+    The ellipsoid of the mean axes is smaller than the mean of the ellipsoids, because
+    the volume is proportional to the cube of the size. If the size d is normally
+    distributed with the relative standard deviation s, then
+    E[d^3] = E[d]^3 (1 + 3 s^2). With s = 0.19 the difference is 10 % of the volume.
     """
     axes = sizes[list(SIZE_COLUMNS)]
     means = axes.mean()
@@ -238,15 +247,15 @@ def compute_mean_grain(
     density_kg_m3 : float
         Density of a grain.
     poisson_ratio, shear_modulus_pa : float, optional
-        Moduli of the grain. None takes the result of the compression tests. The elastic
-        modulus follows from both by Eq. 4.
+        Moduli of the grain. A modulus that is None is computed from the compression
+        tests. The elastic modulus follows from these two (Eq. 4).
     keeps_volume : bool
-        Whether the mean grain has the mean volume (`mean_axes`).
+        Whether the mean grain has the mean volume (`compute_mean_axes`).
 
     Returns
     -------
     statistics : DataFrame
-        A row for each dimension (`summarise`).
+        A row for each dimension (`summarise_sizes`).
     grain : dict
         The mean grain: axes, moduli, density and spread of the sizes, by key.
 
@@ -264,18 +273,20 @@ def compute_mean_grain(
     sizes = read_sizes(sizes_csv)
     # Moduli that are not given come from the compression tests.
     if poisson_ratio is None or shear_modulus_pa is None:
-        elasticity = _measure_elasticity(
+        elasticity = _compute_elasticity(
             sizes_csv, sizes, compression_csv, poisson_ratio, shear_modulus_pa
         )
     else:
-        elasticity = _Elasticity(poisson_ratio, shear_modulus_pa, False)
+        elasticity = _Elasticity(
+            poisson_ratio, shear_modulus_pa, is_reconstructed=False
+        )
     if table1_csv is None:
-        published = pd.DataFrame(columns=TABLE1)
+        published = pd.DataFrame(columns=TABLE1_NAMES)
     else:
-        published = read_table(table1_csv, STATISTICS)
+        published = read_table(table1_csv, TABLE1_COLUMNS)
 
     elastic_modulus_pa = 2 * (1 + elasticity.poisson_ratio) * elasticity.shear_pa
-    quantities = mean_axes(sizes, keeps_volume)
+    quantities = compute_mean_axes(sizes, keeps_volume)
     quantities["density_kg_m3"] = density_kg_m3
     quantities["elastic_modulus_pa"] = elastic_modulus_pa
     quantities["poisson_ratio"] = elasticity.poisson_ratio
@@ -285,20 +296,25 @@ def compute_mean_grain(
     grain["n"] = len(sizes)
     grain["reconstruction"] = has_reconstructed_sizes or elasticity.is_reconstructed
     spread = _compute_size_spread(sizes, published)
-    grain |= _round_numbers(dict(zip(size_distribution.KEYS, spread, strict=True)))
+    grain |= _round_numbers(
+        dict(zip(size_distribution.SPREAD_KEYS, spread, strict=True))
+    )
 
-    # The published statistics belong to the reconstructed crop; other sizes are not
-    # compared with them.
+    # The published statistics are of the crop whose sizes were reconstructed. Other
+    # sizes are compared with an empty table.
     reference = published if has_reconstructed_sizes else published.iloc[:0]
-    return summarise(sizes, reference), grain
+    return summarise_sizes(sizes, reference), grain
 
 
 def _round_numbers(numbers: dict[str, float]) -> dict[str, float]:
-    """Round to ten digits: a mean should not read 21.139999999999997."""
+    """Round numbers to ten significant digits.
+
+    This removes rounding errors, so that a mean is 21.14 and not 21.139999999999997.
+    """
     return {key: float(f"{value:.10g}") for key, value in numbers.items()}
 
 
-def _measure_elasticity(
+def _compute_elasticity(
     sizes_csv: str | PathLike,
     sizes: pd.DataFrame,
     compression_csv: str | PathLike | None,
@@ -312,11 +328,11 @@ def _measure_elasticity(
     sizes_csv : path
         File of the grains' sizes, for messages.
     sizes : DataFrame
-        Its table. Tests with other sizes are in another unit.
+        The table of this file. The sizes of the tested grains are compared with it.
     compression_csv : path or None
-        File of the tests. None raises the error that it is missing.
+        File of the tests. If it is None, an error says that the file is missing.
     poisson_ratio, shear_modulus_pa : float or None
-        A number replaces the result of the tests; None keeps it.
+        A number replaces the result of the tests. None keeps the result.
 
     Returns
     -------
@@ -332,17 +348,18 @@ def _measure_elasticity(
         allowed = "a file, unless poisson_ratio and shear_modulus_pa are both given"
         raise InputError("berry", "compression", None, allowed)
     tests = read_compression(compression_csv)
-    # Forces are judged by their moduli, which need sizes in the right unit.
+    # A force is checked by the modulus that it gives. If the sizes are wrong, so are
+    # the moduli; then the forces are not checked.
     faults = _find_size_faults(compression_csv, tests, sizes_csv, sizes)
     if not faults:
         faults = _find_force_faults(compression_csv, tests)
     raise_together(faults)
 
-    tested_moduli = moduli(tests)
-    poisson = tested_moduli.poisson_ratio if poisson_ratio is None else poisson_ratio
+    mean_moduli = compute_moduli(tests)
+    poisson = mean_moduli.poisson_ratio if poisson_ratio is None else poisson_ratio
     _check_poisson_ratio(compression_csv, poisson)
     if shear_modulus_pa is None:
-        shear_modulus_pa = shear_modulus(tested_moduli.elastic_pa, poisson)
+        shear_modulus_pa = shear_modulus(mean_moduli.elastic_pa, poisson)
     is_reconstructed = bool(tests.attrs["reconstruction"])
     return _Elasticity(poisson, shear_modulus_pa, is_reconstructed)
 
@@ -361,24 +378,24 @@ def _find_size_faults(
 ) -> list[InputError]:
     """Find the first column of the tests whose sizes are far from those of the grains.
 
-    Then the columns are hardly in the same unit.
+    The unit of such a column is probably wrong.
 
     Parameters
     ----------
     tests_csv, sizes_csv : path
         Files of the tests and of the grains' sizes, for messages.
     tests, sizes : DataFrame
-        Their tables (`read_compression`, `read_sizes`).
+        The tables of these files (`read_compression`, `read_sizes`).
 
     Returns
     -------
     list of InputError
         The fault; empty if the sizes agree.
     """
-    for column, axis in AXES_OF_TESTS.items():
+    for column, axis in AXIS_BY_TEST_COLUMN.items():
         tested_mm = float(tests[column].median())
         axis_mm = float(sizes[axis].median())
-        if not 1 / SIZE_FACTOR <= tested_mm / axis_mm <= SIZE_FACTOR:
+        if not 1 / LARGEST_SIZE_RATIO <= tested_mm / axis_mm <= LARGEST_SIZE_RATIO:
             allowed = (
                 f"a median near that of {axis} in {sizes_csv}, {axis_mm:g} mm: are "
                 "both in mm?"
@@ -390,17 +407,17 @@ def _find_size_faults(
 def _find_force_faults(
     tests_csv: str | PathLike, tests: pd.DataFrame
 ) -> list[InputError]:
-    """Find forces that can hardly be in N, by the elastic moduli that they give.
+    """Find implausible forces by the elastic moduli that they give.
 
-    The modulus of a test may differ too much from the median, and the mean modulus may
-    be impossible for a grain.
+    A single force is a fault if the modulus of its test is far from the median. All
+    forces together are a fault if their mean modulus is impossible for a grain.
 
     Parameters
     ----------
     tests_csv : path
         The file of the tests, for messages.
     tests : DataFrame
-        Its table.
+        The table of this file.
 
     Returns
     -------
@@ -408,38 +425,37 @@ def _find_force_faults(
         The faults; empty if all forces are plausible.
     """
     faults = []
-    # Single tests whose modulus is far from the median
+    # Check each test against the median of all tests.
     moduli_pa = _compute_elastic_moduli(tests)
-    median_pa = moduli_pa.median()
-    is_far = (moduli_pa > MODULUS_FACTOR * median_pa) | (
-        moduli_pa < median_pa / MODULUS_FACTOR
-    )
-    for row in moduli_pa.index[is_far]:
+    median_pa = float(moduli_pa.median())
+    is_too_stiff = moduli_pa > LARGEST_MODULUS_RATIO * median_pa
+    is_too_soft = moduli_pa < median_pa / LARGEST_MODULUS_RATIO
+    for row in moduli_pa.index[is_too_stiff | is_too_soft]:
         force_n = float(tests.at[row, "force_n"])
         allowed = (
-            f"a modulus within a factor of {MODULUS_FACTOR:g} of the median, {median_pa:.3g} Pa: "
-            "is it in N?"
+            f"a modulus within a factor of {LARGEST_MODULUS_RATIO:g} of the median, "
+            f"{rounded(median_pa, 3)} Pa: is it in N?"
         )
         fault = InputError(f"{tests_csv}, row {row}", "force_n", force_n, allowed)
         faults.append(fault)
 
-    # All tests together, if their mean modulus is that of no grain
+    # Check all tests together.
     mean_pa = float(moduli_pa.mean())
-    low, high = MODULI_PA
+    low, high = PLAUSIBLE_MODULI_PA
     if not low <= mean_pa <= high:
         median_n = float(tests["force_n"].median())
         allowed = (
-            f"forces that give a modulus from {low:g} to {high:g} Pa, not {mean_pa:.2g}: "
-            "are they in N?"
+            f"forces that give a modulus from {low:g} to {high:g} Pa, not "
+            f"{rounded(mean_pa, 2)}: are they in N?"
         )
         faults.append(InputError(tests_csv, "force_n", median_n, allowed))
     return faults
 
 
-def of_settings(
+def compute_configured_grain(
     section: GrainSettings, table1_csv: str | PathLike | None
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Compute statistics and mean grain of a configuration's section `berry`.
+    """Compute statistics and mean grain from the section `berry` of a configuration.
 
     Parameters
     ----------
@@ -451,7 +467,7 @@ def of_settings(
     Returns
     -------
     tuple
-        Statistics and mean grain, as of `compute_mean_grain`.
+        The statistics and the mean grain, as `compute_mean_grain` returns them.
     """
     return compute_mean_grain(
         sizes_csv=section.sizes,
@@ -467,17 +483,27 @@ def of_settings(
 def run(
     section: GrainSettings, table1_csv: str | PathLike | None, out_dir: str | PathLike
 ) -> None:
-    """Write summary.csv and berry.json of `of_settings` to a folder."""
-    summary, grain = of_settings(section, table1_csv)
+    """Write the result of `compute_configured_grain` to summary.csv and berry.json.
+
+    Parameters
+    ----------
+    section : GrainSettings
+        The section `berry`, with the files of the measurements.
+    table1_csv : path or None
+        File of the published statistics.
+    out_dir : path
+        Folder of both files.
+    """
+    statistics, grain = compute_configured_grain(section, table1_csv)
     out = Path(out_dir)
-    write_table(out / "summary.csv", summary, float_format="%.4f")
+    write_table(out / "summary.csv", statistics, float_format="%.4f")
     write_json(out / "berry.json", grain, indent=2)
 
 
 def _compute_size_spread(
     sizes: pd.DataFrame, published: pd.DataFrame
 ) -> size_distribution.Spread:
-    """Compute how much the equivalent diameters of the grains scatter.
+    """Compute the spread of the grains' equivalent diameters.
 
     Parameters
     ----------
@@ -489,15 +515,15 @@ def _compute_size_spread(
     Returns
     -------
     Spread
-        The spread, over the mean diameter. For reconstructed sizes it comes from the
-        published range, if there is one.
+        The spread as a share of the mean diameter. For reconstructed sizes it is
+        estimated from the published range, if there is one.
     """
     dimension = "equivalent_diameter_mm"
     published_rows = published.set_index("dimension")
     if sizes.attrs["reconstruction"] and dimension in published_rows.index:
         published_row = published_rows.loc[dimension]
-        return size_distribution.spread_of_range(
+        return size_distribution.estimate_spread(
             published_row["maximum"], published_row["minimum"], published_row["mean"]
         )
     axes = [sizes[column] for column in SIZE_COLUMNS]
-    return size_distribution.spread_of_sizes(equivalent_diameter(*axes))
+    return size_distribution.compute_spread(equivalent_diameter(*axes))

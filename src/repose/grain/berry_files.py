@@ -24,24 +24,28 @@ COMPRESSION_COLUMNS = (
 )
 
 # Limits of plausible measurements
-LENGTHS_MM = (0.5, 2000.0)  # a grain of 20 mm in metres or micrometres lies outside
-THINNEST = 0.12  # minor over major axis; a column in cm gives 0.1 or less
-SIZE_FACTOR = 5.0  # sizes of one crop, and of the tested grains, differ by less
-MOST_STRAIN = 0.5  # of a compression test: with more there is no elastic modulus
+# A grain of 20 mm would be below them in metres, and above them in micrometres.
+PLAUSIBLE_LENGTHS_MM = (0.5, 2000.0)
+# Ratio of minor and major axis. If the minor axis is in cm, the ratio is 0.1 or less.
+SMALLEST_WIDTH_RATIO = 0.12
+# Sizes of grains of one crop differ by a smaller factor from their median.
+LARGEST_SIZE_RATIO = 5.0
+# With more strain a compression test gives no elastic modulus.
+LARGEST_STRAIN = 0.5
 
-# The file of the mean grain
-WRITTEN = "the file of the verb berry"
-MODULI = ("shear_modulus_pa", "poisson_ratio")  # a simulation needs them
-# Its quantities besides the axes
-POSITIVE = (
+# The file of the mean grain, in words for messages
+GRAIN_FILE = "the file of the verb berry"
+MODULI = ("shear_modulus_pa", "poisson_ratio")  # keys that a simulation needs
+# Keys of its positive quantities besides the axes
+POSITIVE_KEYS = (
     "density_kg_m3",
     "elastic_modulus_pa",
     "shear_modulus_pa",
     "scale_low",
     "scale_high",
 )
-# Quantities that may be 0, and their largest values
-FROM_ZERO = {"poisson_ratio": 0.5, "scale_sd": 10.0}
+# Largest values of the quantities that may be 0, by key
+LARGEST_VALUES = {"poisson_ratio": 0.5, "scale_sd": 10.0}
 
 # A comment line with this word marks a file whose rows were not measured but made to
 # match a published table.
@@ -69,23 +73,24 @@ def read_sizes(path: str | PathLike) -> "pd.DataFrame":
     """
     sizes = _read_numbers(path, SIZE_COLUMNS)
     if len(sizes) < 2:
-        allowed = "at least 2 berries, or there is no standard deviation"
+        allowed = "at least 2 grains: a single one has no standard deviation"
         raise InputError(path, "rows", len(sizes), allowed)
 
     # Medians that are impossible for grains show a wrong unit.
     long_mm, major_mm, minor_mm = sizes.median().tolist()
-    low, high = LENGTHS_MM
+    low, high = PLAUSIBLE_LENGTHS_MM
     if not low <= long_mm <= high:
         allowed = f"a median from {low:g} to {high:g}: are the sizes in millimetres?"
         raise InputError(path, "long_mm", long_mm, allowed)
-    if minor_mm < THINNEST * major_mm:
+    if minor_mm < SMALLEST_WIDTH_RATIO * major_mm:
         allowed = (
-            f"a median of at least {THINNEST:g} of that of major_mm, {major_mm:g}: are "
+            f"a median of at least {SMALLEST_WIDTH_RATIO:g} of that of major_mm, {major_mm:g}: are "
             "all columns in millimetres?"
         )
         raise InputError(path, "minor_mm", minor_mm, allowed)
 
-    # Single sizes may be far from the others, or longer than the axis before them.
+    # Check single grains: a size may be far from the median of its column, or larger
+    # than the axis in the column before.
     faults: list[Fault] = []
     axis_before = None
     for axis in SIZE_COLUMNS:
@@ -100,19 +105,21 @@ def read_sizes(path: str | PathLike) -> "pd.DataFrame":
 def _find_longer_axes(
     sizes: "pd.DataFrame", axis: str, longer_axis: str
 ) -> list[Fault]:
-    """Find grains of which an axis is longer than another that should be longer.
+    """Find grains with an axis that exceeds another axis which should be the longer one.
 
     Parameters
     ----------
     sizes : DataFrame
-        A row for each grain, numbered from 1.
-    axis, longer_axis : str
-        Columns of the two axes.
+        A row for each grain. The rows are numbered from 1.
+    axis : str
+        Column of an axis.
+    longer_axis : str
+        Column of the axis that should be at least as long.
 
     Returns
     -------
     list of tuple
-        Row (from 0), column, value and allowed values of each fault.
+        Row number (from 0), column, value and allowed values of each fault.
     """
     faults: list[Fault] = []
     for row in sizes.index[sizes[axis] > sizes[longer_axis]]:
@@ -126,8 +133,9 @@ def _find_longer_axes(
 def read_compression(path: str | PathLike) -> "pd.DataFrame":
     """Read compression tests of single grains.
 
-    The grain lies on its broad side. The load is along its minor diameter W (width),
-    and the loaded section has the axes L (length) and breadth; 1 is before, 2 after.
+    The grain lies on its broad side. The load is along its minor diameter, the width.
+    The loaded section has the axes length and breadth. The number 1 in a column stands
+    for the size before the load, and 2 for the size under it.
 
     Parameters
     ----------
@@ -158,10 +166,10 @@ def read_compression(path: str | PathLike) -> "pd.DataFrame":
 
 
 def _find_strain_faults(tests: "pd.DataFrame") -> list[Fault]:
-    """Find sizes after a test that are impossible by those before it.
+    """Find sizes under the load that the sizes before the load make impossible.
 
-    The load makes a grain narrower along its width and longer across it, but by at most
-    the share `MOST_STRAIN`.
+    The load makes a grain narrower along its width and longer across it. Each change is
+    at most the share `LARGEST_STRAIN`.
 
     Parameters
     ----------
@@ -171,13 +179,13 @@ def _find_strain_faults(tests: "pd.DataFrame") -> list[Fault]:
     Returns
     -------
     list of tuple
-        Row (from 0), column, value and allowed values of each fault.
+        Row number (from 0), column, value and allowed values of each fault.
     """
     faults: list[Fault] = []
     for row, test in enumerate(tests.itertuples(index=False)):
         # The width may only shrink.
         width_mm = test.width_1_mm
-        if not (1 - MOST_STRAIN) * width_mm <= test.width_2_mm < width_mm:
+        if not (1 - LARGEST_STRAIN) * width_mm <= test.width_2_mm < width_mm:
             allowed = (
                 f"less than width_1_mm of the same test, {width_mm:g}, and at least "
                 "half of it"
@@ -185,7 +193,7 @@ def _find_strain_faults(tests: "pd.DataFrame") -> list[Fault]:
             faults.append((row, "width_2_mm", test.width_2_mm, allowed))
         # The length may only grow.
         length_mm = test.length_1_mm
-        if not length_mm <= test.length_2_mm <= (1 + MOST_STRAIN) * length_mm:
+        if not length_mm <= test.length_2_mm <= (1 + LARGEST_STRAIN) * length_mm:
             allowed = (
                 f"at least length_1_mm of the same test, {length_mm:g}, and at most "
                 "half as much again"
@@ -204,7 +212,7 @@ def read_grain(
     path : path
         The file.
     needed : iterable of str
-        Keys that it must have.
+        Keys that the file must have.
 
     Returns
     -------
@@ -216,18 +224,19 @@ def read_grain(
     InputError
         If a key is missing, or a number is impossible.
     """
-    grain = read_json(path, needed, WRITTEN)
-    # Check the needed keys, and the other known numbers that the file has.
-    known_keys = [key for key in (*POSITIVE, *FROM_ZERO) if key in grain]
+    grain = read_json(path, needed, GRAIN_FILE)
+    # Check the needed keys, and other known keys that the file may have. A needed key
+    # may be checked twice.
+    known_keys = [key for key in (*POSITIVE_KEYS, *LARGEST_VALUES) if key in grain]
     for key in (*needed, *known_keys):
         value = grain[key]
         is_number = type(value) in (int, float) and math.isfinite(value)
-        if key in FROM_ZERO:
-            largest = FROM_ZERO[key]
-            allowed = f"a number from 0 to {largest:g} in {WRITTEN}"
+        if key in LARGEST_VALUES:
+            largest = LARGEST_VALUES[key]
+            allowed = f"a number from 0 to {largest:g} in {GRAIN_FILE}"
             is_possible = is_number and 0 <= value <= largest
         else:
-            allowed = f"a positive number in {WRITTEN}"
+            allowed = f"a positive number in {GRAIN_FILE}"
             is_possible = is_number and value > 0
         if not is_possible:
             raise InputError(path, key, value, allowed)
@@ -240,20 +249,20 @@ def _find_outliers(column: "pd.Series") -> list[Fault]:
     Parameters
     ----------
     column : Series
-        Lengths in mm, with rows numbered from 1.
+        Lengths in mm. The rows are numbered from 1.
 
     Returns
     -------
     list of tuple
-        Row (from 0), column, value and allowed values of each fault.
+        Row number (from 0), column, value and allowed values of each fault.
     """
     median = column.median()
-    is_far = (column > SIZE_FACTOR * median) | (column < median / SIZE_FACTOR)
-    allowed = f"within a factor of {SIZE_FACTOR:g} of the median, {median:g} mm"
+    is_too_long = column > LARGEST_SIZE_RATIO * median
+    is_too_short = column < median / LARGEST_SIZE_RATIO
+    outliers = column[is_too_long | is_too_short]
+    allowed = f"within a factor of {LARGEST_SIZE_RATIO:g} of the median, {median:g} mm"
     name = str(column.name)
-    return [
-        (row - 1, name, float(column[row]), allowed) for row in column.index[is_far]
-    ]
+    return [(row - 1, name, float(length), allowed) for row, length in outliers.items()]
 
 
 def _read_numbers(path: str | PathLike, names: Sequence[str]) -> "pd.DataFrame":
@@ -264,7 +273,7 @@ def _read_numbers(path: str | PathLike, names: Sequence[str]) -> "pd.DataFrame":
     path : path
         The file.
     names : sequence of str
-        The columns. A column `test` has labels instead of numbers.
+        The names of the columns. The column `test` has labels instead of numbers.
 
     Returns
     -------
@@ -272,9 +281,10 @@ def _read_numbers(path: str | PathLike, names: Sequence[str]) -> "pd.DataFrame":
         The columns, with rows numbered from 1. The attribute ``reconstruction`` tells
         whether a comment in the file says that its rows were not measured.
     """
-    import pandas as pd  # slow to import: where there is a table
+    # pandas is slow to import, so it is imported only where a table is read.
+    import pandas as pd
 
-    # Each label of a test occurs once; all numbers are above 0.
+    # Each label of a test may occur once. All numbers must be above 0.
     columns = []
     for name in names:
         if name == "test":

@@ -1,4 +1,4 @@
-"""Make the simulated particle of a grain: fit it to the mesh of the grain."""
+"""Make the simulated particle of a grain from the mesh of the grain."""
 
 import functools
 import math
@@ -12,6 +12,7 @@ import trimesh
 
 from repose.common.errors import InputError
 from repose.common.files import write_bytes, write_table
+from repose.common.numbers import rounded
 from repose.dem.rotations import sphere_directions
 from repose.grain import mesh_from_axes, sphere_packing, support_fit
 from repose.grain.berry_files import SIZE_COLUMNS, read_grain
@@ -28,17 +29,20 @@ from repose.grain.settings import GrainSettings
 from repose.grain.support import support
 
 MESH_FILE = "berry.stl"
-N_DIRECTIONS = 2000  # in which the support of a mesh is fitted
+N_DIRECTIONS = 2000  # directions in which a particle is fitted to a mesh
 
-# Limits of a fitted particle
-LARGEST_DEVIATION = 0.15  # of the support values, in mean radii of the mesh
-VOLUME_TOLERANCE = 0.1  # sharp edges cost a smooth body volume, and with it mass
-ELLIPSOID_TOLERANCE = 2  # times the volume tolerance, for a single ellipsoid
+# Largest deviation of the support values, in mean radii of the mesh
+LARGEST_DEVIATION = 0.15
+# Relative difference of the volumes of particle and mesh. A smooth body leaves out the
+# sharp edges of a mesh, and a single ellipsoid fits less well than a sum of a few.
+VOLUME_TOLERANCE = 0.1
+ELLIPSOID_VOLUME_TOLERANCE = 0.2
 
 # Comparison of a scan with the table of sizes
-SIDES = ("shortest", "middle", "longest")
-# A larger ratio of a side to the mean of the sizes means another unit or crop.
-LARGEST_RATIO = 1.8
+SIDE_NAMES = ("shortest", "middle", "longest")
+# If a side differs from the mean of the sizes by a larger factor, the unit of one of
+# them is wrong, or they are of two crops.
+LARGEST_SIDE_RATIO = 1.8
 
 
 def fit_particle(
@@ -50,10 +54,12 @@ def fit_particle(
 ) -> Particle:
     """Fit a convex particle to the support values of a mesh.
 
-    The mass is the density times the volume of the particle, not of the mesh, because an
-    ellipsoid is smaller than a fuller grain of the same axes. If all vertices of a mesh
-    lie on an ellipsoid, the particle is this ellipsoid. Its volume is a little larger
-    than that of the mesh, and the deviations include the parts that the facets cut off.
+    If all vertices of the mesh lie on an ellipsoid, the particle is this ellipsoid. Its
+    volume is a little larger than that of the mesh, because the facets cut off thin
+    slices of the ellipsoid. The deviations include these slices.
+
+    The mass of the particle is the density times the volume of the particle, not of the
+    mesh.
 
     Parameters
     ----------
@@ -62,11 +68,11 @@ def fit_particle(
     density_kg_m3 : float
         Density of the grain.
     stl : str
-        Name of the mesh's file, for the particle.
+        Name of the mesh's file, which the particle keeps.
     source : object
         The mesh's file, for messages.
     kind : str
-        "ellipsoid" for a single ellipsoid, "smooth" for a sum of a few.
+        "ellipsoid" for a single ellipsoid, or "smooth" for a sum of a few ellipsoids.
 
     Returns
     -------
@@ -79,28 +85,32 @@ def fit_particle(
         If the particle does not represent the mesh.
     """
     check_positive(source, density_kg_m3=density_kg_m3)
-    # Extents of the mesh from its centre [m], and the radius of a ball of its volume
+    # The support values are the extents of the mesh from its centre [m]. The mean radius
+    # is that of a ball with the volume of the mesh.
     directions = sphere_directions(N_DIRECTIONS)
     mesh_support = compute_support(mesh, directions) * MM
-    radius = np.cbrt(mesh.volume * 3 / (4 * math.pi)) * MM
+    mean_radius = np.cbrt(mesh.volume * 3 / (4 * math.pi)) * MM
     is_ellipsoid = kind == "ellipsoid"
-    fit = support_fit.recognise_ellipsoid(
-        mesh.vertices * MM, radius, directions, mesh_support
+    fitted_axes = support_fit.recognise_ellipsoid(
+        mesh.vertices * MM, mean_radius, directions, mesh_support
     )
-    if fit is None:
-        counts = (1,) if is_ellipsoid else support_fit.COMPONENTS
-        fit = support_fit.fit_components(directions, mesh_support, radius, counts)
+    if fitted_axes is None:
+        counts = (1,) if is_ellipsoid else support_fit.COMPONENT_COUNTS
+        fitted_axes = support_fit.fit_components(
+            directions, mesh_support, mean_radius, counts
+        )
     # Round to nanometres, because smaller digits are only rounding errors of the file.
-    semi_axes = np.round(fit, 9)
+    semi_axes = np.round(fitted_axes, 9)
 
     # Refuse a particle that does not represent the mesh.
     deviations = np.abs(support(semi_axes, directions) - mesh_support)
     volume, second_moments = support_fit.volume_integrals(semi_axes)
-    tolerance = VOLUME_TOLERANCE * (ELLIPSOID_TOLERANCE if is_ellipsoid else 1)
     _check_fit(
-        relative_deviation=deviations.max() / radius,
+        relative_deviation=deviations.max() / mean_radius,
         volume_ratio=volume / (mesh.volume * MM**3),
-        tolerance=tolerance,
+        volume_tolerance=(
+            ELLIPSOID_VOLUME_TOLERANCE if is_ellipsoid else VOLUME_TOLERANCE
+        ),
         source=source,
     )
 
@@ -123,20 +133,29 @@ def fit_particle(
 
 
 def _check_fit(
-    *, relative_deviation: float, volume_ratio: float, tolerance: float, source: object
+    *,
+    relative_deviation: float,
+    volume_ratio: float,
+    volume_tolerance: float,
+    source: object,
 ) -> None:
-    """Raise InputError if the fitted particle does not represent the mesh.
+    """Check that a fitted particle represents its mesh.
 
     Parameters
     ----------
     relative_deviation : float
-        Largest deviation of the surface over the mesh's mean radius.
+        Largest deviation of the surfaces, in mean radii of the mesh.
     volume_ratio : float
         Volume of the particle over that of the mesh.
-    tolerance : float
+    volume_tolerance : float
         Allowed difference of this ratio from 1.
     source : object
         The mesh's file, for messages.
+
+    Raises
+    ------
+    InputError
+        If the deviation or the difference of the volumes is too large.
     """
     if relative_deviation > LARGEST_DEVIATION:
         key = "largest deviation of the particle over the mesh's mean radius"
@@ -145,10 +164,10 @@ def _check_fit(
             "three planes"
         )
         raise InputError(source, key, round(float(relative_deviation), 3), allowed)
-    if abs(volume_ratio - 1) > tolerance:
+    if abs(volume_ratio - 1) > volume_tolerance:
         key = "volume of the particle over the mesh's"
-        low = 1 - tolerance
-        high = 1 + tolerance
+        low = 1 - volume_tolerance
+        high = 1 + volume_tolerance
         allowed = f"from {low:g} to {high:g}: the particle is smooth, without edges"
         raise InputError(source, key, round(float(volume_ratio), 3), allowed)
 
@@ -177,7 +196,7 @@ def make_particle(
     surface : str
         Kind of surface of a multisphere, see `sphere_packing.pack`.
     stl : str
-        Name of the mesh's file, for the particle.
+        Name of the mesh's file, which the particle keeps.
     source : object
         The mesh's file, for messages.
 
@@ -198,7 +217,8 @@ def make_particle(
     check_positive(source, density_kg_m3=density_kg_m3)
 
     packing = sphere_packing.pack(mesh, spheres, surface, source)
-    # Spheres overlap, so mass and moments of inertia are those of the mesh.
+    # The spheres overlap, so their masses and moments must not be added. The particle
+    # has the mass and the moments of the mesh instead.
     body = compute_body(mesh, density_kg_m3)
     centres = packing.spheres_m[:, :3]
     radii = packing.spheres_m[:, 3]
@@ -220,13 +240,15 @@ def make_particle(
     )
 
 
-def compare(particles: Mapping[str, Particle | InputError]) -> list[dict[str, Any]]:
+def compare_particles(
+    particles: Mapping[str, Particle | InputError],
+) -> list[dict[str, Any]]:
     """Compare the particles of one mesh.
 
     Parameters
     ----------
     particles : mapping
-        The particles by name; an error stands for one that could not be made.
+        The particles by name. An error stands for a particle that could not be made.
 
     Returns
     -------
@@ -236,19 +258,18 @@ def compare(particles: Mapping[str, Particle | InputError]) -> list[dict[str, An
         a particle that could not be made, the key `refused` has the error instead.
     """
     rows = []
-    # Each particle has the same mesh, so the first one gives its row.
-    possible = [body for body in particles.values() if isinstance(body, Particle)]
-    mesh = possible[0].mesh if possible else None
+    # All particles have the same mesh, so the first particle gives the row of the mesh.
+    made_particles = [item for item in particles.values() if isinstance(item, Particle)]
+    mesh = made_particles[0].mesh if made_particles else None
     if mesh is not None:
-        rows.append(_make_row("mesh", mesh))
-    # Then one row for each particle
+        rows.append(_make_comparison_row("mesh", mesh))
     for name, particle in particles.items():
         if isinstance(particle, InputError):
             rows.append({"body": name, "refused": str(particle)})
             continue
         assert particle.mesh_volume_m3 is not None
         volume_ratio = particle.volume_m3 / particle.mesh_volume_m3
-        row = _make_row(name, particle)
+        row = _make_comparison_row(name, particle)
         row["volume_deviation_percent"] = 100 * (volume_ratio - 1)
         row["deviation_max_mm"] = particle.deviation_max_m / MM
         row["deviation_rms_mm"] = particle.deviation_rms_m / MM
@@ -257,8 +278,8 @@ def compare(particles: Mapping[str, Particle | InputError]) -> list[dict[str, An
     return rows
 
 
-def _make_row(name: str, body: Particle | Body) -> dict[str, Any]:
-    """List volume, mass, principal moments and extents of a body by column."""
+def _make_comparison_row(name: str, body: Particle | Body) -> dict[str, Any]:
+    """Make the row of a body: its volume, mass, principal moments and extents."""
     row: dict[str, Any] = {
         "body": name,
         "volume_mm3": body.volume_m3 / MM**3,
@@ -271,20 +292,22 @@ def _make_row(name: str, body: Particle | Body) -> dict[str, Any]:
     return row
 
 
-def of_settings(grain: Mapping[str, Any], section: GrainSettings) -> Particle:
-    """Make the particle of a configuration, the same as `run` makes.
+def make_configured_particle(
+    grain: Mapping[str, Any], section: GrainSettings
+) -> Particle:
+    """Make the particle of a configuration, the same that `run` writes to a file.
 
     Parameters
     ----------
     grain : mapping
-        The mean grain: its axes and its density.
+        The mean grain with its axes and its density.
     section : GrainSettings
         The section `berry`.
     """
     source = section.stl or MESH_FILE
     density_kg_m3 = grain["density_kg_m3"]
-    return _make_particle_from_file(
-        _make_mesh_file(grain, section.stl, section.mass_g),
+    return _make_particle_from_stl(
+        _make_stl(grain, section.stl, section.mass_g),
         density_kg_m3,
         kind=section.particle,
         spheres=section.spheres,
@@ -293,10 +316,11 @@ def of_settings(grain: Mapping[str, Any], section: GrainSettings) -> Particle:
     )
 
 
-# A particle takes a second to fit, and every load of a configuration makes it anew.
+# A particle takes a second to fit, and every load of a configuration needs it again. So
+# the last results are kept.
 @functools.lru_cache(maxsize=8)
-def _make_particle_from_file(
-    content: bytes,
+def _make_particle_from_stl(
+    stl_content: bytes,
     density_kg_m3: float,
     *,
     kind: str,
@@ -304,9 +328,9 @@ def _make_particle_from_file(
     surface: str,
     source: str,
 ) -> Particle:
-    """Make the particle of a mesh from the content of its file."""
+    """Make a particle from the content of an STL file, see `make_particle`."""
     return make_particle(
-        read_stl(content, source),
+        read_stl(stl_content, source),
         density_kg_m3,
         kind=kind,
         spheres=spheres,
@@ -316,38 +340,45 @@ def _make_particle_from_file(
     )
 
 
-def _make_mesh_file(
+def _make_stl(
     grain: Mapping[str, Any], stl: str | PathLike | None, mass_g: float | None
 ) -> bytes:
-    """Return the content of the mesh file of a grain.
+    """Make the content of the STL file of a grain.
 
     Parameters
     ----------
     grain : mapping
-        The mean grain: its axes (`repose.grain.berry.mean_axes`) and its density.
+        The mean grain with its axes (`repose.grain.berry.compute_mean_axes`) and its
+        density.
     stl : path or None
-        The user's scan. Without one, the mesh is made from the axes and the mass.
+        The user's scan. Without a scan, the mesh is made from the axes and the mass.
     mass_g : float or None
-        Mass of the mean grain. Without one, the mesh is the ellipsoid of the axes.
+        Mass of the mean grain. Without a mass, the mesh is the ellipsoid of the axes.
 
     Returns
     -------
     bytes
-        An STL file.
+        The content of the file.
+
+    Raises
+    ------
+    InputError
+        If the scan is faulty or has other sizes than the grain, or if no grain has
+        these axes and this mass.
     """
     axes_mm = [grain[name] for name in SIZE_COLUMNS]
     if stl is not None:
         scan = load_mesh(stl)
-        _check_sides(scan, axes_mm, stl)
+        _check_scan_size(scan, axes_mm, stl)
         return write_stl(scan)
-    return _make_mesh_file_from_axes(tuple(axes_mm), mass_g, grain["density_kg_m3"])
+    return _make_stl_from_axes(tuple(axes_mm), mass_g, grain["density_kg_m3"])
 
 
 @functools.lru_cache(maxsize=8)
-def _make_mesh_file_from_axes(
+def _make_stl_from_axes(
     axes_mm: tuple[float, ...], mass_g: float | None, density_kg_m3: float
 ) -> bytes:
-    """Make the content of the mesh file of a grain without a scan.
+    """Make the content of the STL file of a grain without a scan.
 
     The result is kept for the next call with the same numbers.
 
@@ -356,14 +387,14 @@ def _make_mesh_file_from_axes(
     axes_mm : tuple of float
         Full axes of the grain, the longest first.
     mass_g : float or None
-        Mass of the grain, which the mesh has. None makes the ellipsoid of the axes.
+        Mass of the grain. If it is None, the mesh is the ellipsoid of the axes.
     density_kg_m3 : float
         Density of the grain.
 
     Returns
     -------
     bytes
-        An STL file.
+        The content of the file.
 
     Raises
     ------
@@ -373,30 +404,45 @@ def _make_mesh_file_from_axes(
     if mass_g is None:
         return write_stl(ellipsoid_mesh(list(axes_mm)))
     try:
-        mesh, _ = mesh_from_axes.grain_mesh(list(axes_mm), mass_g, density_kg_m3)
+        mesh, _ = mesh_from_axes.make_grain_mesh(list(axes_mm), mass_g, density_kg_m3)
     except InputError as error:
         if error.key != "mass_g":
             raise
-        # If sizes scatter, the mean mass may be too large for the mean axes. Tell the
-        # user what to do about it.
+        # If the sizes of the grains differ much, the mean mass may be too large for the
+        # mean axes. Tell the user what to do about it.
         allowed = f"{error.allowed}; without it, the mean volume of the sizes is taken"
         raise InputError(error.source, error.key, error.value, allowed) from error
     return write_stl(mesh)
 
 
-def _check_sides(
+def _check_scan_size(
     scan: trimesh.Trimesh, axes_mm: list[float], stl: str | PathLike
 ) -> None:
-    """Raise InputError if a side of a scan is far from the mean of the sizes."""
+    """Check that the sides of a scan are near the mean axes of the measured grains.
+
+    Parameters
+    ----------
+    scan : Trimesh
+        The scan in mm.
+    axes_mm : list of float
+        Mean axes of the measured grains.
+    stl : path
+        The file of the scan, for messages.
+
+    Raises
+    ------
+    InputError
+        If a side is far from its mean.
+    """
     extents = sorted(scan.extents)
-    for side, extent, mean in zip(SIDES, extents, sorted(axes_mm), strict=True):
-        if not mean / LARGEST_RATIO <= extent <= mean * LARGEST_RATIO:
+    for name, extent, mean in zip(SIDE_NAMES, extents, sorted(axes_mm), strict=True):
+        if not mean / LARGEST_SIDE_RATIO <= extent <= mean * LARGEST_SIDE_RATIO:
             allowed = (
-                f"near {mean:.4g}, its mean in the table of sizes: are both in "
+                f"near {rounded(mean)}, its mean in the table of sizes: are both in "
                 "millimetres, and of one crop?"
             )
-            length = round(float(extent), 4)
-            raise InputError(stl, f"{side} side in mm", length, allowed)
+            length_mm = round(float(extent), 4)
+            raise InputError(stl, f"{name} side in mm", length_mm, allowed)
 
 
 def run(
@@ -409,11 +455,12 @@ def run(
     spheres: int | str = 14,
     surface: str = "smooth",
 ) -> Particle:
-    """Write berry.stl, particle.json, and particles.csv with all kinds of particles.
+    """Write the mesh, the particle, and a comparison of all kinds of particles.
 
-    The mesh is the user's scan, or a mesh from the mean axes and the mass. Without a mass
-    it is the ellipsoid of the mean axes. The particle is made from the mesh as it is read
-    from its file, in single precision.
+    The files are berry.stl, particle.json and particles.csv. The mesh is the user's
+    scan, or it is made from the mean axes and the mass. Without a mass it is the
+    ellipsoid of the mean axes. The particle is made from the mesh as a program reads it
+    from the file, in single precision.
 
     Parameters
     ----------
@@ -440,16 +487,17 @@ def run(
     Raises
     ------
     InputError
-        If this particle cannot be made; another kind that cannot be made is a row of
-        particles.csv.
+        If this particle cannot be made. If a particle of another kind cannot be made,
+        its row of particles.csv has the reason.
     """
+    # pandas is slow to import, and only this function needs it.
     import pandas as pd
 
     grain = read_grain(berry_json, (*SIZE_COLUMNS, "density_kg_m3"))
     out = Path(out_dir)
     source = stl or out / MESH_FILE
-    content = _make_mesh_file(grain, stl, mass_g)
-    mesh = read_stl(content, source)
+    stl_content = _make_stl(grain, stl, mass_g)
+    mesh = read_stl(stl_content, source)
 
     def make_particle_of_kind(particle_kind: str) -> Particle:
         return make_particle(
@@ -462,20 +510,21 @@ def run(
             source=source,
         )
 
-    # All kinds are made and compared; only the configured one must succeed.
+    # The particle of this kind must be possible. The other kinds are made only for the
+    # comparison.
     particle = make_particle_of_kind(kind)
     particles: dict[str, Particle | InputError] = {}
-    for name in KINDS:
-        if name == kind:
-            particles[name] = particle
+    for other_kind in KINDS:
+        if other_kind == kind:
+            particles[other_kind] = particle
             continue
         try:
-            particles[name] = make_particle_of_kind(name)
+            particles[other_kind] = make_particle_of_kind(other_kind)
         except InputError as error:
-            particles[name] = error
+            particles[other_kind] = error
 
-    write_bytes(out / MESH_FILE, content)
-    comparison = pd.DataFrame(compare(particles))
+    write_bytes(out / MESH_FILE, stl_content)
+    comparison = pd.DataFrame(compare_particles(particles))
     write_table(out / "particles.csv", comparison, float_format="%.6g")
     particle.save(out / "particle.json")
     return particle

@@ -11,27 +11,39 @@ import trimesh
 from numpy.typing import ArrayLike
 
 from repose.common.errors import InputError
-from repose.grain.berry_files import LENGTHS_MM
+from repose.common.numbers import rounded
+from repose.grain.berry_files import PLAUSIBLE_LENGTHS_MM
 from repose.grain.particle import MM, Body
 
-CONVEX_SHARE = 0.95  # smallest share of its convex hull that a mesh fills
-FLATTEST = 0.01  # shortest side over the longest
-CHUNK = 500  # directions whose support values are computed at once
+# Volume of a mesh over that of its convex hull
+SMALLEST_HULL_SHARE = 0.95
+ROUNDING = 1e-6  # by which this share may exceed 1
+# Shortest side of a mesh over its longest
+SMALLEST_SIDE_RATIO = 0.01
+FEWEST_FACES = 4  # of a closed surface: a tetrahedron
+# Number of directions whose support values are computed at once, to save memory
+DIRECTIONS_PER_CHUNK = 500
 
-# A binary STL file: a header whose last four bytes are the number of facets, and facets
-STL_HEADER = 84
-STL_FACET = 50
-# An STL file in text: what its beginning does not and may not contain
+# A binary STL file has a header, which ends with the number of facets, and the facets.
+STL_HEADER_BYTES = 84
+STL_FACET_BYTES = 50
+# An STL file in text has no control characters in its beginning. A decimal comma there
+# is an error.
 CONTROL_CHARACTER = re.compile(rb"[\0-\x08\x0e-\x1f]")
 DECIMAL_COMMA = re.compile(rb"vertex\s+[-+\d]+,\d\S*")
-BEGINNING = 1000  # bytes
+BEGINNING_BYTES = 1000
 BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
 def ellipsoid_mesh(axes_mm: ArrayLike, subdivisions: int = 4) -> trimesh.Trimesh:
-    """Make a watertight mesh of an ellipsoid with full axes (3,).
+    """Make a watertight mesh whose vertices lie on an ellipsoid.
 
-    Its vertices lie on the ellipsoid.
+    Parameters
+    ----------
+    axes_mm : array_like
+        Full axes (3,) of the ellipsoid along x, y and z.
+    subdivisions : int
+        How often each triangle of an icosahedron is divided into four.
     """
     mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=0.5)
     mesh.apply_scale(np.asarray(axes_mm, dtype=float))
@@ -39,9 +51,9 @@ def ellipsoid_mesh(axes_mm: ArrayLike, subdivisions: int = 4) -> trimesh.Trimesh
 
 
 def load_mesh(path: str | PathLike) -> trimesh.Trimesh:
-    """Read a mesh in a format of trimesh, such as STL.
+    """Read a mesh in any format that trimesh can read, such as STL.
 
-    It is checked (`check_mesh`) and turned into its principal pose.
+    The mesh is checked (`check_mesh`) and moved to its principal pose.
 
     Parameters
     ----------
@@ -63,12 +75,12 @@ def load_mesh(path: str | PathLike) -> trimesh.Trimesh:
         allowed = "an existing mesh file, such as an STL in millimetres"
         raise InputError(path, "file", None, allowed)
     if path.suffix.lower() == ".stl":
-        return read_stl(_complete_stl(path.read_bytes(), path), path)
+        return read_stl(_trim_stl(path.read_bytes(), path), path)
     return _read_mesh(path, None, path)
 
 
-def _complete_stl(content: bytes, source: object) -> bytes:
-    """Return the content of an STL file up to the end of its only body.
+def _trim_stl(content: bytes, source: object) -> bytes:
+    """Cut off whatever follows the only body in the content of an STL file.
 
     Parameters
     ----------
@@ -88,20 +100,21 @@ def _complete_stl(content: bytes, source: object) -> bytes:
         If the file is cut off, or has two bodies.
     """
     text = content.removeprefix(BYTE_ORDER_MARK).lower().replace(b"\r", b"\n")
-    beginning = text[:BEGINNING]
+    beginning = text[:BEGINNING_BYTES]
     decimal_comma = DECIMAL_COMMA.search(beginning)
     if decimal_comma:
         allowed = "numbers with a decimal point"
         raise InputError(source, "numbers", decimal_comma[0].decode(), allowed)
-    # A binary file may also begin with the word "solid", but has control characters.
+    # A binary file may begin with the word "solid" like a text, but it also has control
+    # characters.
     is_text = b"facet" in text and not CONTROL_CHARACTER.search(beginning)
     if is_text:
-        return _complete_text_stl(text, source)
-    return _complete_binary_stl(content, source)
+        return _trim_text_stl(text, source)
+    return _trim_binary_stl(content, source)
 
 
-def _complete_text_stl(text: bytes, source: object) -> bytes:
-    """Check an STL in lower-case text, and end it with a single `endsolid`.
+def _trim_text_stl(text: bytes, source: object) -> bytes:
+    """Check an STL file in text, and end it with a single `endsolid`.
 
     Parameters
     ----------
@@ -110,26 +123,31 @@ def _complete_text_stl(text: bytes, source: object) -> bytes:
     source : object
         The file, for messages.
 
+    Returns
+    -------
+    bytes
+        The text up to its last facet, and `endsolid`.
+
     Raises
     ------
     InputError
         If the file is cut off within a facet.
     """
-    n_beginnings = len(re.findall(rb"(?m)^\s*facet\b", text))
-    n_ends = len(re.findall(rb"(?m)^\s*endfacet\b", text))
-    if n_beginnings != n_ends:
-        allowed = f"{n_beginnings}, as many as begin: the file is cut off"
-        raise InputError(source, "facets", n_ends, allowed)
-    # Remove the last `endsolid` and everything after it, and append a new one. The file
-    # may have no `endsolid`.
+    n_begun = len(re.findall(rb"(?m)^\s*facet\b", text))
+    n_ended = len(re.findall(rb"(?m)^\s*endfacet\b", text))
+    if n_begun != n_ended:
+        allowed = f"{n_begun}, as many as begin: the file is cut off"
+        raise InputError(source, "facets", n_ended, allowed)
+    # Replace the last `endsolid` and everything after it. If the file has no
+    # `endsolid`, only add one.
     end = text.rfind(b"endsolid")
     if end > text.rfind(b"endfacet"):
         text = text[:end]
     return text + b"\nendsolid\n"
 
 
-def _complete_binary_stl(content: bytes, source: object) -> bytes:
-    """Return the content of a binary STL up to its last facet, by the count in its header.
+def _trim_binary_stl(content: bytes, source: object) -> bytes:
+    """Cut off whatever follows the last facet of a binary STL file.
 
     Parameters
     ----------
@@ -138,36 +156,43 @@ def _complete_binary_stl(content: bytes, source: object) -> bytes:
     source : object
         The file, for messages.
 
+    Returns
+    -------
+    bytes
+        The header, and as many facets as it says.
+
     Raises
     ------
     InputError
         If the file is cut off, or if another body follows.
     """
     # The header ends with the number of facets, in four bytes.
-    n_in_header = int.from_bytes(content[STL_HEADER - 4 : STL_HEADER], "little")
-    n_facets = max(len(content) - STL_HEADER, 0) // STL_FACET
+    header = content[:STL_HEADER_BYTES]
+    n_in_header = int.from_bytes(header[STL_HEADER_BYTES - 4 :], "little")
+    n_facets = max(len(content) - STL_HEADER_BYTES, 0) // STL_FACET_BYTES
     if n_facets < max(n_in_header, 1):
         expected = n_in_header or "some"
         allowed = f"{expected}, as its header says: the file is cut off, or no STL"
         raise InputError(source, "facets", n_facets, allowed)
-    end = STL_HEADER + STL_FACET * n_in_header
+    end = STL_HEADER_BYTES + STL_FACET_BYTES * n_in_header
     rest = content[end:].strip(b"\0\t\r\n ")
-    # The rest may be long enough for another file with a facet.
-    if len(rest) >= STL_HEADER + STL_FACET:
+    # A rest that could hold another header and a facet is taken for another body. A
+    # shorter rest, such as a comment of a program, is cut off.
+    if len(rest) >= STL_HEADER_BYTES + STL_FACET_BYTES:
         allowed = f"{n_in_header}, as its header says: one body"
         raise InputError(source, "facets", n_facets, allowed)
     return content[:end]
 
 
 def _read_mesh(file: Any, file_type: str | None, source: object) -> trimesh.Trimesh:
-    """Read a mesh by trimesh, check it and turn it into its principal pose.
+    """Read a mesh by trimesh, check it and move it to its principal pose.
 
     Parameters
     ----------
-    file : path or file
-        What trimesh reads.
+    file : path or file object
+        The file that trimesh reads.
     file_type : str or None
-        Format of trimesh; None leaves it to the ending of the path.
+        Name of the format in trimesh. If it is None, the suffix of the path decides.
     source : object
         The file, for messages.
 
@@ -179,18 +204,19 @@ def _read_mesh(file: Any, file_type: str | None, source: object) -> trimesh.Trim
     Raises
     ------
     InputError
-        If trimesh cannot read it, or if it is no mesh of a grain.
+        If trimesh cannot read the file, or if the mesh is not that of a grain.
     """
     try:
         mesh: Any = trimesh.load(file, file_type=file_type, force="mesh")
-    except Exception as error:  # whatever the parser of the format raises
+    except Exception as error:  # each parser of a format raises errors of its own
+        # Some formats need a package that is not installed.
         if isinstance(error, ImportError):
             problem = "in a format that is not read here"
         else:
             problem = str(error)
         allowed = "a mesh that trimesh can read: save it as STL, in mm"
         raise InputError(source, "file", problem, allowed) from None
-    return principal_pose(check_mesh(mesh, source))
+    return move_to_principal_pose(check_mesh(mesh, source))
 
 
 def write_stl(mesh: trimesh.Trimesh) -> bytes:
@@ -201,9 +227,14 @@ def write_stl(mesh: trimesh.Trimesh) -> bytes:
 
 
 def read_stl(stl: bytes, source: object) -> trimesh.Trimesh:
-    """Read the mesh of the content of an STL file, as by `load_mesh`.
+    """Read a mesh from the content of an STL file, and check it as `load_mesh` does.
 
-    Messages name `source`.
+    Parameters
+    ----------
+    stl : bytes
+        Content of the file, with lengths in mm.
+    source : object
+        The file, for messages.
     """
     return _read_mesh(BytesIO(stl), "stl", source)
 
@@ -214,8 +245,8 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> trimesh.Trimesh:
     Parameters
     ----------
     mesh : Trimesh
-        The mesh in mm. It is changed: equal vertices are merged, and facets without an
-        area, and some that are there twice, are removed.
+        The mesh in mm. It is changed: equal vertices are merged, and bad facets may be
+        removed (`_remove_bad_facets`).
     source : object
         The mesh's file, for messages.
 
@@ -227,17 +258,17 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> trimesh.Trimesh:
     Raises
     ------
     InputError
-        Unless it is one closed body whose faces look outwards, has a plausible size and
-        is nearly convex.
+        Unless the mesh is a single closed body of a plausible size. Its faces must look
+        outwards, and it must be nearly convex.
     """
-    if len(mesh.faces) < 4:
-        allowed = "a closed surface of at least 4 faces"
+    if len(mesh.faces) < FEWEST_FACES:
+        allowed = f"a closed surface of at least {FEWEST_FACES} faces"
         raise InputError(source, "faces", len(mesh.faces), allowed)
     if not np.isfinite(mesh.vertices).all():
         allowed = "finite coordinates in millimetres"
         raise InputError(source, "vertices", "not finite", allowed)
-    _check_sides(mesh, source)
-    # Several groups, or solids, may be one body.
+    _check_extents(mesh, source)
+    # A file may divide one body into several groups. Their common vertices become one.
     mesh.merge_vertices(merge_norm=True, merge_tex=True)
     _remove_bad_facets(mesh, source)
     if not mesh.is_watertight or not mesh.is_winding_consistent:
@@ -249,8 +280,8 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> trimesh.Trimesh:
     return mesh
 
 
-def _check_sides(mesh: trimesh.Trimesh, source: object) -> None:
-    """Raise InputError for a mesh that is hardly in mm, or is flat.
+def _check_extents(mesh: trimesh.Trimesh, source: object) -> None:
+    """Check that the size of a mesh is plausible in mm, and that the mesh is not flat.
 
     Parameters
     ----------
@@ -258,24 +289,30 @@ def _check_sides(mesh: trimesh.Trimesh, source: object) -> None:
         The mesh in mm.
     source : object
         The mesh's file, for messages.
+
+    Raises
+    ------
+    InputError
+        If the longest or the shortest side is implausible.
     """
     longest = float(mesh.extents.max())
     shortest = float(mesh.extents.min())
-    low, high = LENGTHS_MM
+    low, high = PLAUSIBLE_LENGTHS_MM
     if not low <= longest <= high:
         allowed = f"from {low:g} to {high:g}: is the mesh in millimetres?"
         raise InputError(source, "longest side in mm", longest, allowed)
-    if shortest < FLATTEST * longest:
+    if shortest < SMALLEST_SIDE_RATIO * longest:
         allowed = (
-            f"at least {FLATTEST:g} of the longest, {longest:.4g} mm: a body, no sheet"
+            f"at least {SMALLEST_SIDE_RATIO:g} of the longest, {rounded(longest)} mm: a "
+            "body, no sheet"
         )
         raise InputError(source, "shortest side in mm", shortest, allowed)
 
 
 def _remove_bad_facets(mesh: trimesh.Trimesh, source: object) -> None:
-    """Remove facets without an area, and then repeated facets.
+    """Remove facets without an area, and then repeated facets, from an open mesh.
 
-    A closed mesh is not changed, because a facet without an area may close a gap.
+    A closed mesh keeps them, because a facet without an area may close a gap.
 
     Parameters
     ----------
@@ -287,23 +324,24 @@ def _remove_bad_facets(mesh: trimesh.Trimesh, source: object) -> None:
     Raises
     ------
     InputError
-        If half of the facets are bad.
+        If at least half of the facets are bad, also in a closed mesh.
     """
     for find_good_facets in (mesh.nondegenerate_faces, mesh.unique_faces):
         is_good = find_good_facets()
         n_good = int(is_good.sum())
-        if 2 * n_good <= len(is_good):
+        n_bad = len(is_good) - n_good
+        if n_bad >= n_good:
             key = "facets with an area, each once"
             allowed = f"{len(is_good)}: is the body there twice?"
             raise InputError(source, key, n_good, allowed)
-        if n_good < len(is_good) and not mesh.is_watertight:
+        if n_bad > 0 and not mesh.is_watertight:
             mesh.update_faces(is_good)
 
 
 def _make_open_surface_error(mesh: trimesh.Trimesh, source: object) -> InputError:
-    """Make the error of a mesh that is not closed, with the kinds of its bad edges.
+    """Make the error that a mesh is not closed; it counts the bad edges of each kind.
 
-    An edge of a closed surface belongs to two facets that look outwards.
+    Each edge of a closed surface belongs to two facets that look outwards.
 
     Parameters
     ----------
@@ -315,21 +353,23 @@ def _make_open_surface_error(mesh: trimesh.Trimesh, source: object) -> InputErro
     Returns
     -------
     InputError
-        The error, which counts the edges of each kind.
+        The error.
     """
-    # `mesh.edges` has the two vertices of each edge once for each facet. Give equal
-    # edges one number, and count their facets.
+    # `mesh.edges` lists an edge once for each of its facets, as a pair of vertices. Give
+    # equal edges the same number, and count the facets of each edge.
     _, edge_numbers, n_facets = np.unique(
         mesh.edges_sorted, axis=0, return_inverse=True, return_counts=True
     )
-    # Two facets that look to the same side go along their edge in opposite directions:
-    # one of them from the vertex with the lower number to the higher.
+    # Two facets that look to the same side pass their common edge in opposite
+    # directions. So exactly one of them passes it from its lower vertex to the higher.
     is_ascending = mesh.edges[:, 0] < mesh.edges[:, 1]
     n_ascending = np.bincount(edge_numbers.ravel(), is_ascending)
+    n_single = (n_facets == 1).sum()
+    n_crowded = (n_facets > 2).sum()
     n_turned = ((n_facets == 2) & (n_ascending != 1)).sum()
     problem = (
-        f"{(n_facets == 1).sum()} edges of one facet, {(n_facets > 2).sum()} of more "
-        f"than two, {n_turned} between facets of which one is turned over"
+        f"{n_single} edges of one facet, {n_crowded} of more than two, {n_turned} "
+        "between facets of which one is turned over"
     )
     allowed = (
         "a watertight surface: each edge belongs to two facets that look outwards; is "
@@ -339,25 +379,31 @@ def _make_open_surface_error(mesh: trimesh.Trimesh, source: object) -> InputErro
 
 
 def _check_volume(mesh: trimesh.Trimesh, source: object) -> None:
-    """Raise InputError unless the faces look outwards and the mesh is nearly convex.
+    """Check that the faces of a mesh look outwards, and that it is nearly convex.
 
     Parameters
     ----------
     mesh : Trimesh
-        The mesh in mm, which is closed.
+        The closed mesh in mm.
     source : object
         The mesh's file, for messages.
+
+    Raises
+    ------
+    InputError
+        If one of both is not the case.
     """
+    # The volume of a mesh whose faces look inwards is negative.
     volume = float(mesh.volume)
     if volume <= 0:
         allowed = "positive; the faces must look outwards"
         raise InputError(source, "volume in mm3", volume, allowed)
     hull_share = volume / float(mesh.convex_hull.volume)
-    if CONVEX_SHARE <= hull_share <= 1 + 1e-6:
+    if SMALLEST_HULL_SHARE <= hull_share <= 1 + ROUNDING:
         return
     if hull_share < 1:
         allowed = (
-            f"at least {CONVEX_SHARE:g}; the particle is convex and cannot stand for "
+            f"at least {SMALLEST_HULL_SHARE:g}; the particle is convex and cannot stand for "
             "dents this deep"
         )
     else:
@@ -366,11 +412,11 @@ def _check_volume(mesh: trimesh.Trimesh, source: object) -> None:
     raise InputError(source, key, round(hull_share, 4), allowed)
 
 
-def principal_pose(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
-    """Copy a mesh and move it into its principal pose.
+def move_to_principal_pose(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
+    """Copy a mesh and move the copy to the principal pose.
 
-    The centre of mass is the origin, and the principal axes are x (the longest), y and
-    z.
+    In this pose the centre of mass lies in the origin, and the principal axes lie along
+    x, y and z. The axis of the smallest moment of inertia, the longest one, is x.
 
     Parameters
     ----------
@@ -382,25 +428,32 @@ def principal_pose(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     Trimesh
         The copy.
     """
-    # The rows are the principal axes. Their moments ascend, and the smallest moment
-    # belongs to the longest axis.
+    # The rows of this matrix are the principal axes, ordered by their moments. The
+    # smallest moment belongs to the longest axis.
     axes = np.linalg.eigh(mesh.moment_inertia).eigenvectors.T
-    # An axis may point to either side. Its largest component is made positive, so that
-    # the pose does not depend on the eigenvector routine. The third axis follows from
-    # the others: the frame is right-handed.
+    # An eigenvector may point to either side. The largest component of an axis is made
+    # positive, so that the pose does not depend on the routine for eigenvectors.
     for axis in axes[:2]:
         largest = np.argmax(np.abs(axis))
         axis *= np.sign(axis[largest])
+    # The third axis follows from the others, because the frame is right-handed.
     axes[2] = np.cross(axes[0], axes[1])
-    posed = mesh.copy()
-    posed.vertices = (mesh.vertices - mesh.center_mass) @ axes.T
-    return posed
+    moved_mesh = mesh.copy()
+    moved_mesh.vertices = (mesh.vertices - mesh.center_mass) @ axes.T
+    return moved_mesh
 
 
 def compute_body(mesh: trimesh.Trimesh, density_kg_m3: float) -> Body:
-    """Compute volume, mass, moments and extents of a mesh (mm, principal pose).
+    """Compute volume, mass, principal moments and extents of a mesh.
 
-    They are exact integrals over the polyhedron.
+    The volume and the moments are exact integrals over the polyhedron.
+
+    Parameters
+    ----------
+    mesh : Trimesh
+        The mesh in mm, in its principal pose.
+    density_kg_m3 : float
+        Density of the body.
     """
     volume_m3 = float(mesh.volume) * MM**3
     moments = np.diag(mesh.moment_inertia)
@@ -413,11 +466,22 @@ def compute_body(mesh: trimesh.Trimesh, density_kg_m3: float) -> Body:
 
 
 def compute_support(mesh: trimesh.Trimesh, n: np.ndarray) -> np.ndarray:
-    """Compute support values (N,) of a mesh in its unit.
+    """Compute the support values of a mesh: its extents from the origin.
 
-    They are the extents from the origin in the directions n (N, 3).
+    Parameters
+    ----------
+    mesh : Trimesh
+        The mesh.
+    n : ndarray
+        Unit vectors (N, 3), the directions of the extents.
+
+    Returns
+    -------
+    ndarray
+        The values (N,), in the unit of the mesh.
     """
     vertices = np.asarray(mesh.convex_hull.vertices)
-    # In chunks: a scan's hull times all directions would fill gigabytes.
-    chunks = np.array_split(n, 1 + len(n) // CHUNK)
+    # The directions are treated in chunks. All directions times all vertices of a scan
+    # would fill gigabytes.
+    chunks = np.array_split(n, 1 + len(n) // DIRECTIONS_PER_CHUNK)
     return np.concatenate([(chunk @ vertices.T).max(axis=1) for chunk in chunks])

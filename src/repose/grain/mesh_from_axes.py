@@ -9,88 +9,98 @@ import trimesh
 from scipy.optimize import brentq
 
 from repose.common.errors import InputError
+from repose.common.numbers import rounded
 from repose.grain.particle import MM, check_positive
 
-# Shape numbers of the leanest and the fullest convex body (`profile_exponents`)
+# Shape numbers of the convex bodies with the smallest and the largest volume
+# (`compute_profile_exponents`)
 SHAPE_LIMITS = (1.0, 30.0)
+# Accuracy of a shape number, near the precision of a float
+SHAPE_TOLERANCE = 1e-12
 LARGEST_TAPER = 0.5
-LARGEST_GROOVE = 0.15  # depth over the smallest radius
-WRINKLES = (3, 40)
-RINGS = 64
-SECTORS = 96
+LARGEST_GROOVE = 0.15  # depth of a groove over the smallest radius of the grain
+WRINKLES = (3, 40)  # fewest and most grooves
+RINGS = 64  # steps along the outline of a mesh, from tip to tip
+SECTORS = 96  # points around the long axis
+# Points of one half of the outline, from which the steps are interpolated
+OUTLINE_POINTS = 4000
 
 Axes = Sequence[float] | np.ndarray
 
 
 @dataclass(frozen=True)
 class _Details:
-    """What a grain has besides axes and fullness."""
+    """Taper and grooves of a grain, which its axes and its volume leave open."""
 
     taper: float  # excess width at an end over the mean width
     wrinkles: int  # number of grooves along the grain
-    wrinkle_depth_mm: float  # at the belly
+    wrinkle_depth_mm: float  # depth of the grooves where the grain is widest
 
 
-def profile_exponents(shape: float) -> tuple[float, float]:
-    """Compute the exponents m and k of the profile (1 - abs(t)^m)^k.
+def compute_profile_exponents(shape: float) -> tuple[float, float]:
+    """Compute the exponents m and k of the profile r(t) = (1 - abs(t)^m)^k.
 
-    The shape number is 2 for an ellipsoid, m for a fuller body, and 1 / k for a leaner
-    one.
+    A body with a larger shape number has more volume in the same axes. The number 2
+    gives an ellipsoid. A larger number is the exponent m of a profile with k = 1 / m. A
+    smaller number is 1 / k of a profile with m = 2.
     """
     if shape >= 2:
         return shape, 1 / shape
     return 2.0, 1 / shape
 
 
-def _place_sections(shape: float, taper: float) -> tuple[np.ndarray, np.ndarray]:
-    """Place the cross-sections of a grain evenly along its outline.
+def _compute_outline(shape: float, taper: float) -> tuple[np.ndarray, np.ndarray]:
+    """Compute points at equal distances along the outline of a grain.
 
-    The outline is the profile r(t) = (1 - |t|^m)^k, tilted by the taper.
+    The outline is the profile r(t) = (1 - |t|^m)^k, times a factor that the taper makes
+    larger towards one end.
 
     Parameters
     ----------
     shape : float
-        Shape number, see `profile_exponents`.
+        Shape number, see `compute_profile_exponents`.
     taper : float
         Excess width at the end t = 1 over the mean width.
 
     Returns
     -------
-    places : ndarray
-        Places t of the cross-sections along the grain, from -1 to 1 (RINGS + 1,).
+    positions : ndarray
+        Positions t (RINGS + 1,) along the grain, from -1 to 1.
     radii : ndarray
-        Their radii r (RINGS + 1,), of which the largest is 1.
+        The radii r (RINGS + 1,) there, relative to the largest one of the outline.
     """
-    m, k = profile_exponents(shape)
-    # One half of the outline goes from the end to the middle, with most points near the
-    # end. The other half is its mirror image, without the middle.
-    half_t = np.cos(np.linspace(0, math.pi / 2, 4000)) ** (2 / m)
+    m, k = compute_profile_exponents(shape)
+    # One half of the outline goes from the end t = -1 to the middle. Its points are
+    # densest at the end, where the radius changes fastest. The other half is its mirror
+    # image, without the middle.
+    half_t = np.cos(np.linspace(0, math.pi / 2, OUTLINE_POINTS)) ** (2 / m)
+    # Rounding errors could make the base of the power negative at the end.
     half_r = np.clip(1 - half_t**m, 0, None) ** k
     t = np.concatenate([-half_t, half_t[-2::-1]])
     symmetric_r = np.concatenate([half_r, half_r[-2::-1]])
     r = symmetric_r * (1 + taper * t)
     r /= r.max()
 
-    # Cut the outline into pieces of the same length.
-    steps = np.hypot(np.diff(t), np.diff(r))
-    lengths = np.concatenate([[0], np.cumsum(steps)])  # from the first end
-    section_lengths = np.linspace(0, lengths[-1], RINGS + 1)
-    places = np.interp(section_lengths, lengths, t)
-    radii = np.interp(section_lengths, lengths, r)
-    return places, radii
+    # Interpolate at equal distances along the outline.
+    segment_lengths = np.hypot(np.diff(t), np.diff(r))
+    distances = np.concatenate([[0], np.cumsum(segment_lengths)])  # from the first end
+    even_distances = np.linspace(0, distances[-1], RINGS + 1)
+    positions = np.interp(even_distances, distances, t)
+    radii = np.interp(even_distances, distances, r)
+    return positions, radii
 
 
 def _make_mesh(axes_mm: Axes, shape: float, details: _Details) -> trimesh.Trimesh:
-    """Make the closed mesh of a grain, its long axis along x.
+    """Make the closed mesh of a grain whose long axis lies along x.
 
-    It has rings of points around the long axis, and a point at each tip.
+    The mesh has rings of points around the long axis, and a point at each tip.
 
     Parameters
     ----------
     axes_mm : sequence of float
         Full axes, the longest first.
     shape : float
-        Shape number, see `profile_exponents`: the larger, the fuller is the grain.
+        Shape number, see `compute_profile_exponents`.
     details : _Details
         Taper and grooves.
 
@@ -99,21 +109,22 @@ def _make_mesh(axes_mm: Axes, shape: float, details: _Details) -> trimesh.Trimes
     Trimesh
         The mesh in mm.
     """
-    places, scales = _place_sections(shape, details.taper)
+    positions, scales = _compute_outline(shape, details.taper)
     angles = np.arange(SECTORS) * (2 * math.pi / SECTORS)
     half_length, half_width, half_height = np.asarray(axes_mm, float) / 2
 
-    # The largest cross-section (SECTORS, 2) is an ellipse with grooves. A groove makes
-    # it smaller by a cosine wave.
+    # The largest cross-section (SECTORS, 2) is an ellipse. The grooves are a cosine wave
+    # around it, which makes it smaller.
     depth = details.wrinkle_depth_mm / half_height
     groove_factors = 1 - depth * (1 - np.cos(details.wrinkles * angles)) / 2
     y = half_width * np.cos(angles)
     z = half_height * np.sin(angles)
     largest_section = np.column_stack([y, z]) * groove_factors[:, None]
 
-    # All other cross-sections are smaller copies. The first and the last are the tips.
+    # Each ring is a smaller copy of the largest cross-section. The first and the last
+    # position are the tips, which are single points.
     rings = []
-    for x, scale in zip(half_length * places[1:-1], scales[1:-1], strict=True):
+    for x, scale in zip(half_length * positions[1:-1], scales[1:-1], strict=True):
         rings.append(np.column_stack([np.full(SECTORS, x), scale * largest_section]))
     tips = [[-half_length, 0, 0], [half_length, 0, 0]]
     points = np.concatenate([*rings, tips])
@@ -121,9 +132,9 @@ def _make_mesh(axes_mm: Axes, shape: float, details: _Details) -> trimesh.Trimes
 
 
 def _list_faces(n_rings: int) -> np.ndarray:
-    """List the triangles of a mesh of rings of points and two tips.
+    """List the triangles of a mesh that consists of rings of points and two tips.
 
-    The points are numbered ring by ring, and the tips come last.
+    The points are numbered ring by ring. The two tips have the last numbers.
 
     Parameters
     ----------
@@ -133,19 +144,21 @@ def _list_faces(n_rings: int) -> np.ndarray:
     Returns
     -------
     ndarray of int
-        Numbers (T, 3) of the three corners of each triangle, which go around it
-        counter-clockwise seen from outside.
+        Numbers (T, 3) of the three corners of each triangle, counter-clockwise seen
+        from outside.
     """
     n_points = n_rings * SECTORS + 2
-    # Numbers of the points of the first ring, and of their neighbours in the ring
+    # The points of the first ring, and the next point around the ring for each of them.
+    # The first number of another ring is added to both.
     point = np.arange(SECTORS)
     neighbour = (point + 1) % SECTORS
-    last_ring = (n_rings - 1) * SECTORS  # its first number
+    last_ring = (n_rings - 1) * SECTORS
     first_tip = np.full(SECTORS, n_points - 2)
     last_tip = np.full(SECTORS, n_points - 1)
-    # A fan of triangles around the tip closes the first end.
+    # A fan of triangles around the first tip closes the first end.
     faces = [np.column_stack([first_tip, neighbour, point])]
-    # Between two rings there are quadrilaterals a b d c, each of two triangles.
+    # Between two rings there are quadrilaterals with the corners a, b, d and c. Each of
+    # them is divided into two triangles.
     for ring in range(0, last_ring, SECTORS):
         next_ring = ring + SECTORS
         a = ring + point
@@ -154,13 +167,13 @@ def _list_faces(n_rings: int) -> np.ndarray:
         d = next_ring + neighbour
         faces.append(np.column_stack([a, b, c]))
         faces.append(np.column_stack([b, d, c]))
-    # Another fan closes the last end.
-    fan = np.column_stack([last_tip, last_ring + point, last_ring + neighbour])
-    faces.append(fan)
+    # A fan around the last tip closes the last end.
+    last_fan = np.column_stack([last_tip, last_ring + point, last_ring + neighbour])
+    faces.append(last_fan)
     return np.concatenate(faces)
 
 
-def grain_mesh(
+def make_grain_mesh(
     axes_mm: Axes,
     mass_g: float,
     density_kg_m3: float,
@@ -174,30 +187,30 @@ def grain_mesh(
     Parameters
     ----------
     axes_mm : sequence of float
-        Full axes, the longest first: over the ridges between grooves, and the largest
-        widths of a taper.
+        Full axes, the longest first. They are measured over the ridges between grooves
+        and where a tapered grain is widest.
     mass_g, density_kg_m3 : float
-        Mass and density.
+        Mass and density of the grain.
     taper : float
         Excess width at an end over the mean width.
     wrinkles : int
         Number of grooves along the grain.
     wrinkle_depth_mm : float
-        Depth of the grooves at the belly.
+        Depth of the grooves where the grain is widest.
     source : object
         Where the numbers come from, for messages.
 
     Returns
     -------
     mesh : Trimesh
-        The mesh in mm, its long axis along x.
+        The mesh in mm. Its long axis lies along x.
     shape : float
-        Its shape number (`profile_exponents`).
+        The shape number of the mesh (`compute_profile_exponents`).
 
     Raises
     ------
     InputError
-        If there is no such grain.
+        If a number is impossible, or if no shape has this mass.
     """
     axes = _check_axes(axes_mm, source)
     check_positive(source, mass_g=mass_g, density_kg_m3=density_kg_m3)
@@ -205,32 +218,35 @@ def grain_mesh(
     _check_details(details, axes, source)
     volume = mass_g * 1e-3 / density_kg_m3 / MM**3  # mm3
 
-    # Only volumes between those of the leanest and the fullest body are possible.
-    leanest, fullest = SHAPE_LIMITS
-    smallest = _make_mesh(axes, leanest, details).volume
-    largest = _make_mesh(axes, fullest, details).volume
-    if not smallest <= volume <= largest:
-        lightest_g = smallest * MM**3 * density_kg_m3 * 1e3
-        heaviest_g = largest * MM**3 * density_kg_m3 * 1e3
-        box = axes.prod()
+    # The volume of a grain grows with its shape number, so both limits of the shape
+    # give the limits of the mass.
+    lowest_shape, highest_shape = SHAPE_LIMITS
+    smallest_volume = _make_mesh(axes, lowest_shape, details).volume
+    largest_volume = _make_mesh(axes, highest_shape, details).volume
+    if not smallest_volume <= volume <= largest_volume:
+        lightest_g = smallest_volume * MM**3 * density_kg_m3 * 1e3
+        heaviest_g = largest_volume * MM**3 * density_kg_m3 * 1e3
+        box_volume = axes.prod()
         allowed = (
-            f"from {lightest_g:.3g} to {heaviest_g:.3g} for these axes and "
-            f"{density_kg_m3:g} kg/m3: a share of {smallest / box:.2f} to "
-            f"{largest / box:.2f} of the box around them (an ellipsoid 0.52), here "
-            f"{volume / box:.2f}"
+            f"from {rounded(lightest_g, 3)} to {rounded(heaviest_g, 3)} for these axes "
+            f"and {density_kg_m3:g} kg/m3: a share of "
+            f"{smallest_volume / box_volume:.2f} to {largest_volume / box_volume:.2f} of "
+            f"the box around them (an ellipsoid 0.52), here {volume / box_volume:.2f}"
         )
         raise InputError(source, "mass_g", mass_g, allowed)
 
-    # The volume grows with the shape number; find the one that gives the mass.
-    def excess_volume(shape: float) -> float:
+    # Find the shape number that gives the mass.
+    def compute_excess_volume(shape: float) -> float:
         return _make_mesh(axes, shape, details).volume - volume
 
-    shape = brentq(excess_volume, leanest, fullest, xtol=1e-12)
+    shape = brentq(
+        compute_excess_volume, lowest_shape, highest_shape, xtol=SHAPE_TOLERANCE
+    )
     return _make_mesh(axes, shape, details), shape
 
 
 def _check_axes(axes_mm: Axes, source: object) -> np.ndarray:
-    """Return axes (3,) that descend and are positive, or raise InputError."""
+    """Return the axes (3,), or raise InputError unless they are positive and descend."""
     axes = np.asarray(axes_mm, float)
     is_possible = axes.shape == (3,) and np.isfinite(axes).all()
     if not is_possible or not axes[0] >= axes[1] >= axes[2] > 0:
@@ -254,8 +270,8 @@ def _check_details(details: _Details, axes: np.ndarray, source: object) -> None:
     Raises
     ------
     InputError
-        If one of them is impossible, or only one of number and depth of the grooves is
-        given.
+        If a number is impossible, or if the grooves have a number but no depth or a
+        depth but no number.
     """
     if not abs(details.taper) <= LARGEST_TAPER:
         allowed = f"from -{LARGEST_TAPER:g} to {LARGEST_TAPER:g}"
@@ -263,10 +279,9 @@ def _check_details(details: _Details, axes: np.ndarray, source: object) -> None:
     depth = details.wrinkle_depth_mm
     largest_depth = LARGEST_GROOVE * axes[2] / 2
     if not 0 <= depth <= largest_depth:
-        allowed = f"from 0 to {largest_depth:.3g}"
+        allowed = f"from 0 to {rounded(largest_depth, 3)}"
         raise InputError(source, "wrinkle_depth_mm", depth, allowed)
-    # A grain without grooves has neither number nor depth of them; otherwise both must
-    # be given.
+    # Number and depth of the grooves belong together: both are 0, or neither is.
     if not details.wrinkles and not depth:
         return
     fewest, most = WRINKLES

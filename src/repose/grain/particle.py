@@ -23,10 +23,11 @@ KINDS = ("ellipsoid", "smooth", "multisphere")
 SURFACES = ("smooth", "rough", "rough_full")  # of a multisphere
 
 # The file of a particle
-DESCRIPTION = "a file of `repose stage shape`"
-TEXT_AND_DENSITY = ("kind", "density_kg_m3", "stl")  # fields of the same name
-# The other fields: their keys in the file, and the units there
-FIELDS = {
+FILE_DESCRIPTION = "a file of `repose stage shape`"
+# Fields of `Particle` that have the same name and unit in the file
+UNCHANGED_FIELDS = ("kind", "density_kg_m3", "stl")
+# The other fields, with their key in the file and the unit there
+CONVERTED_FIELDS = {
     "semi_axes_m": ("semi_axes_mm", MM),
     "spheres_m": ("spheres_mm", MM),
     "volume_m3": ("volume_mm3", MM**3),
@@ -39,8 +40,8 @@ FIELDS = {
     "mesh_inertia_kg_m2": ("mesh_inertia_g_mm2", 1e-9),
     "mesh_axes_m": ("mesh_axes_mm", MM),
 }
-# Shapes of the arrays in the file; all other numbers are single
-SHAPES: dict[str, tuple[int, ...]] = {
+# Shapes of the arrays in the file, by key; every other key has a single number
+ARRAY_SHAPES: dict[str, tuple[int, ...]] = {
     "semi_axes_mm": (-1, 3),
     "spheres_mm": (-1, 4),
     "inertia_g_mm2": (3,),
@@ -60,9 +61,19 @@ class Body:
 
 
 def check_positive(source: object, **numbers: float | None) -> None:
-    """Raise InputError unless all numbers are finite and above 0.
+    """Check that numbers are finite and above 0.
 
-    None is not checked; `source` is named in the message.
+    Parameters
+    ----------
+    source : object
+        Where the numbers come from, for messages.
+    **numbers : float or None
+        The numbers by key. None is not checked.
+
+    Raises
+    ------
+    InputError
+        For the first number that is not finite and positive.
     """
     for key, value in numbers.items():
         if value is not None and not (math.isfinite(value) and value > 0):
@@ -73,10 +84,10 @@ def check_positive(source: object, **numbers: float | None) -> None:
 class Particle:
     """Rigid particle in its body frame.
 
-    The axes of the frame are the principal axes, x the longest, and its origin is the
-    centre of mass. The support function of a convex body is the sum over K co-axial
-    ellipsoids. A multisphere has the mass and the moments of its mesh, and the volume
-    of the union of its spheres.
+    The axes of the frame are the principal axes of the particle, and x is the longest.
+    The origin is the centre of mass. The support function of a convex particle is the
+    sum of the support functions of K co-axial ellipsoids. A multisphere has the mass and
+    the moments of its mesh, and the volume of the union of its spheres.
 
     Attributes
     ----------
@@ -85,13 +96,14 @@ class Particle:
     semi_axes_m : ndarray
         Half axes (K, 3) of the ellipsoids; K = 1 for an ellipsoid, 0 for a multisphere.
     density_kg_m3, volume_m3, mass_kg : float
-        Of the particle.
+        Density, volume and mass of the particle.
     inertia_kg_m2 : ndarray
         Principal moments (3,).
     bounding_radius_m : float
         Distance of the farthest point from the centre.
     deviation_max_m, deviation_rms_m : float
-        Deviation from the mesh: of support values, or of surfaces for a multisphere.
+        Largest and root mean square deviation from the mesh: of the support values for a
+        convex particle, of the surfaces for a multisphere.
     mesh_volume_m3 : float, optional
         Volume of the mesh; None without a mesh.
     stl : str
@@ -131,7 +143,7 @@ class Particle:
 
     @property
     def mesh(self) -> Body | None:
-        """The mesh's own body, None where the particle has none."""
+        """Inertial properties of the mesh; None for a particle without a mesh."""
         if (
             self.mesh_volume_m3 is None
             or self.mesh_inertia_kg_m2 is None
@@ -146,9 +158,17 @@ class Particle:
         )
 
     def support(self, n: np.ndarray) -> np.ndarray:
-        """Compute support values [m]: extents from the centre in directions.
+        """Compute the support values [m]: the extents of the particle from its centre.
 
-        The directions n (..., 3) are in the body's frame; the values are (...).
+        Parameters
+        ----------
+        n : ndarray
+            Unit vectors (..., 3) in the body's frame, the directions of the extents.
+
+        Returns
+        -------
+        ndarray
+            The values (...).
         """
         n = np.asarray(n, dtype=float)
         if self.is_clump:
@@ -156,65 +176,82 @@ class Particle:
         return support.support(self.semi_axes_m, n)
 
     def support_point(self, n: np.ndarray) -> np.ndarray:
-        """Compute the points (..., 3) [m] at which planes touch the particle.
+        """Compute the points [m] at which planes touch the particle.
 
-        The unit normals n (..., 3) of the planes are in the body's frame.
+        Parameters
+        ----------
+        n : ndarray
+            Outward unit normals (..., 3) of the planes in the body's frame.
+
+        Returns
+        -------
+        ndarray
+            The points (..., 3).
         """
         n = np.asarray(n, dtype=float)
         if self.is_clump:
+            # A plane touches the sphere that reaches farthest along its normal.
             farthest = self._compute_sphere_supports(n).argmax(axis=-1)
-            spheres = self.spheres_m[farthest]
-            return spheres[..., :3] + spheres[..., 3:] * n
+            touched_spheres = self.spheres_m[farthest]
+            return touched_spheres[..., :3] + touched_spheres[..., 3:] * n
         return support.support_point(self.semi_axes_m, n)
 
     def _compute_sphere_supports(self, n: np.ndarray) -> np.ndarray:
-        """Compute the support values (..., M) of each sphere in directions (..., 3)."""
+        """Compute the support values (..., M) of all spheres in directions (..., 3)."""
         return n @ self.spheres_m[:, :3].T + self.spheres_m[:, 3]
 
     def dem_shape(self, material: str) -> "dem.Shape | dem.Clump":
-        """Make the engine's shape of the particle, with the name of its material."""
+        """Make the shape of the particle for the engine.
+
+        Parameters
+        ----------
+        material : str
+            Name of the material of the shape.
+        """
         if self.is_clump:
             return dem.Clump(self.spheres_m, self.mass_kg, self.inertia_kg_m2, material)
         return dem.Shape(self.semi_axes_m, self.mass_kg, self.inertia_kg_m2, material)
 
     def record(self) -> dict[str, Any]:
-        """Return the particle as plain values for a file: lengths in mm, mass in g."""
-        record = {name: getattr(self, name) for name in TEXT_AND_DENSITY}
-        for name, (key, unit) in FIELDS.items():
+        """Convert the particle to the values of its file: lengths in mm, mass in g."""
+        record = {name: getattr(self, name) for name in UNCHANGED_FIELDS}
+        for name, (key, unit) in CONVERTED_FIELDS.items():
             value = getattr(self, name)
-            record[key] = None if value is None else _round(np.asarray(value) / unit)
+            record[key] = (
+                None if value is None else _round_numbers(np.asarray(value) / unit)
+            )
         return record
 
     @classmethod
-    def of_record(cls, record: Mapping[str, Any]) -> "Particle":
+    def from_record(cls, record: Mapping[str, Any]) -> "Particle":
         """Make a particle from the values of its file.
 
         Parameters
         ----------
         record : mapping
-            Values by key, as `record` makes them. Numbers are in the units of the file.
+            The values by key in the units of the file, see `record`.
 
         Returns
         -------
         Particle
-            The particle, with its numbers in SI units.
+            The particle in SI units.
         """
-        fields = {name: record[name] for name in TEXT_AND_DENSITY}
-        for name, (key, unit) in FIELDS.items():
+        fields = {name: record[name] for name in UNCHANGED_FIELDS}
+        for name, (key, unit) in CONVERTED_FIELDS.items():
             value = record[key]
             if isinstance(value, list):
                 fields[name] = np.array(value, float) * unit
             elif isinstance(value, float | int):
                 fields[name] = value * unit
             else:
-                fields[name] = value  # None, of a particle without a mesh
-        # An empty list becomes a table without rows.
+                fields[name] = value  # None: the particle has no mesh
+        # An empty list becomes an array without rows.
         fields["semi_axes_m"] = fields["semi_axes_m"].reshape(-1, 3)
         fields["spheres_m"] = fields["spheres_m"].reshape(-1, 4)
         return cls(**fields)
 
     def save(self, path: str | PathLike) -> None:
-        """Write the particle as JSON, see `record`."""
+        """Write the particle to a JSON file, see `record`."""
         write_json(path, self.record(), indent=2)
 
     @classmethod
@@ -234,21 +271,21 @@ class Particle:
         Raises
         ------
         InputError
-            If the file is another one, or has an impossible number.
+            If the file is not that of a particle, or has an impossible number.
         """
-        number_keys = [key for key, _ in FIELDS.values()]
-        record = read_json(path, (*TEXT_AND_DENSITY, *number_keys), DESCRIPTION)
+        number_keys = [key for key, _ in CONVERTED_FIELDS.values()]
+        record = read_json(path, (*UNCHANGED_FIELDS, *number_keys), FILE_DESCRIPTION)
         if record["kind"] not in KINDS:
             raise InputError(path, "kind", record["kind"], " or ".join(KINDS))
         for key in ("density_kg_m3", *number_keys):
             value = record[key]
-            # A particle need not come from a mesh.
+            # A particle may have no mesh.
             if key.startswith("mesh_") and value is None:
                 continue
             _check_numbers(path, key, value)
         if not record["spheres_mm"] and not record["semi_axes_mm"]:
             raise InputError(path, "spheres_mm", [], "spheres, or semi-axes beside it")
-        return cls.of_record(record)
+        return cls.from_record(record)
 
 
 def _check_numbers(path: str | PathLike, key: str, value: object) -> None:
@@ -259,42 +296,51 @@ def _check_numbers(path: str | PathLike, key: str, value: object) -> None:
     path : path
         The file, for messages.
     key : str
-        The key, which tells the shape of its numbers.
+        The key. It decides how many numbers there must be, see `ARRAY_SHAPES`.
     value : object
-        The value.
+        The value of the key.
 
     Raises
     ------
     InputError
-        For a wrong shape, and for numbers that are not finite or not positive.
+        If the shape is wrong, or if a number is not finite or not positive.
     """
-    error = InputError(path, key, value, f"finite numbers in {DESCRIPTION}")
-    # NumPy would take text and booleans for numbers.
+    error = InputError(path, key, value, f"finite numbers in {FILE_DESCRIPTION}")
+    # NumPy would convert text and booleans to numbers.
     if isinstance(value, bool | str):
         raise error
-    # Without a shape of its own, a key has a single number.
+    # The shape () is that of a single number.
     try:
         array = np.array(value, dtype=float)
-        numbers = array.reshape(SHAPES.get(key, ()))
+        numbers = array.reshape(ARRAY_SHAPES.get(key, ()))
     except (TypeError, ValueError):
         raise error from None
-    # An empty list stands for a table without rows.
-    has_shape = array.size == 0 or array.shape == numbers.shape
-    if not has_shape or not np.all(np.isfinite(numbers)):
+    # `reshape` also accepts the right number of values in a wrong arrangement. An empty
+    # list stands for an array without rows.
+    has_right_shape = array.size == 0 or array.shape == numbers.shape
+    if not has_right_shape or not np.all(np.isfinite(numbers)):
         raise error
 
-    # The coordinates of a sphere may be negative, its radius must be positive.
+    # The coordinates of a sphere may be negative, but its radius must be positive.
     sizes = numbers[:, 3] if key == "spheres_mm" else numbers
     may_be_zero = key == "semi_axes_mm" or key.startswith("deviation")
-    is_wrong = sizes < 0 if may_be_zero else sizes <= 0
-    if np.any(is_wrong):
+    is_impossible = sizes < 0 if may_be_zero else sizes <= 0
+    if np.any(is_impossible):
         raise InputError(path, key, value, "sizes above 0")
 
 
-def _round(values: ArrayLike) -> Any:
-    """Round to twelve significant digits, as a float or as nested lists.
+def _round_numbers(values: ArrayLike) -> Any:
+    """Round numbers to twelve significant digits, which hides rounding errors.
 
-    That is enough for the particle, and readable in a file.
+    Parameters
+    ----------
+    values : array_like
+        A number, or an array of any shape.
+
+    Returns
+    -------
+    float or list
+        The rounded number, or nested lists of rounded numbers.
     """
     numbers = np.asarray(values, dtype=float)
     rounded_numbers = [float(f"{number:.12g}") for number in numbers.ravel()]

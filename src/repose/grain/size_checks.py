@@ -8,22 +8,23 @@ from typing import NamedTuple
 import numpy as np
 from scipy.integrate import quad
 
-FEWEST = 4  # grains that can form two groups: two in each
-# Probability that grains of one kind seem to be two groups
+FEWEST_GRAINS = 4  # enough for two groups of two grains
+# Probability that grains of a single group are taken for two groups
 SIGNIFICANCE = 0.01
-N_SAMPLES = 2000  # of grains of one kind, from which the limit is estimated
-SEED = 2026  # of these samples
+# Number of random samples from which the limit is estimated, and their seed
+N_SAMPLES = 2000
+SEED = 2026
 
 
 class Split(NamedTuple):
-    """Values in two groups: the smallest values, and the others.
+    """A split of values into two groups, the smaller and the larger values.
 
     Attributes
     ----------
     n_small : int
-        Number of values in the first group.
+        Number of values in the group of the smaller values.
     explained : float
-        Share of the variance that lies between the means of the groups.
+        Share of the variance that the means of the two groups explain.
     """
 
     n_small: int
@@ -31,14 +32,14 @@ class Split(NamedTuple):
 
 
 class SizeGroups(NamedTuple):
-    """Two groups of grains.
+    """Two groups of grains, the small and the large ones.
 
     Attributes
     ----------
     counts : tuple of int
-        Number of grains in the group of the small and of the large ones.
+        Number of grains in each group, the small ones first.
     diameters_mm : tuple of float
-        Geometric means of their equivalent diameters.
+        Geometric mean of the equivalent diameters in each group.
     """
 
     counts: tuple[int, int]
@@ -46,17 +47,17 @@ class SizeGroups(NamedTuple):
 
     @property
     def ratio(self) -> float:
-        """The diameter of the large grains over that of the small ones."""
+        """Diameter of the large grains over that of the small ones."""
         small, large = self.diameters_mm
         return large / small
 
 
-def best_split(values: np.ndarray) -> Split:
+def find_best_split(values: np.ndarray) -> Split:
     """Split values into small and large ones so that the split explains most variance.
 
-    This is the exact solution of k-means for two groups in one dimension. For many
-    normally distributed values, the best split explains the share 2/pi of the variance.
-    For many uniformly distributed values the share is 3/4.
+    The result is the exact solution of k-means for two groups in one dimension. It
+    explains the share 2/pi of the variance of many normally distributed values, and the
+    share 3/4 of the variance of many uniformly distributed values.
 
     Parameters
     ----------
@@ -75,24 +76,27 @@ def best_split(values: np.ndarray) -> Split:
     if sum_of_squares == 0:
         return Split(len(sorted_values), 0.0)
 
-    # The sum of squares between the groups, for each number of small values. The
-    # deviations of both groups add up to zero, so one sum gives both means.
+    # Compute the sum of squares between the groups for each possible number of small
+    # values. If the deviations of the n_small small values have the sum s, those of the
+    # n_large others have the sum -s. So the sum of squares is
+    # s^2 / n_small + s^2 / n_large = s^2 n / (n_small n_large).
     n = len(sorted_values)
     n_small = np.arange(1, n)
     n_large = n - n_small
     small_sums = np.cumsum(deviations)[:-1]
     squares_between = small_sums**2 * n / (n_small * n_large)
     best = int(np.argmax(squares_between))
-    # The first entry is the split with one small value.
+    # The entry with the index 0 is the split with one small value.
     return Split(best + 1, float(squares_between[best]) / sum_of_squares)
 
 
 @cache
-def explained_by_chance(n_values: int) -> float:
-    """Estimate the share that the best split of uniform values rarely exceeds.
+def estimate_chance_share(n_values: int) -> float:
+    """Estimate the share of the variance that the best split explains by chance.
 
-    `SIGNIFICANCE` is the probability to exceed it. The uniform distribution is the
-    widest with one mode, the reference of the dip test, too.
+    The best split of uniformly distributed values exceeds this share with the
+    probability `SIGNIFICANCE`. The uniform distribution is the widest one with a single
+    mode. The dip test compares with it, too.
 
     Notes
     -----
@@ -100,15 +104,15 @@ def explained_by_chance(n_values: int) -> float:
     13 (1985) 70-84.
     """
     rng = np.random.default_rng(SEED)
-    shares = [best_split(rng.random(n_values)).explained for _ in range(N_SAMPLES)]
+    shares = [find_best_split(rng.random(n_values)).explained for _ in range(N_SAMPLES)]
     return float(np.quantile(shares, 1 - SIGNIFICANCE))
 
 
-def find_groups(diameters_mm: np.ndarray) -> SizeGroups | None:
-    """Find out whether the sizes of grains form two groups.
+def find_size_groups(diameters_mm: np.ndarray) -> SizeGroups | None:
+    """Find out whether the sizes of grains form two groups, and describe the groups.
 
-    They do if the best split of their logarithms explains more of the variance than
-    chance does (`explained_by_chance`).
+    The sizes form two groups if the best split of their logarithms explains more of the
+    variance than it does by chance (`estimate_chance_share`).
 
     Parameters
     ----------
@@ -118,12 +122,12 @@ def find_groups(diameters_mm: np.ndarray) -> SizeGroups | None:
     Returns
     -------
     SizeGroups or None
-        The groups; None if all grains may be of one kind.
+        The groups; None if the grains may be a single group.
     """
     logarithms = np.sort(np.log(np.asarray(diameters_mm, float)))
     n_grains = len(logarithms)
-    split = best_split(logarithms)
-    if n_grains < FEWEST or split.explained <= explained_by_chance(n_grains):
+    split = find_best_split(logarithms)
+    if n_grains < FEWEST_GRAINS or split.explained <= estimate_chance_share(n_grains):
         return None
     small = logarithms[: split.n_small]
     large = logarithms[split.n_small :]
@@ -133,12 +137,12 @@ def find_groups(diameters_mm: np.ndarray) -> SizeGroups | None:
     )
 
 
-def largest_volume(axes: Sequence[float]) -> float:
-    """Compute the largest volume of a body with three full axes, the longest first.
+def compute_largest_volume(axes: Sequence[float]) -> float:
+    """Compute the largest volume that a body with given full axes can have.
 
-    The long axis is the largest extent in any direction. A body with this extent that
-    is symmetric to three planes lies in the ball around the long axis, and in the box
-    around the axes; for equal axes this is the sphere.
+    The long axis is the largest extent of the body in any direction. If the body is
+    symmetric to three planes, it lies in the ball whose diameter is the long axis, and
+    in the box around the axes. The result is the volume of the part that both share.
 
     Parameters
     ----------
@@ -152,16 +156,17 @@ def largest_volume(axes: Sequence[float]) -> float:
 
     Notes
     -----
-    Steiner's symmetrisation makes any body symmetric, keeps its volume, and increases
-    no extent; so no other body is larger (isodiametric inequality).
+    No body without this symmetry is larger (isodiametric inequality): Steiner's
+    symmetrisation makes any body symmetric, keeps its volume, and increases no extent.
     """
     ball_radius, half_width, half_height = (0.5 * axis for axis in axes)
 
-    def quarter_area(y: float) -> float:
-        """Compute a quarter of the area of the body's section at y.
+    def compute_quarter_area(y: float) -> float:
+        """Compute a quarter of the area of the section at the distance y.
 
-        The section of the ball is a circle, which the box cuts off at the half height.
+        The section of the ball is a circle. The box cuts it off at the half height.
         """
+        # Rounding errors could make the differences of squares negative.
         circle_radius = math.sqrt(max(ball_radius**2 - y**2, 0.0))
         cut_height = min(half_height, circle_radius)
         if cut_height == 0:
@@ -171,6 +176,7 @@ def largest_volume(axes: Sequence[float]) -> float:
         sector_angle = math.asin(min(cut_height / circle_radius, 1.0))
         return 0.5 * (cut_height * half_chord + circle_radius**2 * sector_angle)
 
-    # A quarter of each section, over half of the width, is an eighth of the body.
-    eighth, _error = quad(quarter_area, 0.0, half_width)
+    # The integral of a quarter of the section over half of the width is an eighth of the
+    # volume.
+    eighth, _error = quad(compute_quarter_area, 0.0, half_width)
     return 8 * float(eighth)

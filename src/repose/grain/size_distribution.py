@@ -8,26 +8,36 @@ import numpy as np
 
 from repose.common.errors import InputError
 
-# Expected range of n = 50 normal values, in standard deviations (Tippett 1925): the
-# published table has no standard deviation.
-PUBLISHED_N = 50
+# The published table has the range of 50 diameters, but no standard deviation. The
+# expected range of 50 normal values is this number of standard deviations (Tippett
+# 1925).
 PUBLISHED_RANGE_SD = 4.498
-KEYS = ("scale_sd", "scale_low", "scale_high")
-# A random stream for the sizes alone: positions and orientations of a pour are the same
-# as with equal grains.
-STREAM = 1
+# Keys of the mean grain for the spread of its sizes
+SPREAD_KEYS = ("scale_sd", "scale_low", "scale_high")
+# The sizes of a pour have a random stream of their own. So the positions and the
+# orientations are the same as in a pour of equal grains.
+SIZE_STREAM = 1
+QUADRATURE_NODES = 60  # of the Gauss-Legendre rule
 
 
 class Spread(NamedTuple):
-    """Truncated normal distribution of sizes of mean 1."""
+    """Truncated normal distribution of relative sizes.
+
+    Attributes
+    ----------
+    sd : float
+        Standard deviation before the truncation; 0 for equal sizes.
+    low, high : float
+        Smallest and largest size. The mean is 1.
+    """
 
     sd: float
     low: float
     high: float
 
 
-def spread_of_sizes(diameters_mm: np.ndarray) -> Spread:
-    """Compute the spread of measured equivalent diameters (N,), over their mean."""
+def compute_spread(diameters_mm: np.ndarray) -> Spread:
+    """Compute the spread of measured equivalent diameters (N,), relative to their mean."""
     mean = float(np.mean(diameters_mm))
     sd = float(np.std(diameters_mm, ddof=1))
     smallest_mm = float(min(diameters_mm))
@@ -35,35 +45,36 @@ def spread_of_sizes(diameters_mm: np.ndarray) -> Spread:
     return Spread(sd / mean, smallest_mm / mean, largest_mm / mean)
 
 
-def spread_of_range(maximum: float, minimum: float, mean: float) -> Spread:
-    """Estimate the spread of 50 equivalent diameters from their published range.
+def estimate_spread(maximum: float, minimum: float, mean: float) -> Spread:
+    """Estimate the relative spread of 50 equivalent diameters from their range.
 
-    The expected range of 50 normal values is 4.498 standard deviations.
+    The standard deviation is the range over `PUBLISHED_RANGE_SD`.
     """
     sd = (maximum - minimum) / PUBLISHED_RANGE_SD / mean
     return Spread(sd, minimum / mean, maximum / mean)
 
 
-def normalisation(sd: float, low: float, high: float) -> float:
-    """Compute the cube root of E[x^3] of a truncated normal x of mean 1.
+def compute_normalisation(sd: float, low: float, high: float) -> float:
+    """Compute the cube root of E[x^3] for sizes x with a truncated normal distribution.
 
-    Divided by it, x keeps the mean volume.
+    Sizes that are divided by this number have the mean volume of grains of size 1.
 
     Parameters
     ----------
     sd : float
         Standard deviation before the truncation, above 0.
     low, high : float
-        Ends of the distribution.
+        Smallest and largest size. The mean before the truncation is 1.
     """
-    # Gauss-Legendre quadrature; the nodes are moved from (-1, 1) to (low, high).
-    nodes, weights = np.polynomial.legendre.leggauss(60)
+    # Integrate by Gauss-Legendre quadrature. Its nodes are moved from the interval
+    # (-1, 1) to the interval (low, high).
+    nodes, weights = np.polynomial.legendre.leggauss(QUADRATURE_NODES)
     x = low + (high - low) * (nodes + 1) / 2
     density = weights * np.exp(-0.5 * ((x - 1) / sd) ** 2)
     return float(np.cbrt(density @ x**3 / density.sum()))
 
 
-def smallest_scale(distribution: str, grain: Mapping[str, float]) -> float:
+def compute_smallest_scale(distribution: str, grain: Mapping[str, float]) -> float:
     """Compute the smallest scale that `draw_scales` can draw.
 
     Parameters
@@ -72,14 +83,19 @@ def smallest_scale(distribution: str, grain: Mapping[str, float]) -> float:
         "none" for equal grains, or "measured".
     grain : mapping
         The mean grain, with the spread of its sizes.
+
+    Returns
+    -------
+    float
+        The size of the smallest grain over that of the mean grain.
     """
     spread = _read_spread(distribution, grain)
     if spread.sd == 0:
         return 1.0
-    return spread.low / normalisation(*spread)
+    return spread.low / compute_normalisation(*spread)
 
 
-def draw(
+def draw_sizes(
     rng: np.random.Generator, count: int, sd: float, low: float, high: float
 ) -> np.ndarray:
     """Draw the relative sizes of single grains from a truncated normal distribution.
@@ -87,26 +103,28 @@ def draw(
     Parameters
     ----------
     rng : Generator
-        Random generator. One number is drawn for each grain, and none if `sd` is 0.
+        Random generator, which is advanced by one number for each grain. It is not
+        advanced if `sd` is 0.
     count : int
         Number of grains.
     sd : float
         Standard deviation before the truncation; 0 gives grains of size 1.
     low, high : float
-        Smallest and largest size, for sizes of mean 1.
+        Smallest and largest size. The mean before the truncation is 1.
 
     Returns
     -------
     ndarray
-        Sizes s (count,), divided by the `normalisation`: E[s^3] = 1 keeps the mean
-        volume.
+        Sizes s (count,) with E[s^3] = 1, which keeps the mean volume. To this end they
+        are divided by `compute_normalisation`.
     """
     if sd == 0:
         return np.ones(count)
-    from scipy.special import ndtr, ndtri  # slow to import: where sizes differ
+    # This module is slow to import, and equal grains do not need it.
+    from scipy.special import ndtr, ndtri
 
-    # Draw uniform numbers between the probabilities of both ends, and convert them to
-    # sizes by the inverse of the normal distribution.
+    # Draw uniform numbers between the probabilities of the two ends. The inverse of the
+    # normal distribution converts them to sizes.
     low_probability = ndtr((low - 1) / sd)
     high_probability = ndtr((high - 1) / sd)
     uniform_numbers = rng.random(count)
@@ -114,7 +132,8 @@ def draw(
         low_probability + (high_probability - low_probability) * uniform_numbers
     )
     sizes = 1 + sd * ndtri(probabilities)
-    return np.clip(sizes, low, high) / normalisation(sd, low, high)
+    # Rounding errors may move a size beyond an end.
+    return np.clip(sizes, low, high) / compute_normalisation(sd, low, high)
 
 
 def _read_spread(distribution: str, grain: Mapping[str, float]) -> Spread:
@@ -123,7 +142,7 @@ def _read_spread(distribution: str, grain: Mapping[str, float]) -> Spread:
     Parameters
     ----------
     distribution : str
-        The key `size_distribution`. With ``none`` all grains have the same size.
+        "none" for equal grains, or "measured".
     grain : mapping
         Values of the mean grain by key, as in berry.json.
 
@@ -139,18 +158,18 @@ def _read_spread(distribution: str, grain: Mapping[str, float]) -> Spread:
     """
     if distribution == "none":
         return Spread(0.0, 1.0, 1.0)
-    for key in KEYS:
+    for key in SPREAD_KEYS:
         value = grain.get(key)
         if value is None or not math.isfinite(value) or value < 0:
             allowed = "a number, as the verb berry writes it"
             raise InputError("berry.json", key, value, allowed)
-    return Spread(*(grain[key] for key in KEYS))
+    return Spread(*(grain[key] for key in SPREAD_KEYS))
 
 
 def draw_scales(
     distribution: str, grain: Mapping[str, Any], seed: int, count: int
 ) -> tuple[np.ndarray, float]:
-    """Draw the scales of the grains of a pour.
+    """Draw the scales of the grains of a pour, their sizes over that of the mean grain.
 
     Parameters
     ----------
@@ -166,18 +185,18 @@ def draw_scales(
     Returns
     -------
     scales : ndarray
-        Size of each grain (count,), over that of the mean grain.
+        The scale of each grain (count,).
     largest_scale : float
-        The largest size that can be drawn.
+        The largest scale that can be drawn.
 
     Raises
     ------
     InputError
-        If the mean grain has no possible spread.
+        If the mean grain has no spread of sizes, or an impossible one.
     """
     spread = _read_spread(distribution, grain)
-    rng = np.random.default_rng([STREAM, seed])
-    scales = draw(rng, count, *spread)
+    rng = np.random.default_rng([SIZE_STREAM, seed])
+    scales = draw_sizes(rng, count, *spread)
     if spread.sd == 0:
         return scales, 1.0
-    return scales, spread.high / normalisation(*spread)
+    return scales, spread.high / compute_normalisation(*spread)

@@ -12,28 +12,37 @@ from repose.common.errors import InputError
 from repose.dem.kernels.state import MOST_SPHERES
 from repose.grain.particle import MM, SURFACES
 
-# The fewest spheres
+# Search of the fewest spheres: the numbers that are tried, and the relative differences
+# from the volume and the shortest axis of the mesh that are allowed
 FEWEST = "fewest"
-FEWEST_FROM = 14
-FEWEST_TO = 60
+LOWEST_COUNT = 14
+HIGHEST_COUNT = 60
 VOLUME_TOLERANCE = 0.02
 SHORTEST_AXIS_TOLERANCE = 0.03
-# With a sixteenth of the points, a volume is known well enough to give up at this one.
+# A volume by a sixteenth of the points is quick. It is accurate enough to refuse a
+# packing whose volume differs by more than this.
 SCREENING_TOLERANCE = 0.03
-SCREENING_SHARE = 16
+SCREENING_REDUCTION = 16
 
-# Placing of spheres; lengths are in radii of the largest inscribed ball
-SMALLEST_GAIN = 1e-4  # of a further sphere: by how much it lowers the surface's rms gap
-SMALLEST_BALL = 0.25  # radius of a ball in a smooth packing
-ROUGH_RADIUS = 0.62  # radius of a rough packing's spheres
-# Distance of centres in a smooth packing: spheres side by side would act as one that is
-# stiffer.
+# Placement of spheres; lengths are in radii of the largest inscribed ball
+# A further sphere must lower the mean squared gap by the square of this length.
+SMALLEST_GAIN = 1e-4
+SMALLEST_BALL = 0.25  # smallest radius in a smooth packing
+ROUGH_RADIUS = 0.62  # radius of all spheres in a rough packing
+# Smallest distance of centres in a smooth packing. Two spheres at nearly the same place
+# would act like one stiffer sphere.
 SPACING = 0.35
 MAX_EXCHANGES = 3  # rounds in which single balls are exchanged
+# Margin around a mesh in which its spheres may grow, over its largest coordinate
+GROWTH_MARGIN = 0.2
 
-N_CANDIDATES = 3000  # centres of balls, about
+N_CANDIDATES = 3000  # approximate number of balls from which a packing is chosen
 N_SURFACE_POINTS = 1500
 N_VOLUME_POINTS = 2**17
+# Parts in which the points of a volume are treated, to save memory
+N_CHUNKS = 16
+# Largest number of distances between points and faces that are computed at once
+DISTANCES_PER_CHUNK = 2_000_000
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,8 +51,8 @@ class Packing:
 
     spheres_m: np.ndarray  # (M, 4), x, y, z, radius
     volume_m3: float  # of the union of the spheres
-    deviation_max_m: float  # distance of the mesh's surface from the union
-    deviation_rms_m: float  # the same, root mean square
+    deviation_max_m: float  # largest distance between the surfaces of mesh and union
+    deviation_rms_m: float  # root mean square of these distances
 
 
 def pack(
@@ -52,7 +61,7 @@ def pack(
     surface: str = "smooth",
     source: object = "mesh",
 ) -> Packing:
-    """Fill a mesh with overlapping spheres, whose union represents the grain.
+    """Fill a mesh with overlapping spheres, so that their union represents the grain.
 
     Parameters
     ----------
@@ -70,12 +79,12 @@ def pack(
     Returns
     -------
     Packing
-        The spheres in m, and how well they represent the mesh.
+        The spheres in m, and their deviations from the mesh.
 
     Raises
     ------
     InputError
-        If number or surface are not possible for this mesh.
+        If the number or the surface is unknown, or if no number of spheres is enough.
     """
     is_number = isinstance(count, int) and 1 <= count <= MOST_SPHERES
     if not is_number and count != FEWEST:
@@ -84,48 +93,60 @@ def pack(
     if surface not in SURFACES:
         raise InputError(source, "surface", surface, ", ".join(SURFACES))
 
-    filling = _Filling(mesh, surface)
+    packer = _SpherePacker(mesh, surface)
     if isinstance(count, int):
-        spheres = filling.fill(count)
+        spheres = packer.pack(count)
     else:
-        spheres = filling.fill_with_fewest(source)
+        spheres = packer.pack_fewest(source)
 
-    # The deviations are the distances of the mesh's surface from the union.
-    gaps = distances_from_union(spheres, filling.surface_points)
+    # The deviations are the distances of points on the surface of the mesh.
+    gaps = compute_union_distances(spheres, packer.surface_points)
     return Packing(
         spheres_m=np.round(spheres * MM, 9),
-        volume_m3=union_volume(spheres, filling.box) * MM**3,
+        volume_m3=compute_union_volume(spheres, packer.box) * MM**3,
         deviation_max_m=float(np.abs(gaps).max()) * MM,
         deviation_rms_m=float(np.sqrt(np.mean(gaps**2))) * MM,
     )
 
 
-class _Filling:
-    """Ways to fill one mesh with spheres of one kind of surface; lengths in mm."""
+class _SpherePacker:
+    """Packs spheres into one mesh, for one kind of surface. All lengths are in mm.
+
+    Parameters
+    ----------
+    mesh : Trimesh
+        The mesh, nearly convex, with its centre at the origin.
+    surface : str
+        Kind of surface, see `pack`.
+    """
 
     def __init__(self, mesh: trimesh.Trimesh, surface: str) -> None:
+        """Find the balls from which a packing is chosen."""
         self.mesh = mesh
         self.surface = surface
         self.surface_points, self.normals = sample_surface(mesh)
         self.centres, self.depths = _find_candidate_balls(mesh, self.surface_points)
         self.box = np.stack([mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)])
 
-    def place(self, count: int) -> np.ndarray:
-        """Place at most `count` spheres (M, 4) inside the mesh, before they grow."""
+    def place_spheres(self, count: int) -> np.ndarray:
+        """Return at most `count` spheres (M, 4) inside the mesh, before they grow."""
         if self.surface == "smooth":
             return _choose_balls(self.centres, self.depths, self.surface_points, count)
         radius = ROUGH_RADIUS * self.depths.max()
         return _place_equal_balls(self.surface_points, self.normals, radius, count)
 
-    def fill(self, count: int) -> np.ndarray:
-        """Fill the mesh with at most `count` spheres (M, 4)."""
-        spheres = self.place(count)
+    def pack(self, count: int) -> np.ndarray:
+        """Pack at most `count` spheres (M, 4), and let them grow to the mesh's volume.
+
+        Spheres of the surface "rough" do not grow.
+        """
+        spheres = self.place_spheres(count)
         if self.surface != "rough":
             spheres[:, 3] += _find_growth(spheres, self.mesh, self.box)
         return spheres
 
-    def fill_with_fewest(self, source: object) -> np.ndarray:
-        """Find the fewest spheres with nearly the mesh's volume and shortest axis.
+    def pack_fewest(self, source: object) -> np.ndarray:
+        """Find the fewest spheres with nearly the volume and shortest axis of the mesh.
 
         Parameters
         ----------
@@ -142,25 +163,26 @@ class _Filling:
         InputError
             If no number of spheres is enough.
         """
-        for count in range(FEWEST_FROM, FEWEST_TO + 1):
-            spheres = self.place(count)
-            # A smooth packing finds no place for more spheres.
+        for count in range(LOWEST_COUNT, HIGHEST_COUNT + 1):
+            spheres = self.place_spheres(count)
+            # A smooth packing may have no room for more spheres.
             if len(spheres) < count:
                 break
             grown = self._grow_within_tolerances(spheres)
             if grown is not None:
                 return grown
         allowed = (
-            f"a number: no union of {FEWEST_FROM} to {FEWEST_TO} {self.surface} "
+            f"a number: no union of {LOWEST_COUNT} to {HIGHEST_COUNT} {self.surface} "
             f"spheres is within {VOLUME_TOLERANCE:.0%} of the mesh's volume and "
             f"{SHORTEST_AXIS_TOLERANCE:.0%} of its shortest axis"
         )
         raise InputError(source, "spheres", FEWEST, allowed)
 
     def _grow_within_tolerances(self, spheres: np.ndarray) -> np.ndarray | None:
-        """Grow spheres until they have nearly the mesh's volume and shortest axis.
+        """Let spheres grow until their union has the volume of the mesh.
 
-        Rough surfaces do not grow; their spheres are only checked.
+        They grow only as far as the shortest axis of the mesh allows. Spheres of the
+        surface "rough" do not grow, and are only checked.
 
         Parameters
         ----------
@@ -170,30 +192,33 @@ class _Filling:
         Returns
         -------
         ndarray or None
-            The grown spheres; None if they cannot have both within the tolerances.
+            The grown spheres; None if their volume or their extent along the shortest
+            axis is outside the tolerances.
         """
         mesh_extents = np.ptp(self.box, axis=0)
         shortest_axis = int(mesh_extents.argmin())
         shortest_extent = mesh_extents[shortest_axis]
         mesh_volume = abs(self.mesh.volume)
 
-        # The spheres may grow until they are too thick along the shortest axis.
+        # The radii may grow until the union is too thick along the shortest axis. A
+        # growth of all radii extends the union at both ends of the axis.
         largest_extent = (1 + SHORTEST_AXIS_TOLERANCE) * shortest_extent
         largest_growth = (largest_extent - _measure_extent(spheres, shortest_axis)) / 2
 
-        # Check with few points first, which is much faster and refuses most unions.
+        # Use few points first. This is much faster, and refuses most packings.
         for n_points, tolerance in (
-            (N_VOLUME_POINTS // SCREENING_SHARE, SCREENING_TOLERANCE),
+            (N_VOLUME_POINTS // SCREENING_REDUCTION, SCREENING_TOLERANCE),
             (N_VOLUME_POINTS, VOLUME_TOLERANCE),
         ):
             grown_spheres = spheres.copy()
             if self.surface != "rough":
                 growth = _find_growth(spheres, self.mesh, self.box, n_points)
                 grown_spheres[:, 3] += min(growth, largest_growth)
-            volume = union_volume(grown_spheres, self.box, n_points)
+            volume = compute_union_volume(grown_spheres, self.box, n_points)
             if abs(volume / mesh_volume - 1) > tolerance:
                 return None
 
+        # The growth may have reached the tolerance exactly, but for rounding errors.
         extent = _measure_extent(grown_spheres, shortest_axis)
         if abs(extent / shortest_extent - 1) > SHORTEST_AXIS_TOLERANCE + 1e-9:
             return None
@@ -210,7 +235,9 @@ def _measure_extent(spheres: np.ndarray, axis: int) -> float:
 def sample_surface(
     mesh: trimesh.Trimesh, count: int = N_SURFACE_POINTS
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Distribute points evenly over a mesh's area, the same ones every time.
+    """Distribute points evenly over the surface of a mesh.
+
+    The points are the same in each call.
 
     Parameters
     ----------
@@ -221,17 +248,20 @@ def sample_surface(
 
     Returns
     -------
-    tuple
-        The points and the outward normals there, each (count, 3).
+    points : ndarray
+        The points (count, 3).
+    normals : ndarray
+        The outward normals (count, 3) of the surface there.
     """
-    # Evenly spread numbers (count, 3) between 0 and 1, without the first three zeros.
+    # The Halton sequence gives evenly spread numbers (count, 3) between 0 and 1. Its
+    # first row, three zeros, is left out.
     numbers = qmc.Halton(3, scramble=False).random(count + 1)[1:]
     # The first number chooses the face, in proportion to its area.
     cumulated_areas = np.cumsum(mesh.area_faces)
     chosen_faces = np.searchsorted(cumulated_areas, numbers[:, 0] * cumulated_areas[-1])
     faces = np.minimum(chosen_faces, len(cumulated_areas) - 1)
-    # The others give the weights of its corners. With the square root, the points lie
-    # evenly over its area.
+    # The other two numbers give the weights of the corners of the face. Because of the
+    # square root, the points lie evenly over the area of the face.
     root = np.sqrt(numbers[:, 1:2])
     share = numbers[:, 2:]
     weights = np.hstack([1 - root, root * (1 - share), root * share])
@@ -249,14 +279,16 @@ def _find_candidate_balls(
     mesh : Trimesh
         The mesh, nearly convex, with its centre at the origin.
     points : ndarray
-        Points (P, 3) on its surface.
+        Points (P, 3) on the surface of the mesh.
 
     Returns
     -------
-    tuple
-        Centres (N, 3) and radii (N,) of the balls.
+    centres : ndarray
+        Centres (N, 3) of the balls.
+    radii : ndarray
+        Radii (N,) of the balls.
     """
-    # The grid is symmetric about the origin, and about N_CANDIDATES points lie inside.
+    # The origin is a point of the grid. About N_CANDIDATES points lie inside the mesh.
     spacing = np.cbrt(mesh.volume / N_CANDIDATES)
     lowest = mesh.vertices.min(axis=0) / spacing
     highest = mesh.vertices.max(axis=0) / spacing
@@ -267,50 +299,62 @@ def _find_candidate_balls(
     grid = np.stack(np.meshgrid(*coordinates, indexing="ij"), axis=-1).reshape(-1, 3)
 
     # The depth of a point is its distance below the nearest face of the convex hull.
-    # Points are treated in chunks: all points times all faces of a scan would fill
+    # The points are treated in chunks. All points times all faces of a scan would fill
     # gigabytes.
     hull = mesh.convex_hull
-    offsets = np.einsum("fi,fi->f", hull.face_normals, hull.triangles[:, 0])
-    n_chunks = 1 + len(grid) * len(offsets) // 2_000_000
+    # Distances of the planes of the faces from the origin, along their normals
+    plane_distances = np.einsum("fi,fi->f", hull.face_normals, hull.triangles[:, 0])
+    n_chunks = 1 + len(grid) * len(plane_distances) // DISTANCES_PER_CHUNK
     chunk_depths = [
-        (offsets - chunk @ hull.face_normals.T).min(axis=1)
+        (plane_distances - chunk @ hull.face_normals.T).min(axis=1)
         for chunk in np.array_split(grid, n_chunks)
     ]
     depths = np.concatenate(chunk_depths)
     is_inside = depths > 0
     centres = grid[is_inside]
 
-    # Where the surface lies below its hull, the depth below the hull is too large.
+    # In a dent, the surface of the mesh is nearer than the hull.
     surface_distances, _ = cKDTree(points).query(centres)
     return centres, np.minimum(depths[is_inside], surface_distances)
 
 
-def distances_from_union(spheres: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Compute the distances (N,) of points (N, 3) from the union of spheres (M, 4).
+def compute_union_distances(spheres: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Compute the distances of points from the surface of a union of spheres.
 
-    Inside the union they are negative, and only a bound.
+    Parameters
+    ----------
+    spheres : ndarray
+        Centres and radii (M, 4).
+    points : ndarray
+        The points (N, 3).
+
+    Returns
+    -------
+    ndarray
+        The distances (N,). They are negative inside the union. There the surface may be
+        farther away than their absolute value.
     """
     offsets = points[:, None, :] - spheres[None, :, :3]
     return (np.linalg.norm(offsets, axis=2) - spheres[:, 3]).min(axis=1)
 
 
-def union_volume(
+def compute_union_volume(
     spheres: np.ndarray, box: np.ndarray, count: int = N_VOLUME_POINTS
 ) -> float:
-    """Compute the volume of a union of spheres, by the share of points that lie in it.
+    """Compute the volume of a union of spheres by counting the points inside it.
 
-    The points fill a box evenly. With the default number of points, the error is below
-    0.2 % for unions of up to 60 spheres, as a test shows.
+    The points fill a box evenly, and are the same in each call. With the default number
+    of points, the error is below 0.2 % for unions of up to 60 spheres, as a test shows.
 
     Parameters
     ----------
     spheres : ndarray
         Centres and radii (M, 4).
     box : ndarray
-        Lower and upper corner (2, 3) of a box that holds most of the union. The points
-        fill this box, extended to all of the union.
+        Lower and upper corner (2, 3) of a box around most of the union. The box is
+        extended to the whole union.
     count : int
-        Number of points, which are the same each time.
+        Number of points.
 
     Returns
     -------
@@ -323,8 +367,8 @@ def union_volume(
     high = np.maximum(box[1], (centres + radii).max(axis=0))
     points = low + (high - low) * qmc.Halton(3, scramble=False).random(count)
     n_inside = 0
-    for chunk in np.array_split(points, 16):
-        n_inside += int(np.count_nonzero(distances_from_union(spheres, chunk) < 0))
+    for chunk in np.array_split(points, N_CHUNKS):
+        n_inside += int(np.count_nonzero(compute_union_distances(spheres, chunk) < 0))
     return n_inside / count * float(np.prod(high - low))
 
 
@@ -334,12 +378,12 @@ def _find_growth(
     box: np.ndarray,
     count: int = N_VOLUME_POINTS,
 ) -> float:
-    """Find by how much all radii must grow until the union has the mesh's volume.
+    """Find the growth of all radii that gives the union the volume of the mesh.
 
-    The grown union contains all points whose distance from the spheres is less than the
-    growth. So among points that fill a box evenly, the share of points within this
-    distance must equal the mesh's share of the box. The growth is a quantile of the
-    distances.
+    The union of the grown spheres contains all points whose distance from the spheres is
+    less than the growth. Points fill a box around the mesh evenly. The share of them
+    within this distance must equal the share of the mesh in the volume of the box. So
+    the growth is a quantile of the distances of the points.
 
     Parameters
     ----------
@@ -350,22 +394,21 @@ def _find_growth(
     box : ndarray
         Lower and upper corner (2, 3) of the mesh.
     count : int
-        Number of points, which are the same each time.
+        Number of points. They are the same in each call.
 
     Returns
     -------
     float
         The growth in mm; negative if the radii must shrink.
     """
-    # Enlarge the box on all sides by a fifth of its largest coordinate, because grown
-    # spheres may extend beyond the mesh. The points are processed in 16 parts, which
-    # limits the memory.
-    margin = 0.2 * np.abs(box).max()
+    # The grown spheres may extend beyond the mesh, so the box gets a margin.
+    margin = GROWTH_MARGIN * np.abs(box).max()
     low = box[0] - margin
     high = box[1] + margin
     points = low + (high - low) * qmc.Halton(3, scramble=False).random(count)
     chunk_distances = [
-        distances_from_union(spheres, chunk) for chunk in np.array_split(points, 16)
+        compute_union_distances(spheres, chunk)
+        for chunk in np.array_split(points, N_CHUNKS)
     ]
     distances = np.concatenate(chunk_distances)
     mesh_share = mesh.volume / np.prod(high - low)
@@ -375,39 +418,39 @@ def _find_growth(
 def _choose_balls(
     centres: np.ndarray, radii: np.ndarray, points: np.ndarray, count: int
 ) -> np.ndarray:
-    """Choose inscribed balls so that the surface of their union is near that of a mesh.
+    """Choose inscribed balls whose union has a surface near that of a mesh.
 
     Parameters
     ----------
     centres : ndarray
         Centres (N, 3) of the candidates.
     radii : ndarray
-        Their radii (N,).
+        Radii (N,) of the candidates.
     points : ndarray
-        Points (P, 3) of the surface.
+        Points (P, 3) on the surface of the mesh.
     count : int
-        Number of balls at most; fewer are chosen if a further one gains little.
+        Largest number of balls. Fewer balls are chosen if a further one gains little.
 
     Returns
     -------
     ndarray
-        Centres and radii of the balls (M, 4).
+        Centres and radii (M, 4) of the chosen balls.
     """
-    # Small balls are no candidates.
-    largest = radii.max()
-    is_large = radii > SMALLEST_BALL * largest
+    # Leave out small balls.
+    largest_radius = radii.max()
+    is_large = radii > SMALLEST_BALL * largest_radius
     centres = centres[is_large]
     radii = radii[is_large]
 
-    # Gap between each surface point and each ball (P, N), and whether two balls (N, N)
-    # are far enough apart
+    # Compute the gap between each surface point and each ball (P, N), and whether two
+    # balls are far enough apart (N, N).
     gaps = np.linalg.norm(points[:, None, :] - centres[None], axis=2) - radii
     squared_gaps = np.square(gaps).astype(np.float32)
     centre_distances = np.linalg.norm(centres[:, None] - centres[None], axis=2)
-    is_separated = centre_distances >= SPACING * largest
+    is_separated = centre_distances >= SPACING * largest_radius
 
-    # Add the best ball to those chosen before, until a further one gains little.
-    smallest_gain = (SMALLEST_GAIN * largest) ** 2
+    # Add the best ball to the chosen ones, until a further ball gains little.
+    smallest_gain = (SMALLEST_GAIN * largest_radius) ** 2
     chosen: list[int] = []
     best_score = np.inf
     for _ in range(count):
@@ -417,15 +460,15 @@ def _choose_balls(
         best_score = scores.min()
         chosen.append(int(scores.argmin()))
 
-    # Exchange single balls for better ones, until a round changes nothing.
+    # Replace single balls by better ones, until a round changes nothing.
     for _ in range(MAX_EXCHANGES):
-        balls_before = list(chosen)
+        previously_chosen = list(chosen)
         for index in range(len(chosen)):
             other_balls = chosen[:index] + chosen[index + 1 :]
             scores = _score_candidates(squared_gaps, is_separated, other_balls)
             if scores.min() < scores[chosen[index]]:
                 chosen[index] = int(scores.argmin())
-        if chosen == balls_before:
+        if chosen == previously_chosen:
             break
     return np.column_stack([centres[chosen], radii[chosen]])
 
@@ -433,10 +476,11 @@ def _choose_balls(
 def _score_candidates(
     squared_gaps: np.ndarray, is_separated: np.ndarray, chosen: list[int]
 ) -> np.ndarray:
-    """Score each candidate (N,) as the next ball; the lowest is the best.
+    """Compute the score of each candidate for the next ball; the lowest is the best.
 
-    A score is the mean squared gap between the surface and the chosen balls with the
-    candidate. It is infinite for one too near to a chosen ball.
+    The score is the mean squared gap between the surface and the nearest ball, if the
+    candidate joins the chosen balls. It is infinite for a candidate that is too near to
+    a chosen ball.
 
     Parameters
     ----------
@@ -445,22 +489,27 @@ def _score_candidates(
     is_separated : ndarray
         Whether two candidates (N, N) are far enough apart.
     chosen : list of int
-        The balls chosen so far.
+        Indices of the balls that are chosen already.
+
+    Returns
+    -------
+    ndarray
+        The scores (N,).
     """
     if not chosen:
         return squared_gaps.mean(axis=0)
-    gap_to_chosen = squared_gaps[:, chosen].min(axis=1)[:, None]
-    scores = np.minimum(gap_to_chosen, squared_gaps).mean(axis=0)
+    smallest_chosen_gap = squared_gaps[:, chosen].min(axis=1)[:, None]
+    scores = np.minimum(smallest_chosen_gap, squared_gaps).mean(axis=0)
     return np.where(is_separated[chosen].all(axis=0), scores, np.inf)
 
 
 def _place_equal_balls(
     points: np.ndarray, normals: np.ndarray, radius: float, count: int
 ) -> np.ndarray:
-    """Place balls of one radius so that each touches a surface from inside.
+    """Place balls of one radius so that each of them touches a surface from inside.
 
-    The first lies at the end of the x axis. Each further one is placed as far as
-    possible from those before it.
+    The first ball lies at the end of the x axis. The centre of each further ball is as
+    far as possible from the centres before it.
 
     Parameters
     ----------
@@ -469,7 +518,7 @@ def _place_equal_balls(
     radius : float
         Radius of the balls.
     count : int
-        Their number.
+        Number of balls.
 
     Returns
     -------
@@ -480,7 +529,7 @@ def _place_equal_balls(
     centres = points - radius * normals
     first = int(np.argmax(centres[:, 0]))
     chosen = [first]
-    # Distance of each possible centre from the nearest chosen one
+    # Distance of each possible centre from the nearest chosen centre
     distances = np.linalg.norm(centres - centres[first], axis=1)
     while len(chosen) < count:
         farthest = int(distances.argmax())

@@ -1,13 +1,13 @@
 """Compute the support function of a body that is a sum of co-axial ellipsoids.
 
-Its value in a direction is the extent of the body from its centre.
+The value of this function in a direction is the extent of the body from its centre.
 """
 
 import numpy as np
 
 
 def component_supports(semi_axes: np.ndarray, n: np.ndarray) -> np.ndarray:
-    """Compute the support values (..., K) of single ellipsoids.
+    """Compute the support value of each ellipsoid alone: (..., K) values.
 
     Parameters
     ----------
@@ -25,7 +25,7 @@ def component_supports(semi_axes: np.ndarray, n: np.ndarray) -> np.ndarray:
 
 
 def support(semi_axes: np.ndarray, n: np.ndarray) -> np.ndarray:
-    """Compute the support values (...) of the sum of ellipsoids.
+    """Compute the support values (...) of the body, the sum over its ellipsoids.
 
     Parameters
     ----------
@@ -45,8 +45,8 @@ def support(semi_axes: np.ndarray, n: np.ndarray) -> np.ndarray:
 def support_point(semi_axes: np.ndarray, n: np.ndarray) -> np.ndarray:
     """Compute the points (..., 3) at which planes with the normals n touch the body.
 
-    A touching point is the gradient of the support function, which is the sum over the
-    ellipsoids k of s_k^2 n / h_k.
+    Such a point is the gradient of the support function. It is the sum of s_k^2 n / h_k
+    over the ellipsoids k, with their half axes s_k and support values h_k.
 
     Parameters
     ----------

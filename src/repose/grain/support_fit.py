@@ -11,27 +11,33 @@ from repose.dem.rotations import sphere_directions
 from repose.grain.support import component_supports, support, support_point
 
 # Recognition of an ellipsoid; lengths are in mean radii of the mesh
-MIN_VERTICES = 12
-ON_ELLIPSOID = 1e-4  # distance of a vertex that lies on it, but for a file's rounding
-COARSEST_FACET = 0.03  # depth at most of the cut that a facet makes
-# Terms of a quadric: pairs of coordinates that are multiplied
+FEWEST_VERTICES = 12  # more than the nine coefficients of a quadric
+# Largest distance of a vertex from the ellipsoid, for the rounding of the file
+ELLIPSOID_TOLERANCE = 1e-4
+DEEPEST_CUT = 0.03  # largest depth of the slices that the facets cut off
+# Quadratic terms of a quadric, as pairs of coordinates that are multiplied
 QUADRIC_PAIRS = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]
 
 # Fit of several ellipsoids
-COMPONENTS = (1, 2, 3)
-GOOD_RMS = 2e-3  # in mean radii; with it no further component is tried
-GOOD_DEVIATION = 0.01  # the largest deviation, in units of the body's smallest extent
-IMPROVEMENT = 0.9  # a further component has to lower the rms to this share
-# Half axes of a component, in mean radii. A needle or a disc would have a vanishing
-# radius of curvature, and the contact force would vanish with it.
+COMPONENT_COUNTS = (1, 2, 3)
+# Root mean square deviation, in mean radii, of a fit that needs no further component
+GOOD_RMS = 2e-3
+# Largest deviation of such a fit, over the smallest extent of the body
+GOOD_DEVIATION = 0.01
+# A further component is kept only if it lowers the rms to this share or less.
+LARGEST_RMS_RATIO = 0.9
+# Limits of the half axes of a component, in mean radii. A needle or a disc would have a
+# vanishing radius of curvature, and the contact force would vanish with it.
 AXIS_BOUNDS = (0.05, 10.0)
-MAX_EVALUATIONS = 200
+MAX_EVALUATIONS = 200  # of a fit by least squares
+# Random divisions of the extents of a body, from which fits begin
+N_RANDOM_STARTS = 3
 
 
 class _Fit(NamedTuple):
     """A fitted sum of ellipsoids."""
 
-    semi_axes: np.ndarray  # (K, 3)
+    semi_axes: np.ndarray  # (K, 3), half axes
     rms: float  # root mean square deviation of the support values
 
 
@@ -59,31 +65,33 @@ def recognise_ellipsoid(
     ndarray or None
         The half axes (1, 3), the longest first; None if there is no such ellipsoid.
     """
-    # The quadric through the points is an ellipsoid if its matrix is positive.
+    # Fit a quadric x'Ax + b'x = 1 to the points. It is an ellipsoid if A is positive
+    # definite.
     points = vertices / radius
-    if len(points) < MIN_VERTICES:
+    if len(points) < FEWEST_VERTICES:
         return None
     matrix, linear = _fit_quadric(points)
     if np.linalg.eigvalsh(matrix).min() <= 0:
         return None
 
-    # Move its centre to the origin, which leaves x'Bx = 1. The eigenvectors of B are
-    # its axes, and the eigenvalues ascend, so the longest axis comes first.
+    # Relative to the centre of the ellipsoid, the equation is x'Bx = 1. The eigenvectors
+    # of B are the axes, and each eigenvalue is 1 over the square of a half axis. The
+    # eigenvalues ascend, so the longest axis comes first.
     centre = -0.5 * np.linalg.solve(matrix, linear)
     centred_matrix = matrix / (1 + centre @ matrix @ centre)
     eigenvalues, axes = np.linalg.eigh(centred_matrix)
     relative_axes = 1 / np.sqrt(eigenvalues)
 
-    # Stretch the ellipsoid to the unit sphere: then all vertices must lie on it.
+    # Map the ellipsoid to the unit sphere. All vertices must lie on this sphere.
     sphere_points = (points - centre) @ axes / relative_axes
     heights = np.linalg.norm(sphere_points, axis=1) - 1
-    if np.abs(heights).max() * relative_axes.max() > ON_ELLIPSOID:
+    if np.abs(heights).max() * relative_axes.max() > ELLIPSOID_TOLERANCE:
         return None
 
-    # Between the vertices, the facets may cut off only thin slices.
+    # The facets between the vertices may cut off only thin slices.
     semi_axes = radius * relative_axes[None]
     deviations = support(semi_axes, directions) - support_values
-    if np.abs(deviations).max() > COARSEST_FACET * radius:
+    if np.abs(deviations).max() > DEEPEST_CUT * radius:
         return None
     return semi_axes
 
@@ -91,7 +99,8 @@ def recognise_ellipsoid(
 def _fit_quadric(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Fit the quadric x'Ax + b'x = 1 to points.
 
-    The equation is linear in its nine coefficients: six of the symmetric A, three of b.
+    The equation is linear in its nine coefficients: six of the symmetric matrix A and
+    three of the vector b.
 
     Parameters
     ----------
@@ -105,7 +114,7 @@ def _fit_quadric(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     linear : ndarray
         The vector b (3,).
     """
-    # A coefficient beside the diagonal of A occurs twice.
+    # A coefficient off the diagonal of A occurs twice.
     quadratic_terms = []
     for i, j in QUADRIC_PAIRS:
         factor = 1 if i == j else 2
@@ -114,7 +123,7 @@ def _fit_quadric(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     right_side = np.ones(len(points))
     coefficients, *_ = np.linalg.lstsq(columns, right_side, rcond=None)
 
-    # The coefficients have the order of the columns: six of A, then three of b.
+    # The coefficients have the order of the columns: first A, then b.
     matrix = np.zeros((3, 3))
     for (i, j), value in zip(QUADRIC_PAIRS, coefficients[:6], strict=True):
         matrix[i, j] = value
@@ -126,11 +135,12 @@ def fit_components(
     directions: np.ndarray,
     support_values: np.ndarray,
     radius: float,
-    counts: Sequence[int] = COMPONENTS,
+    counts: Sequence[int] = COMPONENT_COUNTS,
 ) -> np.ndarray:
     """Fit a sum of co-axial ellipsoids to the support values of a body.
 
-    More ellipsoids are tried until the fit is good. The best fit is kept.
+    The numbers of ellipsoids are tried in their order until a fit is good. Otherwise the
+    best fit is returned.
 
     Parameters
     ----------
@@ -141,7 +151,7 @@ def fit_components(
     radius : float
         Mean radius of the body, in the unit of the support values.
     counts : sequence of int
-        Numbers of ellipsoids that are tried, until one of them fits well.
+        Numbers of ellipsoids that are tried, the smallest first.
 
     Returns
     -------
@@ -150,7 +160,8 @@ def fit_components(
     """
     semi_axes = np.zeros((0, 3))
     rms = math.inf
-    half_extents = support_values[np.argmax(directions, axis=0)]  # along the three axes
+    # The support values in the directions nearest to the three axes
+    half_extents = support_values[np.argmax(directions, axis=0)]
     allowed_deviation = GOOD_DEVIATION * 2 * half_extents.min()
     for count in counts:
         fits = [
@@ -158,16 +169,17 @@ def fit_components(
             for start in _make_starts(count, half_extents, radius)
         ]
         best_fit = min(fits, key=lambda fit: fit.rms)
-        # A further ellipsoid must improve the fit clearly.
-        if best_fit.rms < IMPROVEMENT * rms:
+        # A further ellipsoid must improve the fit clearly. The first one always does,
+        # because the rms before it is infinite.
+        if best_fit.rms < LARGEST_RMS_RATIO * rms:
             semi_axes = best_fit.semi_axes
             rms = best_fit.rms
         if rms <= GOOD_RMS * radius:
             break
         if count == 1:
             continue
-        # A fit of several ellipsoids is also accepted if a second fit can make its
-        # largest deviation small.
+        # The fit is also good if a second fit can make its largest deviation small. This
+        # is not tried for a single ellipsoid.
         changed_axes = _reduce_largest_deviation(
             directions, support_values, radius, semi_axes
         )
@@ -187,8 +199,9 @@ def _reduce_largest_deviation(
 ) -> np.ndarray:
     """Change the half axes of a fit so that its largest deviation becomes smaller.
 
-    The fit minimises the sum of the sixth powers of the deviations, in which the largest
-    deviations count most. The root mean square of the deviations becomes larger.
+    A second fit minimises the sum of the sixth powers of the deviations, in which the
+    largest deviations count most. In return, the root mean square of the deviations
+    becomes larger.
 
     Parameters
     ----------
@@ -210,15 +223,19 @@ def _reduce_largest_deviation(
     largest = np.abs(deviations).max()
 
     # The unknowns are logarithms of relative half axes, which keeps the axes positive.
-    def cubed_deviations(logarithms: np.ndarray) -> np.ndarray:
+    def compute_cubed_deviations(logarithms: np.ndarray) -> np.ndarray:
         axes = np.exp(logarithms).reshape(-1, 3) * radius
-        # `least_squares` squares the third powers.
+        # `least_squares` squares these third powers.
         return ((support(axes, directions) - support_values) / largest) ** 3
 
+    # The start of a fit must lie within its bounds; rounding errors may move it beyond.
     lower, upper = np.log(AXIS_BOUNDS)
     start = np.clip(np.log(semi_axes / radius).ravel(), lower, upper)
     fit = least_squares(
-        cubed_deviations, start, bounds=(lower, upper), max_nfev=MAX_EVALUATIONS
+        compute_cubed_deviations,
+        start,
+        bounds=(lower, upper),
+        max_nfev=MAX_EVALUATIONS,
     )
     return radius * np.exp(fit.x).reshape(-1, 3)
 
@@ -226,9 +243,10 @@ def _reduce_largest_deviation(
 def _make_starts(
     count: int, half_extents: np.ndarray, radius: float
 ) -> list[np.ndarray]:
-    """Make the half axes from which fits with a number of ellipsoids begin.
+    """Make the half axes from which the fits of a number of ellipsoids begin.
 
     Each start divides the half extents of the body among the ellipsoids in another way.
+    The starts are the same in each call.
 
     Parameters
     ----------
@@ -242,21 +260,25 @@ def _make_starts(
     Returns
     -------
     list of ndarray
-        Half axes (count, 3) to start from; the same each time.
+        Half axes (count, 3) of each start.
     """
     if count == 1:
         return [half_extents[None]]
-    # Each ellipsoid's share of each half extent (count, 3): at first random shares
+    # A division (count, 3) has the share of each ellipsoid in each half extent. The
+    # first divisions are random. Their seed is the number of ellipsoids.
     rng = np.random.default_rng(count)
-    divisions = [rng.dirichlet(np.full(count, 2.0), size=3).T for _ in range(3)]
-    # Then divisions into a needle along one axis and a body with the rest. They suit
-    # shapes that are fuller or more pointed than an ellipsoid.
+    divisions = [
+        rng.dirichlet(np.full(count, 2.0), size=3).T for _ in range(N_RANDOM_STARTS)
+    ]
+    # In the other divisions the first ellipsoid is a needle along one axis, and the last
+    # one has most of the rest. They suit bodies that are blunter or more pointed than an
+    # ellipsoid.
     for axis in range(3):
         shares = np.full((count, 3), 0.1)
         shares[0, axis] = 0.7
         shares[-1] = 1 - shares[:-1].sum(axis=0)
         divisions.append(shares)
-    # The fit must not begin on its bounds.
+    # A fit cannot begin on its bounds, so the half axes stay 1 % within them.
     smallest = 1.01 * AXIS_BOUNDS[0] * radius
     largest = 0.99 * AXIS_BOUNDS[1] * radius
     return [np.clip(shares * half_extents, smallest, largest) for shares in divisions]
@@ -292,31 +314,32 @@ def _fit_by_least_squares(
     relative_values = support_values / radius
     squared_directions = np.square(directions)
 
-    def relative_axes(logarithms: np.ndarray) -> np.ndarray:
+    def compute_axes(logarithms: np.ndarray) -> np.ndarray:
         return np.exp(logarithms).reshape(start.shape)
 
-    def deviations(logarithms: np.ndarray) -> np.ndarray:
-        return support(relative_axes(logarithms), directions) - relative_values
+    def compute_deviations(logarithms: np.ndarray) -> np.ndarray:
+        return support(compute_axes(logarithms), directions) - relative_values
 
-    def derivatives(logarithms: np.ndarray) -> np.ndarray:
-        # Ellipsoid k has the support value h_k = sqrt(sum_i s_ki^2 n_i^2), therefore
-        # d h_k / d log s_ki = s_ki^2 n_i^2 / h_k.
-        axes = relative_axes(logarithms)
+    def compute_derivatives(logarithms: np.ndarray) -> np.ndarray:
+        # Ellipsoid k with the half axes s_ki has in the direction n the support value
+        # h_k = sqrt(sum_i s_ki^2 n_i^2). Therefore d h_k / d log s_ki = s_ki^2 n_i^2 / h_k.
+        axes = compute_axes(logarithms)
         numerators = np.square(axes)[None] * squared_directions[:, None, :]
         values = component_supports(axes, directions)
         return (numerators / values[:, :, None]).reshape(len(directions), -1)
 
+    # The start of a fit must lie within its bounds; rounding errors may move it beyond.
     lower, upper = np.log(AXIS_BOUNDS)
     start_logarithms = np.clip(np.log(start / radius).ravel(), lower, upper)
     fit = least_squares(
-        deviations,
+        compute_deviations,
         start_logarithms,
-        jac=derivatives,
+        jac=compute_derivatives,
         bounds=(lower, upper),
         max_nfev=MAX_EVALUATIONS,
     )
     rms = radius * math.sqrt(np.mean(fit.fun**2))
-    return _Fit(radius * relative_axes(fit.x), rms)
+    return _Fit(radius * compute_axes(fit.x), rms)
 
 
 def _make_quadrature(
@@ -324,27 +347,29 @@ def _make_quadrature(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Make directions and weights for integrals over the solid angle.
 
-    They are for functions that are even in x, y and z: the directions fill one octant,
-    and the weights stand for all eight. Along x the rule is Gauss-Legendre, around x
-    the steps are equal.
+    The integrand must be an even function of x, y and z. So the directions fill only one
+    octant, and the weights stand for all eight. The directions lie on rings around the x
+    axis. The positions of the rings along x are the nodes of a Gauss-Legendre rule, and
+    the directions of a ring have equal distances.
 
     Parameters
     ----------
     n_latitudes, n_longitudes : int
-        Numbers of directions along and around x.
+        Number of rings, and number of directions on each ring.
 
     Returns
     -------
     directions : ndarray
         Unit vectors (N, 3).
     weights : ndarray
-        Their weights (N,), with the sum 4 pi.
+        Weights (N,) of the directions. Their sum is 4 pi.
     """
-    # Move the nodes from the interval (-1, 1) to (0, 1).
+    # Move the nodes from the interval (-1, 1) to the interval (0, 1).
     nodes, node_weights = np.polynomial.legendre.leggauss(n_latitudes)
     x = (nodes + 1) / 2
     x_weights = node_weights / 2
-    # Each node is a ring around the x axis, with a direction in the middle of each step.
+    # Divide the quarter of each ring into equal steps. A direction lies in the middle of
+    # each step.
     azimuths = 0.5 * math.pi * (np.arange(n_longitudes) + 0.5) / n_longitudes
     ring_radii = np.sqrt(1 - x**2)[:, None]
     y = ring_radii * np.cos(azimuths)
@@ -371,8 +396,9 @@ def volume_integrals(semi_axes: np.ndarray) -> tuple[float, np.ndarray]:
 
     Notes
     -----
-    The body is the union of cones from its centre over the surface x(n) = grad h, whose
-    element of area is det Q dOmega, where Q = grad grad h on the tangent plane. So the
+    The surface point with the normal n is x(n) = grad h, with the support function h. An
+    element of the surface has the area det Q dOmega, where Q = grad grad h on the tangent
+    plane. The body is the union of the cones from its centre to these elements. So the
     volume is 1/3 int h det Q dOmega, and the integral of x_i^2 is
     1/5 int x_i^2 h det Q dOmega.
     """
@@ -381,30 +407,31 @@ def volume_integrals(semi_axes: np.ndarray) -> tuple[float, np.ndarray]:
         volume = 4 / 3 * math.pi * float(semi_axes[0].prod())
         return volume, volume / 5 * np.square(semi_axes[0])
 
-    # Surface points x(n) of each component (N, K, 3), from its support values h (N, K)
+    # The points (N, K, 3) on the surface of each ellipsoid follow from its support values
+    # h (N, K).
     directions, weights = _make_quadrature()
     values = component_supports(semi_axes, directions)
     squared_axes = np.square(semi_axes)
     points = directions[:, None, :] * squared_axes / values[:, :, None]
-    # Q (N, 3, 3) is the sum of (S - x x') / h over the components. S is the diagonal
-    # matrix of the squared half axes.
+    # Q (N, 3, 3) is the sum of (S - x x') / h over the ellipsoids, where S is the
+    # diagonal matrix of the squared half axes.
     q = np.einsum("nk,ki,ij->nij", 1 / values, squared_axes, np.eye(3))
     q -= np.einsum("nki,nkj,nk->nij", points, points, 1 / values)
-    # As Q n = 0, the determinant on the tangent plane is (tr^2 - tr Q^2) / 2.
+    # Because Q n = 0, the determinant on the tangent plane is (tr(Q)^2 - tr(Q^2)) / 2.
     trace = np.einsum("nii->n", q)
     trace_of_square = np.einsum("nij,nji->n", q, q)
     determinant = (trace**2 - trace_of_square) / 2
-    # h det Q dOmega for each direction
-    elements = values.sum(axis=1) * determinant * weights
-    volume = float(elements.sum() / 3)
-    second_moments = elements @ np.square(points.sum(axis=1)) / 5
+    # The integrand h det Q dOmega in each direction
+    integrands = values.sum(axis=1) * determinant * weights
+    volume = float(integrands.sum() / 3)
+    second_moments = integrands @ np.square(points.sum(axis=1)) / 5
     return volume, second_moments
 
 
 def bounding_radius(semi_axes: np.ndarray) -> float:
     """Compute the distance of the farthest surface point of a body from its centre.
 
-    It is the maximum of the support function h.
+    This distance is the maximum of the support function h.
 
     Parameters
     ----------
@@ -416,12 +443,12 @@ def bounding_radius(semi_axes: np.ndarray) -> float:
     float
         The distance, in the unit of the half axes.
     """
-    # Begin at the best of many directions.
+    # Choose the best of many directions.
     trial_directions = np.concatenate([np.eye(3), sphere_directions(1000)])
     order = np.argsort(-support(semi_axes, trial_directions))
     directions = trial_directions[order[:50]]
-    # Go from each direction to that of its support point. As h is convex and
-    # homogeneous, it never falls on the way.
+    # Replace each direction by that of its support point, again and again. Because h is
+    # convex and homogeneous, it never decreases in such a step.
     for _ in range(200):
         points = support_point(semi_axes, directions)
         directions = points / np.linalg.norm(points, axis=1, keepdims=True)

@@ -843,14 +843,14 @@ def _fill_with_spheres(particle: "Particle", n_spheres: int) -> "Particle":
 
     from repose.dem.tessellation import tessellate
     from repose.grain import build
-    from repose.grain.mesh import principal_pose
+    from repose.grain.mesh import move_to_principal_pose
 
     # The builder of clumps needs a mesh with lengths in mm. This one has 48 rings of 96
     # points.
     points_m, _, triangles = tessellate(particle, 48, 96)
     mesh = trimesh.Trimesh(1e3 * points_m, triangles)
     clump = build.make_particle(
-        principal_pose(mesh),
+        move_to_principal_pose(mesh),
         particle.density_kg_m3,
         kind="multisphere",
         spheres=n_spheres,
