@@ -2,7 +2,7 @@
 
     python benchmarks/number_of_grains.py [--config config/config.yaml] [--out number_of_grains.csv]
 
-The scene is scaled as `repose.bench.scene_size.scaled` does it; the parameters are the centre of the ranges. The
+The scene is scaled as `repose.bench.scene_size.scale_funnel` does it; the parameters are the centre of the ranges. The
 tables of several crops together are what that module reads.
 """
 
@@ -39,7 +39,7 @@ ANGLES = ("whole", "flank", "secant", "steepest")
 def row(study, grains, pours):
     """Means and standard errors of the pours of one number of grains."""
     diameter_mm = diameter_mm_of(study.grain)
-    funnel = scene_size.scaled(
+    funnel = scene_size.scale_funnel(
         FunnelSettings(**study.config["funnel"]), grains, diameter_mm
     )
     funnel["duration_s"] = grains / funnel["rate_per_s"] + AFTER_S

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from repose.bench import funnel
-from repose.bench.reach import LINE_KEYS, cone_tan
+from repose.bench.reach import LINE_KEYS, compute_cone_slope
 from repose.common.errors import InputError, NoFlankError
 from repose.common.files import write_table
 from repose.grain.particle import Particle
@@ -110,7 +110,9 @@ def measured(
 
 def ratios(samples: pd.DataFrame, volume_m3: float) -> pd.DataFrame:
     """Mean, standard deviation and largest of tan(angle by a line) / tan(cone of the sample's Height) of a volume."""
-    cones = np.array([cone_tan(height, volume_m3) for height in samples["Height"]])
+    cones = np.array(
+        [compute_cone_slope(height, volume_m3) for height in samples["Height"]]
+    )
     rows = []
     for line, keys in lines().items():
         ratio = np.tan(np.radians(samples[line])) / cones

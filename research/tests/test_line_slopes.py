@@ -41,7 +41,7 @@ def test_ratios_of_cones_are_one_and_of_turned_cones_known():
     volume = 1e-3
     heights = np.array([50.0, 60.0, 70.0])
     samples = pd.DataFrame({"Height": heights})
-    slopes = np.array([reach.cone_tan(height, volume) for height in heights])
+    slopes = np.array([reach.compute_cone_slope(height, volume) for height in heights])
     for line in line_slopes.lines():
         factors = np.array([0.9, 1.0, 1.1]) if line.startswith("secant") else np.ones(3)
         samples[line] = np.degrees(np.arctan(factors * slopes))
@@ -72,7 +72,9 @@ def test_the_table_of_saved_piles_is_by_the_measured_angles(tmp_path):
         pile = measure_pile(
             Grains(arrays["position_1"], arrays["quaternion_1"], PARTICLE), SETTINGS
         )
-        cone = reach.cone_tan(pile.height_mm, 250 * PARTICLE.volume_m3 / funnel.PACKING)
+        cone = reach.compute_cone_slope(
+            pile.height_mm, 250 * PARTICLE.volume_m3 / funnel.PACKING
+        )
         ratios.append(math.tan(math.radians(pile.mean_deg("whole"))) / cone)
     row = table[table["definition"] == "whole"].iloc[0]
     assert row["mean"] == pytest.approx(np.mean(ratios), rel=1e-9)

@@ -23,7 +23,7 @@ MEASURED = {
 WHOLE = {"response": "whole"}
 
 
-def grain(axes_mm=reach.GRAIN_MM, volume_m3=BERRY_M3):
+def grain(axes_mm=reach.TABLE_GRAIN_MM, volume_m3=BERRY_M3):
     half = np.array([axes_mm]) * 5e-4
     return Particle(
         "ellipsoid",
@@ -48,8 +48,8 @@ def test_the_closed_cone_has_the_slope_of_its_height_and_volume():
     for angle in (10.0, 32.87, 60.0):
         slope = math.tan(math.radians(angle))
         volume = math.pi * 0.06557**3 / (3 * slope**2)
-        assert reach.cone_tan(65.57, volume) == pytest.approx(slope)
-        assert reach.steepest_deg(
+        assert reach.compute_cone_slope(65.57, volume) == pytest.approx(slope)
+        assert reach.compute_steepest_angle(
             "whole", 65.57, reach.DENSEST_PACKING * volume
         ) == pytest.approx(angle)
     assert 1e6 * math.pi * 0.06557**3 / (
@@ -61,8 +61,13 @@ def test_a_warning_needs_angle_and_height(config):
     angle, height = config["targets"]
     drum = {**angle, "response": "drum_slip_deg", "apparatus": "drum"}
     for targets in ([angle], [height], [drum], [drum, height], []):
-        assert list(reach.warnings(config | {"targets": targets}, grain(), None)) == []
-    (line,) = reach.warnings(config, grain(), None)
+        assert (
+            list(
+                reach.describe_assessments(config | {"targets": targets}, grain(), None)
+            )
+            == []
+        )
+    (line,) = reach.describe_assessments(config, grain(), None)
     assert line.startswith("reach: ")
     config["targets"][0]["response"] = "aor_secant_deg"
     config["measure"] |= WHOLE
@@ -90,7 +95,7 @@ def test_a_side_is_no_steeper_than_the_cone_of_its_mass():
 
 
 def test_the_articles_pair_is_out_of_reach_by_the_whole_side_alone(config):
-    row, exact = reach.nearest_row(
+    row, exact = reach.find_nearest_row(
         MeasureSettings.with_defaults(**config["measure"] | WHOLE), "whole", 0.2
     )
     assert exact
@@ -100,10 +105,11 @@ def test_the_articles_pair_is_out_of_reach_by_the_whole_side_alone(config):
     assert whole.bound_deg == pytest.approx(28.46, abs=0.01)
     assert whole.sentence.startswith(
         "Target out of reach: 32.9 deg at 65.6 mm by the line 'whole side, columns'; "
-        "piles of this mass reach "
+        "piles of this mass reach an estimated "
     )
     assert (
-        "The mass of 500 grains of 1487 mm3 allows at most 28.5 deg." in whole.sentence
+        "By estimate, the mass of 500 grains of 1487 mm3 allows at most 28.5 deg."
+        in whole.sentence
     )
     straight = judged(config, STRAIGHT_PART)
     assert straight.possible
@@ -163,7 +169,7 @@ def test_the_band_of_other_numbers_and_grains_says_so(config):
     assert ", not of this grain" in other.sentence
     assert other.band.sd == pytest.approx(math.hypot(before.sd, reach.OTHER_GRAIN_DEG))
     config["funnel"]["berries"] = 1000
-    change = scene_size.change(500, 1000, "whole")
+    change = scene_size.interpolate_change(500, 1000, "whole")
     smaller = grain(volume_m3=BERRY_M3 / 2)  # the same cone
     found = judged(config, WHOLE, particle=smaller).band
     turned = math.tan(math.radians(before.mean + change.angle_deg)) / change.height**1.5

@@ -22,34 +22,42 @@ def with_grains(config, grains, response="secant"):
 
 
 def test_a_change_is_that_of_the_table():
-    table = pd.read_csv(scene_size.TABLE).set_index(["grains", "label"])
+    table = pd.read_csv(scene_size.TABLE_CSV).set_index(["grains", "label"])
     for name in ("whole", "secant"):
-        found = scene_size.change(500, 125, name)
+        found = scene_size.interpolate_change(500, 125, name)
         column = table[f"aor_{name}_deg"]
         assert found.angle_deg == pytest.approx((column[125] - column[500]).mean())
         expected = -found.angle_deg
-        assert scene_size.change(125, 500, name).angle_deg == pytest.approx(expected)
+        assert scene_size.interpolate_change(125, 500, name).angle_deg == pytest.approx(
+            expected
+        )
     heights = table["height_scaled_mm"]
     assert found.height == pytest.approx((heights[125] / heights[500]).mean())
-    assert scene_size.change(300, 300, "flank") == (0.0, 1.0)
+    assert scene_size.interpolate_change(300, 300, "flank") == (0.0, 1.0)
 
 
 def test_the_fewest_grains_change_an_angle_by_less_than_a_degree():
     for name in ("whole", "flank", "secant", "steepest"):
-        found = scene_size.fewest_grains(1000, name)
+        found = scene_size.find_fewest_grains(1000, name)
         between = [
-            n for n in scene_size.numbers() if found is not None and found <= n < 1000
+            n
+            for n in scene_size.list_tabulated_numbers()
+            if found is not None and found <= n < 1000
         ]
         assert all(
-            abs(scene_size.change(1000, n, name).angle_deg) <= 1 for n in between
+            abs(scene_size.interpolate_change(1000, n, name).angle_deg) <= 1
+            for n in between
         )
-        below = [n for n in scene_size.numbers() if n < (found or 1000)]
-        assert not below or abs(scene_size.change(1000, max(below), name).angle_deg) > 1
+        below = [n for n in scene_size.list_tabulated_numbers() if n < (found or 1000)]
+        assert (
+            not below
+            or abs(scene_size.interpolate_change(1000, max(below), name).angle_deg) > 1
+        )
 
 
 def test_a_scaled_scene_keeps_its_proportions(config):
     section = funnel.FunnelSettings(**config["funnel"])
-    smaller = scene_size.scaled(section, 4, 13.34)
+    smaller = scene_size.scale_funnel(section, 4, 13.34)
     expected = config["funnel"]["plate_diameter_mm"] / 5
     assert smaller["plate_diameter_mm"] == pytest.approx(expected)
     # a fifth would be narrower than the outlet
@@ -59,41 +67,45 @@ def test_a_scaled_scene_keeps_its_proportions(config):
     expected = min(config["funnel"]["outlet_diameter_mm"], 2.4 * 13.34)
     assert smaller["outlet_diameter_mm"] == pytest.approx(expected)
     expected = config["funnel"] | dict.fromkeys(scene_size.COMPUTED_KEYS, "auto")
-    assert scene_size.scaled(section, config["funnel"]["berries"], 13.34) == expected
+    assert (
+        scene_size.scale_funnel(section, config["funnel"]["berries"], 13.34) == expected
+    )
 
 
 def test_a_large_scene_gets_a_smaller_one_inside_the_table(config):
-    small = list(scene_size.advice(with_grains(config, 500), 13.34, 65.0))
+    small = list(scene_size.advise(with_grains(config, 500), 13.34, 65.0))
     assert len(small) == 1
     assert small[0].startswith("grains: the pile is 4.9 grains high.")
     assert (
-        f"From {scene_size.fewest_grains(500, 'secant')} grains on the angle is within 1 deg of "
+        f"From {scene_size.find_fewest_grains(500, 'secant')} grains on the angle is within 1 deg of "
         "that of 500." in small[0]
     )
-    flank = next(scene_size.advice(with_grains(config, 500, "flank"), 13.34, 65.0))
+    flank = next(scene_size.advise(with_grains(config, 500, "flank"), 13.34, 65.0))
     assert (
         "No smaller number of grains is within 1 deg of that of 500; the secant angle is "
-        f"from {scene_size.fewest_grains(500, 'secant')} on." in flank
+        f"from {scene_size.find_fewest_grains(500, 'secant')} on." in flank
     )
-    half = scene_size.change(500, 250, "flank")
+    half = scene_size.interpolate_change(500, 250, "flank")
     assert (
         "Scale effect: 250 grains instead of 500 would lower the flank angle by "
         f"{-half.angle_deg:.1f} deg" in flank
     )
-    _, _, pasted, targets = scene_size.advice(with_grains(config, 1000), 13.34, 65.0)
+    _, _, pasted, targets = scene_size.advise(with_grains(config, 1000), 13.34, 65.0)
     keys = yaml.safe_load(pasted)["funnel"]
-    assert keys["berries"] == scene_size.fewest_grains(1000, "secant")
+    assert keys["berries"] == scene_size.find_fewest_grains(1000, "secant")
     before = config["targets"][-1]
     after = yaml.safe_load(targets)["targets"][-1]
     assert before["response"] == after["response"] == "height_mm"
     length = (keys["berries"] / 1000) ** (1 / 3)
-    share = length * scene_size.change(1000, keys["berries"], "secant").height
+    share = (
+        length * scene_size.interpolate_change(1000, keys["berries"], "secant").height
+    )
     assert after["value"] / before["value"] == pytest.approx(share, rel=1e-3)
     expected = config["funnel"]["inlet_diameter_mm"] * length
     assert keys["inlet_diameter_mm"] == pytest.approx(expected, rel=1e-3)
     PipelineConfig.of({**config, "funnel": config["funnel"] | keys})
-    _, smaller, *_ = scene_size.advice(
-        config, 13.34, 65.0, 25 * max(scene_size.numbers())
+    _, smaller, *_ = scene_size.advise(
+        config, 13.34, 65.0, 25 * max(scene_size.list_tabulated_numbers())
     )
     assert "have not been compared" in smaller
 

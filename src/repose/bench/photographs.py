@@ -56,16 +56,25 @@ POINTS = {
 }
 # Twice the area [px2] of three points that count as lying on a line.
 COLLINEAR_AREA = 1e-6
-# Share of the drum's radius within which a bed is looked for; the rim has other colours.
+# A bed is searched for within this share of the drum's radius. The rim has other
+# colours.
 INNER_SHARE = 0.97
-# Share of the radius above which the drum is empty.
+# The drum is taken to be empty above this share of its radius.
 EMPTY_SHARE = 0.6
 # Share of a chamber's half width that is left out at a wall.
 MARGIN_SHARE = 0.02
+# Share of a photograph's height that is used above the lower corners of a box. The rest
+# leaves room for rounding.
+HEIGHT_SHARE = 0.99
 # Longest side of a redrawn picture.
 LONGEST_SIDE_PX = 1600
 # Smallest side of a drum or a chamber in the photograph.
 SMALLEST_SIDE_PX = 100
+# The lines of a drawing have a pixel of thickness for so many pixels of its side.
+PIXELS_PER_THICKNESS = 400
+# Positions, in radii of the drum, at which a profile is read. They leave out the ends of
+# the surface, where it meets the wall.
+PROFILE_POSITIONS = np.arange(-0.8, 0.81, 0.05)
 
 
 @dataclass
@@ -73,14 +82,14 @@ class PhotographResult:
     """Result of one photograph."""
 
     path: Path
-    views: list[np.ndarray]  # redrawn pictures with the lines found, BGR
+    views: list[np.ndarray]  # redrawn pictures with the measured lines, BGR
     values: dict[str, float] = field(default_factory=dict)  # by response
-    refused: str = ""  # why it cannot be measured; empty if it was
+    refused: str = ""  # why it cannot be measured; empty if it was measured
     mask: np.ndarray | None = None  # of a bed in a drum, (H, W)
 
 
 class View(NamedTuple):
-    """A rectangle of a photograph, drawn anew so that it is level and has a scale."""
+    """A rectangle of a photograph, redrawn so that it is level, with its scale."""
 
     image: np.ndarray  # (H, W, 3), BGR
     mm_per_pixel: float
@@ -93,10 +102,10 @@ def measure_all(
     bench: str,
     pile_settings: MeasureSettings,
 ) -> list[PhotographResult]:
-    """Measure photographs by one camera on a tripod.
+    """Measure photographs that one camera on a tripod has taken.
 
-    The points of the apparatus are the same in all of them. A photograph that cannot be
-    measured has the reason in its result.
+    The points of the apparatus are the same in all photographs. The result of a
+    photograph that cannot be measured has the reason instead of the responses.
 
     Parameters
     ----------
@@ -105,7 +114,7 @@ def measure_all(
     points_px : sequence of float
         Column and row of each point, one after the other; see `POINTS`.
     settings : SceneSettings
-        Sections of the configuration, with the measures of the apparatus.
+        Sections of the configuration, with the dimensions of the apparatus.
     bench : str
         The bench test: ``turning`` or ``drawdown``.
     pile_settings : MeasureSettings
@@ -124,7 +133,7 @@ def measure_all(
     points = _check_points(points_px, bench)
     results = []
     for path in paths:
-        # A large photograph is read at a smaller size, and the points go with it.
+        # A large photograph is reduced when it is read, and so are the points.
         image, reduction = read_photograph(path)
         image_points = points / reduction
         try:
@@ -135,7 +144,7 @@ def measure_all(
                 box = settings.section(DRAWDOWN, DrawdownSettings)
                 result = measure_box(image, image_points, box, pile_settings)
         except ValueError as error:
-            # There is no flank, or the bed is too narrow.
+            # The pile has no flank, or the bed is too narrow.
             result = PhotographResult(path, [image], refused=str(error))
         result.path = path
         results.append(result)
@@ -143,7 +152,7 @@ def measure_all(
 
 
 def _check_points(points_px: Sequence[float], bench: str) -> np.ndarray:
-    """Read the points of an apparatus, and check them.
+    """Arrange the points of an apparatus in rows, and check them.
 
     Parameters
     ----------
@@ -179,7 +188,8 @@ def _check_points(points_px: Sequence[float], bench: str) -> np.ndarray:
         if left_column > right_column:
             raise make_error(rule.description)
     if bench == TURNING:
-        # Three points on a line span no triangle and lie on no circle.
+        # Three points on a line do not define a circle. The triangle between them has
+        # no area.
         doubled_area = abs(np.linalg.det(points[1:] - points[0]))
         if doubled_area < COLLINEAR_AREA:
             raise make_error("three points that are not on a line")
@@ -206,18 +216,18 @@ def measure_drum(
     rim_px : array
         Columns and rows of three points (3, 2) of the drum's inner rim.
     section : Rotating
-        Measures of the drum.
+        Dimensions of the drum.
 
     Returns
     -------
     PhotographResult
-        The angle, and the redrawn picture with the surface. The angle is positive: the
-        bed is taken to be carried to the side on which it is higher.
+        The angle, and the redrawn picture with the surface. The angle is positive,
+        whichever way the drum turns.
     """
-    # Redraw the square around the rim. Rows are counted downwards, so its lower left
-    # corner has a larger row than the centre.
+    # Redraw the square around the rim. Rows are counted downwards, so the lower left
+    # corner of the square has a larger row than the centre.
     centre_px, radius_px = _fit_circle(rim_px)
-    view = _redraw(
+    view = _redraw_rectangle(
         image,
         corner_px=centre_px - [radius_px, -radius_px],
         along=np.array([1.0, 0.0]),
@@ -226,7 +236,8 @@ def measure_drum(
     )
     picture = view.image
     mask = _find_bed(picture)
-    # The redrawn square has a whole number of pixels, and its radius goes with them.
+    # The redrawn square has a whole number of pixels, which may change its radius a
+    # little.
     radius_m = 0.5e-3 * view.mm_per_pixel * len(picture)
 
     def find_surface(bed_mask: np.ndarray) -> bed.Surface:
@@ -236,14 +247,14 @@ def measure_drum(
 
     surface = find_surface(mask)
     if surface.angle_deg < 0:
-        # Mirror a drum that turns the other way.
+        # The drum turns the other way, so mirror the picture.
         mask = mask[:, ::-1]
         picture = picture[:, ::-1]
         surface = find_surface(mask)
-    drawn = _draw_surface(picture, surface, radius_m, view.mm_per_pixel)
+    drawing_of_surface = _draw_surface(picture, surface, radius_m, view.mm_per_pixel)
     return PhotographResult(
-        path=Path(),  # set by `measure_all`
-        views=[drawn],
+        path=Path(),  # `measure_all` sets the path
+        views=[drawing_of_surface],
         values={"turning_deg": surface.angle_deg},
         mask=mask,
     )
@@ -259,7 +270,7 @@ def _draw_surface(
     picture : array
         The square picture (H, H, 3) of the drum, BGR.
     surface : bed.Surface
-        The surface in m from the axis, z up; rows of the picture are counted downwards.
+        The surface, in coordinates (x, z) in m from the axis, with z upwards.
     radius_m : float
         Inner radius of the drum.
     mm_per_pixel : float
@@ -268,20 +279,21 @@ def _draw_surface(
     Returns
     -------
     array
-        The picture with the drawing.
+        The picture with the drawing. It may be the given picture, which is then changed.
     """
-    drawn = np.ascontiguousarray(picture)
-    thickness_px = max(1, len(drawn) // 400)
-    # Pixels are counted from the upper left corner, to the right and downwards.
+    canvas = np.ascontiguousarray(picture)
+    thickness_px = max(1, len(canvas) // PIXELS_PER_THICKNESS)
+    # Pixels are counted from the upper left corner to the right and downwards, so z
+    # changes its sign.
     px_per_m = np.array([1e3, -1e3]) / mm_per_pixel
     upper_left_m = (-radius_m, radius_m)
     edge_px = (surface.profile_m - upper_left_m) * px_per_m
     start_px, end_px = (surface.line_m - upper_left_m) * px_per_m
     cv2.polylines(
-        drawn, [edge_px.astype(np.int32)], False, drawing.YELLOW, thickness_px
+        canvas, [edge_px.astype(np.int32)], False, drawing.YELLOW, thickness_px
     )
-    drawing.draw_line(drawn, tuple(start_px), tuple(end_px), drawing.RED, thickness_px)
-    return drawn
+    drawing.draw_line(canvas, tuple(start_px), tuple(end_px), drawing.RED, thickness_px)
+    return canvas
 
 
 def _fit_circle(points: np.ndarray) -> tuple[np.ndarray, float]:
@@ -290,13 +302,13 @@ def _fit_circle(points: np.ndarray) -> tuple[np.ndarray, float]:
     Returns
     -------
     centre : array
-        Its centre (2,).
+        The centre (2,) of the circle.
     radius : float
-        Its radius.
+        The radius of the circle.
     """
     first, second, third = points
-    # The centre is as far from the first point as from the two others. The difference
-    # of two squared distances is linear in the centre.
+    # The centre c has the same distance from the points p and q, so
+    # 2 (q - p) c = q^2 - p^2. Two pairs of points give two such equations.
     matrix = 2 * np.array([second - first, third - first])
     right_side = [second @ second - first @ first, third @ third - first @ first]
     centre = np.linalg.solve(matrix, right_side)
@@ -306,8 +318,8 @@ def _fit_circle(points: np.ndarray) -> tuple[np.ndarray, float]:
 def _find_bed(picture: np.ndarray) -> np.ndarray:
     """Mark the bed in a square picture of the drum.
 
-    It is the largest part that differs in colour from the drum's upper part, which is
-    empty.
+    The upper part of the drum is empty and shows the background. The bed is the largest
+    connected part with other colours.
 
     Parameters
     ----------
@@ -319,31 +331,32 @@ def _find_bed(picture: np.ndarray) -> np.ndarray:
     array
         Mask (H, H) of the bed, uint8.
     """
-    # Coordinates from -1 to 1 over the picture, so that the rim has the radius 1
+    # The coordinates go from -1 to 1, so that the rim has the radius 1.
     size = len(picture)
     coordinates = (np.arange(size) + 0.5) / (0.5 * size) - 1
     x, y = np.meshgrid(coordinates, coordinates)
     is_inside = np.hypot(x, y) < INNER_SHARE
-    # y grows downwards, so the upper part has negative ones.
+    # y grows downwards, so it is negative in the upper part.
     is_empty = is_inside & (y < -EMPTY_SHARE)
 
     smooth = cv2.GaussianBlur(cv2.medianBlur(picture, 3), (0, 0), 1.0)
     colours = smooth.astype(np.float32).reshape(size, size, -1)
     background = np.median(colours[is_empty], axis=0)
     contrast = np.linalg.norm(colours - background, axis=-1)
-    # The threshold splits the pixels of the drum into bed and background.
-    level, _ = threshold(contrast[is_inside][:, np.newaxis])
-    is_bed = (contrast > level) & is_inside
+    # A threshold of the contrast divides the pixels of the drum into background and bed.
+    bed_contrast, _ = threshold(contrast[is_inside][:, np.newaxis])
+    is_bed = (contrast > bed_contrast) & is_inside
     return pile_component(is_bed.astype(np.uint8), True)
 
 
 # --- the box --------------------------------------------------------------------------
 
 
-class _BoxPicture:
-    """A photograph of a drawdown box, located by its lower inner corners.
+class _BoxPhotograph:
+    """A photograph of a drawdown box, in which its lower inner corners are known.
 
-    x is the distance from the middle of the box, z the height above its lower floor.
+    The coordinate x is the distance from the middle of the box to the right, and z is
+    the height above the lower floor.
     """
 
     def __init__(self, image: np.ndarray, corners_px: np.ndarray, box: Box) -> None:
@@ -359,17 +372,19 @@ class _BoxPicture:
             Sizes of the box.
         """
         self.image = image
-        self.left_px, right_px = corners_px
-        self.half_lower_m = box.half_lower
-        # The base is the line between the corners, and has the width of the lower
-        # chamber. It gives the direction and the scale of the box.
-        base_px = right_px - self.left_px
+        self.left_corner_px, right_corner_px = corners_px
+        self.half_width_m = box.half_lower  # of the lower chamber
+        # The line between the corners is the base of the lower chamber. It gives the
+        # direction and the scale of the box.
+        base_px = right_corner_px - self.left_corner_px
         width_px = np.hypot(*base_px)
-        self.along = base_px / width_px
-        self.mm_per_pixel = 2e3 * box.half_lower / width_px
-        # Height of the picture's upper border above the lower corners, less 1 %
-        rows_per_m = self.along[0] * width_px / (2 * box.half_lower)
-        self.top_m = 0.99 * min(self.left_px[1], right_px[1]) / rows_per_m
+        self.base_direction = base_px / width_px
+        self.mm_per_pixel = 2e3 * self.half_width_m / width_px
+        # Compute the height of the upper border of the photograph above the lower
+        # corners. It is smallest above the corner in the upper row.
+        upper_corner_row = min(self.left_corner_px[1], right_corner_px[1])
+        rows_per_m = self.base_direction[0] * width_px / (2 * self.half_width_m)
+        self.top_m = HEIGHT_SHARE * upper_corner_row / rows_per_m
 
     def redraw_part(self, x_m: tuple[float, float], z_m: tuple[float, float]) -> View:
         """Redraw a rectangular part of the box.
@@ -377,21 +392,25 @@ class _BoxPicture:
         Parameters
         ----------
         x_m : tuple of float
-            Its left and right end.
+            Left and right end of the part.
         z_m : tuple of float
-            Its lower and upper end.
+            Lower and upper end of the part.
         """
         left_m, right_m = x_m
         lower_m, upper_m = z_m
-        # From the lower left corner of the box to that of the part
-        up = np.array([self.along[1], -self.along[0]])
-        steps_along = (left_m + self.half_lower_m) * 1e3 / self.mm_per_pixel
-        steps_up = lower_m * 1e3 / self.mm_per_pixel
-        corner_px = self.left_px + steps_along * self.along + steps_up * up
-        return _redraw(
+        # Go from the lower left corner of the box to that of the part. Rows are counted
+        # downwards.
+        along = self.base_direction
+        up = np.array([along[1], -along[0]])
+        distance_along_px = (left_m + self.half_width_m) * 1e3 / self.mm_per_pixel
+        distance_up_px = lower_m * 1e3 / self.mm_per_pixel
+        corner_px = (
+            self.left_corner_px + distance_along_px * along + distance_up_px * up
+        )
+        return _redraw_rectangle(
             self.image,
             corner_px=corner_px,
-            along=self.along,
+            along=along,
             size_px=(
                 (right_m - left_m) * 1e3 / self.mm_per_pixel,
                 (upper_m - lower_m) * 1e3 / self.mm_per_pixel,
@@ -415,14 +434,14 @@ def measure_box(
     corners_px : array
         Columns and rows of the lower inner corners (2, 2), the left one first.
     section : DrawdownSettings
-        Measures of the box.
+        Dimensions of the box.
     pile_settings : MeasureSettings
         Settings of the measurement of a pile.
 
     Returns
     -------
     PhotographResult
-        The angles above and below, with a picture of each.
+        The angles in the upper and in the lower chamber, with a picture of each.
 
     Raises
     ------
@@ -430,12 +449,13 @@ def measure_box(
         If a slope cannot be measured.
     """
     box = Box.of(section)
-    picture = _BoxPicture(image, corners_px, box)
-    half_lower = box.half_lower * (1 - MARGIN_SHARE)
-    below = picture.redraw_part((-half_lower, half_lower), (0.0, box.gate))
-    above = _cut_wedges(picture, box)
+    photograph = _BoxPhotograph(image, corners_px, box)
+    half_width_m = box.half_lower * (1 - MARGIN_SHARE)
+    below = photograph.redraw_part((-half_width_m, half_width_m), (0.0, box.gate))
+    above = _join_wedges(photograph, box)
 
-    # The wedges need not touch, so both parts count as the pile.
+    # A gap may divide the two wedges, so all parts belong to the pile, not only the
+    # largest one.
     wedge_settings = pile_settings.model_copy(
         update={"mm_per_pixel": above.mm_per_pixel, "largest_pile_only": False}
     )
@@ -456,7 +476,7 @@ def measure_box(
 
 
 def _measure_slope(view_image: np.ndarray, settings: MeasureSettings) -> Measurement:
-    """Measure the pile in a redrawn part of the box.
+    """Measure the slope of the pile in a redrawn part of the box.
 
     Parameters
     ----------
@@ -477,42 +497,44 @@ def _measure_slope(view_image: np.ndarray, settings: MeasureSettings) -> Measure
     return with_response(measure_segmented(pile, settings))
 
 
-def _cut_wedges(picture: "_BoxPicture", box: Box) -> View:
-    """Cut out the wedges in the upper chamber, and put them back to back.
+def _join_wedges(photograph: _BoxPhotograph, box: Box) -> View:
+    """Redraw the two wedges in the upper chamber, and put them back to back.
 
     Together they have the shape of a pile, see `drawdown.back_to_back`.
 
     Parameters
     ----------
-    picture : _BoxPicture
-        The photograph with the measures of the box in it.
+    photograph : _BoxPhotograph
+        The photograph, with direction and scale of the box.
     box : Box
         Sizes of the box.
 
     Returns
     -------
     View
-        The right half of the chamber on the left, and the left half beside it.
+        The right half of the chamber, and to the right of it the left half.
     """
-    # The picture need not show all of the upper chamber.
-    heights_m = (box.floor, min(box.top, picture.top_m))
+    # The photograph need not show the whole upper chamber.
+    heights_m = (box.floor, min(box.top, photograph.top_m))
     half_width_m = box.half_width * (1 - MARGIN_SHARE)
-    left = picture.redraw_part((-half_width_m, 0.0), heights_m)
-    right = picture.redraw_part((0.0, half_width_m), heights_m)
-    # By rounding, the left half may be a pixel wider than the right one.
+    left = photograph.redraw_part((-half_width_m, 0.0), heights_m)
+    right = photograph.redraw_part((0.0, half_width_m), heights_m)
+    # Because of rounding, the left half may be a pixel wider than the right half.
     n_columns = right.image.shape[1]
     swapped = np.hstack([right.image, left.image[:, -n_columns:]])
     return View(np.ascontiguousarray(swapped), left.mm_per_pixel)
 
 
-def _redraw(
+def _redraw_rectangle(
     image: np.ndarray,
     corner_px: np.ndarray,
     along: np.ndarray,
     size_px: tuple[float, float],
     mm_per_pixel: float,
 ) -> View:
-    """Redraw a rectangle of a photograph level, at most `LONGEST_SIDE_PX` large.
+    """Redraw a rectangle of a photograph so that its base is level.
+
+    The sides of the new picture have at most `LONGEST_SIDE_PX` pixels.
 
     Parameters
     ----------
@@ -521,9 +543,9 @@ def _redraw(
     corner_px : array
         Column and row of the lower left corner of the rectangle.
     along : array
-        Unit vector (2,) along its base.
+        Unit vector (2,) along the base of the rectangle.
     size_px : tuple of float
-        Its width and height.
+        Width and height of the rectangle.
     mm_per_pixel : float
         Scale of the photograph.
 
@@ -535,28 +557,30 @@ def _redraw(
     Raises
     ------
     NoFlankError
-        If the rectangle is too small, or runs out of the picture.
+        If the rectangle is too small, or extends beyond the photograph.
     """
     if min(size_px) < SMALLEST_SIDE_PX:
         raise NoFlankError(
-            f"it is {min(size_px):.0f} pixels wide in the picture; {SMALLEST_SIDE_PX} are needed"
+            f"it is {min(size_px):.0f} pixels wide in the picture; {SMALLEST_SIDE_PX} "
+            "are needed"
         )
-    reduction = min(1.0, LONGEST_SIDE_PX / max(size_px))
-    width, height = (round(reduction * length) for length in size_px)
+    scale = min(1.0, LONGEST_SIDE_PX / max(size_px))
+    width, height = (round(scale * length) for length in size_px)
 
-    # The affine map takes (column, row, 1) of a pixel of the view to its middle in the
-    # photograph. The first pixel of the view is the upper left one.
+    # The affine map converts (column, row, 1) of a pixel of the view to the middle of
+    # this pixel in the photograph. The first pixel of the view is the upper left one. A
+    # step is the size of a pixel of the view in pixels of the photograph.
     up = np.array([along[1], -along[0]])
     step_x, step_y = np.array(size_px) / (width, height)
     first_pixel = corner_px + 0.5 * step_x * along + (size_px[1] - 0.5 * step_y) * up
     affine = np.column_stack([step_x * along, -step_y * up, first_pixel])
-    if _runs_out(image, affine, (width, height)):
+    if _is_outside(image, affine, (width, height)):
         raise NoFlankError("the drum or the box runs out of the picture")
 
-    # Smooth before pixels are left out, against aliasing.
+    # A reduced picture leaves out pixels. Smooth the photograph against aliasing first.
     smooth = image
-    if reduction < 1:
-        smooth = cv2.GaussianBlur(image, (0, 0), 0.5 / reduction)
+    if scale < 1:
+        smooth = cv2.GaussianBlur(image, (0, 0), 0.5 / scale)
     redrawn = cv2.warpAffine(
         smooth,
         affine,
@@ -567,8 +591,8 @@ def _redraw(
     return View(redrawn, mm_per_pixel * step_x)
 
 
-def _runs_out(image: np.ndarray, affine: np.ndarray, size: tuple[int, int]) -> bool:
-    """Return whether a view lies more than a pixel outside its photograph.
+def _is_outside(image: np.ndarray, affine: np.ndarray, size: tuple[int, int]) -> bool:
+    """Return whether a view extends more than a pixel beyond its photograph.
 
     Parameters
     ----------
@@ -594,21 +618,20 @@ def _runs_out(image: np.ndarray, affine: np.ndarray, size: tuple[int, int]) -> b
 # --- tables and texts -----------------------------------------------------------------
 
 
-def tables(results: Sequence[PhotographResult], bench: str) -> Tables:
+def make_tables(results: Sequence[PhotographResult], bench: str) -> Tables:
     """Make a table with a row for each photograph, and a summary of its columns.
 
     Parameters
     ----------
     results : sequence of PhotographResult
-        The results, of which at least one was not refused.
+        The results. At least one photograph was not refused.
     bench : str
         The bench test: ``turning`` or ``drawdown``.
 
     Returns
     -------
     Tables
-        Both tables. The response of a refused photograph is missing, and its row has
-        the reason.
+        Both tables. The row of a refused photograph has the reason and no response.
     """
     response_names = RESPONSES[bench]
     rows = []
@@ -622,21 +645,23 @@ def tables(results: Sequence[PhotographResult], bench: str) -> Tables:
     return Tables(table, summarise_columns(table, response_names))
 
 
-def describe(results: Sequence[PhotographResult], made: Tables, out: Path) -> str:
+def describe_results(
+    results: Sequence[PhotographResult], tables: Tables, out: Path
+) -> str:
     """Write the text that the command prints.
 
     Parameters
     ----------
     results : sequence of PhotographResult
         The results.
-    made : Tables
-        Their tables.
+    tables : Tables
+        The tables of these results, see `make_tables`.
     out : Path
         The folder of the files.
     """
     lines = [f"{result.path.name}  {_describe_result(result)}" for result in results]
     lines.append("mean, standard deviation, number of photographs:")
-    for row in made.summary.itertuples():
+    for row in tables.summary.itertuples():
         # A single photograph has no standard deviation.
         sd = "not known" if np.isnan(row.sd) else f"{row.sd:.2f}"
         lines.append(f"{row.response}: {row.value:.2f}, {sd}, {row.repetitions}")
@@ -647,54 +672,57 @@ def describe(results: Sequence[PhotographResult], made: Tables, out: Path) -> st
 
 
 def _describe_result(result: PhotographResult) -> str:
-    """Write the responses of a photograph, or why it was refused."""
+    """Write the responses of a photograph, or the reason why it was refused."""
     if result.refused:
         return f"refused: {result.refused}"
     return ", ".join(f"{name} {value:.2f}" for name, value in result.values.items())
 
 
-def profile(results: Sequence[PhotographResult], section: Rotating) -> pd.DataFrame:
-    """Find the surface below which the bed lies in half of the photographs of a drum.
+def find_median_profile(
+    results: Sequence[PhotographResult], section: Rotating
+) -> pd.DataFrame:
+    """Find the median surface of the bed in photographs of a drum.
+
+    Points below this surface are covered by the bed in at least half of the photographs.
 
     Parameters
     ----------
     results : sequence of PhotographResult
-        The results, of which at least one was not refused.
+        The results. At least one photograph was not refused.
     section : Rotating
-        Measures of the drum.
+        Dimensions of the drum.
 
     Returns
     -------
     DataFrame
-        Distances ``x_mm`` and heights ``z_mm`` from the axis, as a target that is a
-        profile has them.
+        Distances ``x_mm`` and heights ``z_mm`` from the axis: the columns of a target
+        that is a profile.
     """
     masks = [
         result.mask
         for result in results
         if result.mask is not None and not result.refused
     ]
-    # Bring all masks to the size of the first, which is given as (width, height).
+    # Resize all masks to the size of the first mask.
     radius_m = Drum.of(section).radius_m
     mm_per_pixel = 2e3 * radius_m / len(masks[0])
     height_px, width_px = masks[0].shape
-    resized = [
+    resized_masks = [
         cv2.resize(mask, (width_px, height_px), interpolation=cv2.INTER_NEAREST) > 0
         for mask in masks
     ]
-    # The share of the photographs in which the bed covers a pixel
-    covered_share = np.mean(resized, axis=0)
-    # The surface is read in the middle 80 % of the drum, where it meets no wall.
-    x_m = np.arange(-0.8, 0.81, 0.05) * radius_m
+    # For each pixel, compute the share of the photographs in which the bed covers it.
+    covered_share = np.mean(resized_masks, axis=0)
+    x_m = PROFILE_POSITIONS * radius_m
     z_m = bed.surface_heights(covered_share, 0.5, x_m, radius_m, mm_per_pixel)
     return pd.DataFrame({"x_mm": 1e3 * x_m, "z_mm": 1e3 * z_m}).round(3)
 
 
-def stacked(views: Sequence[np.ndarray]) -> np.ndarray:
-    """Put pictures below each other; narrower ones are filled up with black."""
+def stack_views(views: Sequence[np.ndarray]) -> np.ndarray:
+    """Stack pictures below each other. Narrow pictures get a black margin on the right."""
     width = max(view.shape[1] for view in views)
-    padded = [
+    padded_views = [
         cv2.copyMakeBorder(view, 0, 0, 0, width - view.shape[1], cv2.BORDER_CONSTANT)
         for view in views
     ]
-    return np.vstack(padded)
+    return np.vstack(padded_views)

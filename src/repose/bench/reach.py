@@ -1,4 +1,4 @@
-"""Assess whether piles of a study can have the angle and Height of its targets."""
+"""Estimate whether piles of a study can have the angle and Height of its targets."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -14,6 +14,7 @@ from repose.bench.settings import SceneSettings
 from repose.calibrate.targets import Target, Targets
 from repose.common.errors import InputError
 from repose.common.files import read_table
+from repose.common.numbers import rounded
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.settings import MeasureSettings, line_of
 
@@ -22,24 +23,24 @@ if TYPE_CHECKING:
 
     from repose.grain.particle import Particle
 
-TABLE = Path(__file__).with_name("line_slopes.csv")
-# Axes and number of the grains in the piles of the table.
-GRAIN_MM = (21.14, 11.37, 9.88)
-GRAINS = 500
-# Largest share of a pile that its grains fill: the densest lattice of equal balls. Shaken
-# ellipsoids reach .735 (Donev et al. 2004, Science 303, 990), poured grains less; and a
-# tenth of them lies loose beside the pile.
+TABLE_CSV = Path(__file__).with_name("line_slopes.csv")
+# Axes and number of the grains in each pile of the table.
+TABLE_GRAIN_MM = (21.14, 11.37, 9.88)
+TABLE_N_GRAINS = 500
+# Estimate of the largest share of a pile that its grains fill: that of the densest
+# lattice of equal balls. Shaken ellipsoids reach 0.735 (Donev et al. 2004, Science 303,
+# 990). Poured grains reach less, and a tenth of them lies loose beside the pile.
 DENSEST_PACKING = 0.74
-# Standard deviations from the mean of real piles at which a target is out of reach.
+# A target is out of reach if it is more standard deviations from the mean of real piles.
 LARGEST_DEVIATION = 2.0
 # Fewest samples of the study itself that replace the table.
 FEWEST_SAMPLES = 20
-# Relative difference of the proportions of grains that count as the same.
+# Grains have the same proportions if these differ relatively by no more than this.
 SHAPE_TOLERANCE = 0.05
-# Standard deviation [deg] between grains: the mean angles of four crops differ from the
-# table's by up to 1 (whole side), 2 (secant) and 4.6 degrees (flank).
+# Standard deviation [deg] between grains. The mean angles of four crops differ from those
+# of the table by up to 1 (whole side), 2 (secant) and 4.6 degrees (flank).
 OTHER_GRAIN_DEG = 3.0
-# Distance up to which a row of the table is of a line itself, see `nearest_row`.
+# Distance up to which a row of the table is of the same line, see `find_nearest_row`.
 LINE_TOLERANCE = 0.005
 # Keys of the section `measure` that define the line of each angle.
 LINE_KEYS: dict[str, tuple[str, ...]] = {
@@ -62,7 +63,7 @@ class Band(NamedTuple):
 
 @dataclass(frozen=True)
 class Reach:
-    """Whether piles of the grains can have a target's angle at the targeted Height.
+    """Estimate whether piles of the grains can have a target's angle at its Height.
 
     Attributes
     ----------
@@ -73,7 +74,8 @@ class Reach:
     line : str
         The line by which the angle is measured, in words.
     bound_deg : float or None
-        The steepest angle by mass alone; None for a line that may leave out the toe.
+        Estimate of the steepest angle that the mass allows; None for a line that may
+        leave out the toe of the pile.
     band : Band
         Angles of real piles.
     """
@@ -94,26 +96,27 @@ class Reach:
 
     @property
     def possible(self) -> bool:
-        """Whether the target is neither beyond the bound nor far from real piles."""
+        """Whether the target is within the bound and near the angles of real piles."""
         sd = math.hypot(self.band.sd, self.target.standard_error)
         deviation = (self.target.value - self.band.mean) / sd
         return not self.exceeds_bound and abs(deviation) <= LARGEST_DEVIATION
 
     @property
     def sentence(self) -> str:
-        """The result in words: a sentence, and up to two more if it is out of reach."""
+        """The result in words: one sentence, and up to two more for a target out of reach."""
         band = self.band
         state = "attainable" if self.possible else "out of reach"
         text = (
             f"Target {state}: {self.target.value:.1f} deg at {self.pile.height_mm:.1f} "
-            f"mm by the line '{self.line}'; piles of this mass reach {band.mean:.1f} "
-            f"+- {band.sd:.1f} deg, at most {band.largest:.1f} ({band.source})."
+            f"mm by the line '{self.line}'; piles of this mass reach an estimated "
+            f"{band.mean:.1f} +- {band.sd:.1f} deg, at most about {band.largest:.1f} "
+            f"({band.source})."
         )
         if self.exceeds_bound:
             grain_mm3 = 1e9 * self.pile.particle.volume_m3
             text += (
-                f" The mass of {self.pile.n_grains} grains of {grain_mm3:.4g} mm3 allows "
-                f"at most {self.bound_deg:.1f} deg."
+                f" By estimate, the mass of {self.pile.n_grains} grains of "
+                f"{rounded(grain_mm3)} mm3 allows at most {self.bound_deg:.1f} deg."
             )
         if not self.possible:
             text += (
@@ -155,7 +158,7 @@ def assess_targets(
     particle: "Particle",
     dataset_csv: str | PathLike | None = None,
 ) -> dict[str, Reach]:
-    """Assess each target that is an angle of the funnel's pile.
+    """Assess each target that is an angle of a pile below the funnel.
 
     Parameters
     ----------
@@ -164,12 +167,13 @@ def assess_targets(
     particle : Particle
         The mean grain.
     dataset_csv : path, optional
-        Samples of the study itself, by the same settings.
+        Samples of the study itself, with the same settings.
 
     Returns
     -------
     dict
-        Assessments by the name of the response; none without a target of the Height.
+        The assessments by the name of the response. The dict is empty if no target is
+        the Height.
     """
     settings = SceneSettings(config)
     targets = {
@@ -179,7 +183,7 @@ def assess_targets(
         return {}
     pile = _make_pile(settings, particle, height_mm=targets["height_mm"].value)
 
-    # Responses that are angles, with the definition of each
+    # Find the definition of each response that is an angle.
     definitions = {"aor_deg": pile.measure.response}
     for definition, name in MEAN_KEYS.items():
         definitions[name] = definition
@@ -203,7 +207,7 @@ def _make_pile(settings: SceneSettings, particle: "Particle", height_mm: float) 
         Height of the pile, which is that of the target.
     """
     measure = settings.measure_of({})
-    # Without a configured height of a grain it is the geometric mean of its axes.
+    # If the configuration has no height of a grain, it is the geometric mean of the axes.
     grain_mm = measure.berry_height_mm
     if not grain_mm:
         grain_mm = 1e3 * float(np.prod(particle.axes_m)) ** (1 / 3)
@@ -215,7 +219,7 @@ def _make_pile(settings: SceneSettings, particle: "Particle", height_mm: float) 
     )
 
 
-def warnings(
+def describe_assessments(
     config: Mapping[str, Any], particle: "Particle", dataset_csv: str | PathLike | None
 ) -> Iterator[str]:
     """Yield a line of text for each assessed target, to print before the first pour."""
@@ -246,38 +250,56 @@ def assess(
     """
     band = None
     if dataset_csv is not None:
-        band = band_of_samples(dataset_csv, target.name, pile.height_mm)
+        band = compute_band_of_samples(dataset_csv, target.name, pile.height_mm)
     if band is None:
-        band = band_of_table(definition, pile)
+        band = look_up_band(definition, pile)
     return Reach(
         target=target,
         pile=pile,
         line=line_of(pile.measure, definition),
-        bound_deg=steepest_deg(definition, pile.height_mm, pile.grains_m3),
+        bound_deg=compute_steepest_angle(definition, pile.height_mm, pile.grains_m3),
         band=band,
     )
 
 
-def cone_tan(height_mm: float, volume_m3: float) -> float:
-    """Compute the slope of a cone of a Height and a volume, the tangent of its angle.
+def compute_cone_slope(height_mm: float, volume_m3: float) -> float:
+    """Compute the slope of a cone from its Height and volume.
 
-    Its volume is pi h^3 / (3 tan^2).
+    The slope is the tangent of the angle a. It follows from the volume of a cone of the
+    height h, which is pi h^3 / (3 tan(a)^2).
     """
     height_m = 1e-3 * height_mm
     return math.sqrt(math.pi * height_m**3 / (3 * volume_m3))
 
 
-def steepest_deg(definition: str, height_mm: float, grains_m3: float) -> float | None:
-    """Compute the steepest angle of a pile of a Height and a volume of grains [deg].
+def compute_steepest_angle(
+    definition: str, height_mm: float, grains_m3: float
+) -> float | None:
+    """Estimate the steepest angle of a pile from its Height and the volume of its grains.
 
-    A side that falls ever less steeply outwards has, over equal steps of distance, no
-    steeper regression line from foot to crest than the cone of its Height and volume. A
-    line that sees less of the toe may be steeper: then mass sets no bound, and the result
-    is None.
+    If the slope of a side decreases outwards, the regression line from foot to crest is
+    no steeper than the cone of the same Height and volume. The line must be fitted over
+    equal steps of distance. A line that leaves out the toe may be steeper.
+
+    Parameters
+    ----------
+    definition : str
+        Definition of the angle.
+    height_mm : float
+        Height of the pile.
+    grains_m3 : float
+        Volume of all grains, without the gaps between them.
+
+    Returns
+    -------
+    float or None
+        The angle [deg]; None for a line that may leave out the toe.
     """
     if definition != "whole":
         return None
-    return math.degrees(math.atan(cone_tan(height_mm, grains_m3 / DENSEST_PACKING)))
+    smallest_volume_m3 = grains_m3 / DENSEST_PACKING
+    slope = compute_cone_slope(height_mm, smallest_volume_m3)
+    return math.degrees(math.atan(slope))
 
 
 def convert_to_height(
@@ -285,7 +307,7 @@ def convert_to_height(
 ) -> "pd.Series":
     """Convert angles of piles to those of piles of another Height and the same volume.
 
-    As for cones of one volume, the tangent of the angle goes with Height^1.5.
+    The tangent of the angle is proportional to Height^1.5, which is exact for cones.
 
     Parameters
     ----------
@@ -297,18 +319,19 @@ def convert_to_height(
     Returns
     -------
     Series
-        The converted angles [degrees].
+        The converted angles [deg].
     """
     tangent = np.tan(np.radians(angle_deg)) * (to_mm / height_mm) ** 1.5
     return np.degrees(np.arctan(tangent))
 
 
-def band_of_table(definition: str, pile: Pile) -> Band:
+def look_up_band(definition: str, pile: Pile) -> Band:
     """Look up the angles of piles in the table, and convert them to a study's pile.
 
-    The table has ratios of the angle's tangent to that of the cone with the Height and
-    the volume of the pile. Its piles have `GRAINS` grains, so the angles are changed to
-    the number of grains of this pile.
+    The table has ratios of two slopes: that of the measured line, and that of the cone
+    with the Height and the volume of the pile. The piles of the table have
+    `TABLE_N_GRAINS` grains, so the angles are converted to the number of grains of the
+    study.
 
     Parameters
     ----------
@@ -320,25 +343,26 @@ def band_of_table(definition: str, pile: Pile) -> Band:
     Returns
     -------
     Band
-        Mean, scatter and largest of the angles, and where they come from.
+        Mean, standard deviation and largest of the angles, and their origin in words.
     """
+    # `_make_pile` sets the height of a grain.
     assert pile.measure.berry_height_mm is not None
     grain_share = pile.measure.berry_height_mm / pile.height_mm
-    row, is_exact = nearest_row(pile.measure, definition, grain_share)
-    mean_deg = _angle_of_ratio(row["mean"], definition, pile)
-    low_deg = _angle_of_ratio(row["mean"] - row["sd"], definition, pile)
-    high_deg = _angle_of_ratio(row["mean"] + row["sd"], definition, pile)
+    row, is_exact = find_nearest_row(pile.measure, definition, grain_share)
+    mean_deg = _convert_ratio_to_angle(row["mean"], definition, pile)
+    low_deg = _convert_ratio_to_angle(row["mean"] - row["sd"], definition, pile)
+    high_deg = _convert_ratio_to_angle(row["mean"] + row["sd"], definition, pile)
     sd_deg = (high_deg - low_deg) / 2
 
-    # Other grains add a scatter of their own.
+    # The angles of grains of another shape are less certain.
     has_table_shape = _has_shape_of_table(pile.particle)
     grain_sd_deg = 0.0 if has_table_shape else OTHER_GRAIN_DEG
 
     source = [f"{row['samples']} samples of the goji berry"]
     if not has_table_shape:
         source.append("not of this grain")
-    if pile.n_grains != GRAINS:
-        source.append(f"{GRAINS} grains each, changed to {pile.n_grains}")
+    if pile.n_grains != TABLE_N_GRAINS:
+        source.append(f"{TABLE_N_GRAINS} grains each, changed to {pile.n_grains}")
     if not is_exact:
         line_keys = {key: row[key] for key in LINE_KEYS[definition]}
         line = line_of(pile.measure.model_copy(update=line_keys), definition)
@@ -346,47 +370,49 @@ def band_of_table(definition: str, pile: Pile) -> Band:
     return Band(
         mean=mean_deg,
         sd=math.hypot(sd_deg, grain_sd_deg),
-        largest=_angle_of_ratio(row["largest"], definition, pile),
+        largest=_convert_ratio_to_angle(row["largest"], definition, pile),
         source=", ".join(source),
     )
 
 
-def _angle_of_ratio(ratio: float, definition: str, pile: Pile) -> float:
+def _convert_ratio_to_angle(ratio: float, definition: str, pile: Pile) -> float:
     """Convert a ratio of the table to the angle of a study's pile [deg].
 
     Parameters
     ----------
     ratio : float
-        Tangent of the angle over that of the cone with the pile's Height and volume.
+        Slope of the line over that of the cone with the Height and volume of the pile.
     definition : str
         Definition of the angle.
     pile : Pile
         The study's pile.
     """
-    cone = cone_tan(pile.height_mm, pile.grains_m3 / funnel.PACKING)
+    cone_slope = compute_cone_slope(pile.height_mm, pile.grains_m3 / funnel.PACKING)
     tabulated = scene_size.TABULATED.get(definition, definition)
-    change = scene_size.change(GRAINS, pile.n_grains, tabulated)
-    changed_deg = math.degrees(math.atan(ratio * cone)) + change.angle_deg
-    # Another number of grains also changes the Height, but the pile has that of the
-    # target. So the angle is converted back, as by `convert_to_height`.
+    change = scene_size.interpolate_change(TABLE_N_GRAINS, pile.n_grains, tabulated)
+    changed_deg = math.degrees(math.atan(ratio * cone_slope)) + change.angle_deg
+    # Another number of grains also changes the Height by the factor `change.height`, but
+    # this pile has the Height of the target. So convert the angle to that Height, in the
+    # same way as `convert_to_height`.
     tangent = math.tan(math.radians(changed_deg)) / change.height**1.5
     return math.degrees(math.atan(tangent))
 
 
 def _has_shape_of_table(particle: "Particle") -> bool:
-    """Return whether a grain has the proportions of the grains in the table."""
+    """Return whether a grain has nearly the proportions of the grains in the table."""
     axes = sorted(particle.axes_m, reverse=True)
+    # Proportions are axes over the longest axis.
     proportions = np.divide(axes, axes[0])
-    table_proportions = np.divide(GRAIN_MM, GRAIN_MM[0])
+    table_proportions = np.divide(TABLE_GRAIN_MM, TABLE_GRAIN_MM[0])
     return np.allclose(proportions, table_proportions, rtol=SHAPE_TOLERANCE)
 
 
-def band_of_samples(
+def compute_band_of_samples(
     dataset_csv: str | PathLike, response: str, height_mm: float
 ) -> Band | None:
-    """Find the angles that the piles of a study's samples would have at a Height.
+    """Compute the angles that the piles of a study's samples would have at a Height.
 
-    Each pile keeps its volume.
+    Each pile keeps its volume, see `convert_to_height`.
 
     Parameters
     ----------
@@ -400,9 +426,10 @@ def band_of_samples(
     Returns
     -------
     Band or None
-        None for fewer than `FEWEST_SAMPLES` samples, and for a damaged table, which the
-        stage that needs it reports.
+        The angles; None if there are fewer than `FEWEST_SAMPLES` samples, or if the
+        table cannot be read.
     """
+    # A damaged table is reported by the stage that needs it.
     try:
         table = read_table(dataset_csv, ("status", response, "height_mm"))
     except InputError:
@@ -419,38 +446,38 @@ def band_of_samples(
     )
 
 
-def nearest_row(
+def find_nearest_row(
     measure: MeasureSettings, definition: str, grain_share: float
 ) -> tuple["pd.Series", bool]:
-    """Find the row of the table whose line has the settings nearest to those of a line.
+    """Find the row of the table whose line is the nearest to a line.
 
     Parameters
     ----------
     measure : MeasureSettings
         Settings of the line.
     definition : str
-        Definition of the angle.
+        Definition of the angle. The row has the same one.
     grain_share : float
-        Height of a grain as a share of the pile's, for settings that are one grain.
+        Height of a grain over the Height of the pile.
 
     Returns
     -------
     row : Series
         The row.
     is_exact : bool
-        Whether it is of this very line.
+        Whether the line of the row has the same settings.
     """
-    # A setting may be the word "berry": the height of one grain.
+    # A setting may be the word "berry", which stands for the height of one grain.
     line_settings = {}
     for key in LINE_KEYS[definition]:
         value = getattr(measure, key)
         line_settings[key] = grain_share if value == "berry" else value
     columns = ("definition", "samples", "mean", "sd", "largest", *line_settings)
-    table = read_table(TABLE, columns)
+    table = read_table(TABLE_CSV, columns)
     rows = table[table["definition"] == definition].reset_index(drop=True)
 
-    # The distance of a row is the sum of the differences of its settings. Another rule
-    # of the flank counts as the difference 1.
+    # The distance of a row is the sum of the differences between its settings and those
+    # of the line. Two different rules of the flank count as the difference 1.
     distances = np.zeros(len(rows))
     for key, value in line_settings.items():
         if key == "flank":

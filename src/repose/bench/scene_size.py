@@ -10,17 +10,18 @@ import numpy as np
 
 from repose.bench.funnel import NAME, FunnelSettings
 from repose.bench.settings import SceneSettings
+from repose.common.numbers import rounded
 from repose.common.section import AUTO
 
 if TYPE_CHECKING:
     import pandas as pd
 
-TABLE = Path(__file__).with_name("number_of_grains.csv")
-# Lengths of the funnel that go with the cube root of the number.
+TABLE_CSV = Path(__file__).with_name("number_of_grains.csv")
+# Lengths of the funnel that are proportional to the cube root of the number of grains.
 SCALED_KEYS = ("outlet_height_mm", "plate_diameter_mm", "tube_length_mm")
-# Keys of a smaller scene that follow from its others.
+# Keys of a smaller scene that are computed from its other keys.
 COMPUTED_KEYS = ("factory_diameter_mm", "factory_height_mm", "duration_s")
-# Keys that a smaller scene has to give.
+# Keys that the proposal of a smaller scene shows.
 PASTED_KEYS = (
     "berries",
     "inlet_diameter_mm",
@@ -30,44 +31,48 @@ PASTED_KEYS = (
     "cone_angle_deg",
     "rate_per_s",
 )
-# Power of its lengths with which a funnel's flow goes (Beverloo et al. 1961).
+# The flow through a funnel is proportional to this power of its lengths (Beverloo et al.
+# 1961).
 FLOW_EXPONENT = 2.5
-# Narrowest outlet of a smaller scene in diameters of a grain: one by one they bounce away.
+# Narrowest outlet of a smaller scene, in diameters of a grain. Grains that leave a
+# narrower outlet one by one bounce away.
 OUTLET_GRAINS = 4.0
-# Widest rim of a smaller scene over inlet minus outlet; at 0.25 no cone is left.
+# Largest radius of the rim of a smaller scene, over the difference of inlet and outlet.
+# With 0.25 no cone is left.
 RIM_SHARE = 0.24
-# Power of the number with which the time of a pour goes: its bodies, and their discharge.
+# The time of a pour is proportional to this power of the number of grains: 1 for the
+# number of bodies, and 1/6 for the longer discharge.
 TIME_EXPONENT = 7 / 6
-# Largest difference of angles that are close.
+# Largest difference of two angles that are called close.
 ANGLE_TOLERANCE_DEG = 1.0
 # The angle that depends least on the number of grains.
 STEADIEST_ANGLE = "secant"
-# Definition in the table that is nearest to one that it lacks.
+# Definitions of the angle that the table lacks, with the nearest one that it has.
 TABULATED = {"straightest": "flank"}
-# Number of grains from which on a smaller scene is proposed.
+# A smaller scene is proposed from this number of grains on.
 LARGE_SCENE = 1000
 
 Config = Mapping[str, Any]
 
 
 class Change(NamedTuple):
-    """Effect of another number of grains, the mean over the crops of the table."""
+    """Effect of another number of grains on a pile, the mean over the table's crops."""
 
-    angle_deg: float  # added to the angle
-    height: float  # factor of the Height, besides that of the lengths
+    angle_deg: float  # difference of the angles
+    height: float  # ratio of the Heights, besides that of the lengths
 
 
 @functools.cache
 def _read_piles() -> "pd.DataFrame":
     """Read the table of poured piles: a row for each crop and number of grains."""
-    # Hundreds of processes pour and measure without pandas, which is slow to import.
+    # pandas is slow to import, and the many processes that pour do not need it.
     import pandas as pd
 
-    return pd.read_csv(TABLE)
+    return pd.read_csv(TABLE_CSV)
 
 
-def numbers() -> list[int]:
-    """List the numbers of grains for which the table has piles of every crop."""
+def list_tabulated_numbers() -> list[int]:
+    """List the numbers of grains for which the table has piles of all crops."""
     piles = _read_piles()
     n_crops = piles["label"].nunique()
     crops_per_number = piles.groupby("grains")["label"].nunique()
@@ -75,36 +80,37 @@ def numbers() -> list[int]:
     return crops_per_number.index[has_every_crop].tolist()
 
 
-def change(before: float, after: float, definition: str) -> Change:
-    """Find how angle and Height of a pile change with the number of grains.
+def interpolate_change(n_before: float, n_after: float, definition: str) -> Change:
+    """Interpolate the change of angle and Height with the number of grains.
 
-    They are interpolated in the table of poured piles, over the logarithm of the
-    number, and averaged over its crops. Numbers outside the table count as its ends.
+    The table of poured piles is interpolated over the logarithm of the number, and the
+    changes are averaged over its crops. A number outside the table is replaced by the
+    nearest one that it has.
 
     Parameters
     ----------
-    before, after : float
-        The numbers of grains.
+    n_before, n_after : float
+        The two numbers of grains.
     definition : str
-        Definition of the angle, a column of the table.
+        Definition of the angle, which must be in the table.
 
     Returns
     -------
     Change
-        What is added to the angle, and the factor of the Height besides that of the
+        The difference of the angles, and the ratio of the Heights besides that of the
         lengths.
     """
-    log_before = np.log(before)
-    log_after = np.log(after)
+    log_before = np.log(n_before)
+    log_after = np.log(n_after)
     angle_changes = []
     height_ratios = []
-    for _, crop in _read_piles().groupby("label"):
-        log_numbers = np.log(crop["grains"])
-        angles = crop[f"aor_{definition}_deg"]
+    for _, crop_piles in _read_piles().groupby("label"):
+        log_numbers = np.log(crop_piles["grains"])
+        angles = crop_piles[f"aor_{definition}_deg"]
         angle_before = np.interp(log_before, log_numbers, angles)
         angle_after = np.interp(log_after, log_numbers, angles)
         angle_changes.append(angle_after - angle_before)
-        heights = crop["height_scaled_mm"]
+        heights = crop_piles["height_scaled_mm"]
         height_before = np.interp(log_before, log_numbers, heights)
         height_after = np.interp(log_after, log_numbers, heights)
         height_ratios.append(height_after / height_before)
@@ -113,39 +119,39 @@ def change(before: float, after: float, definition: str) -> Change:
     )
 
 
-def scaled(
+def scale_funnel(
     funnel: FunnelSettings, grains: int, diameter_mm: float, poured: int | None = None
 ) -> dict[str, Any]:
-    """Write the section `funnel` for another number of grains of the same size.
+    """Scale the section `funnel` to another number of grains of the same size.
 
-    All lengths go with the cube root of the number. The outlet stays as wide as
-    `OUTLET_GRAINS` diameters of a grain, or as it is where it is narrower.
+    All lengths are multiplied by the cube root of the ratio of the numbers. However, the
+    outlet does not become narrower than `OUTLET_GRAINS` diameters of a grain.
 
     Parameters
     ----------
     funnel : FunnelSettings
         The section.
     grains : int
-        The other number.
+        The other number of grains.
     diameter_mm : float
         Diameter of a grain.
     poured : int, optional
-        Number of grains for which the funnel of the section has its lengths; by default
-        the section's `berries`.
+        Number of grains to which the lengths of the section belong; by default the
+        `berries` of the section.
 
     Returns
     -------
     dict
-        The section by key. Keys that are computed are ``auto``.
+        The scaled section by key. Keys that are computed are ``auto``.
     """
     n_poured = poured or funnel.berries
     scale = (grains / n_poured) ** (1 / 3)
     inlet_mm = funnel.inlet_diameter_mm
     outlet_mm = funnel.outlet_diameter_mm
-    # Grains that leave a narrower outlet one by one bounce away.
+    # An outlet that is narrow already keeps its width.
     narrowest_outlet_mm = min(outlet_mm, OUTLET_GRAINS * diameter_mm)
     new_outlet_mm = max(scale * outlet_mm, narrowest_outlet_mm)
-    # The inlet stays twice as wide as the outlet, or as it is where it is narrower.
+    # The inlet does not become narrower than two outlets, unless it is so already.
     narrowest_inlet_mm = min(inlet_mm, 2 * new_outlet_mm)
     new_inlet_mm = max(scale * inlet_mm, narrowest_inlet_mm)
     largest_rim_mm = RIM_SHARE * (new_inlet_mm - new_outlet_mm)
@@ -161,29 +167,31 @@ def scaled(
     return section | dict.fromkeys(COMPUTED_KEYS, AUTO)
 
 
-def fewest_grains(grains: int, definition: str) -> int | None:
-    """Find the smallest number of grains with nearly the angle of `grains` grains.
+def find_fewest_grains(n_grains: int, definition: str) -> int | None:
+    """Find the smallest number of grains in the table with nearly the same angle.
 
-    From this number of the table on, the angle differs by at most
-    `ANGLE_TOLERANCE_DEG`.
+    The angles of this number and of all larger ones differ by at most
+    `ANGLE_TOLERANCE_DEG` from the angle of the given number.
 
     Parameters
     ----------
-    grains : int
+    n_grains : int
         The number of grains to compare with.
     definition : str
-        Definition of the angle, a column of the table.
+        Definition of the angle, which must be in the table.
 
     Returns
     -------
     int or None
-        The number; None if no smaller number of the table is enough.
+        The smallest number; None if no smaller number of the table is enough.
     """
     fewest = None
-    smaller_numbers = [number for number in numbers() if number < grains]
+    smaller_numbers = [
+        number for number in list_tabulated_numbers() if number < n_grains
+    ]
     # Go down the table until the angle differs too much.
     for number in sorted(smaller_numbers, reverse=True):
-        angle_change_deg = change(grains, number, definition).angle_deg
+        angle_change_deg = interpolate_change(n_grains, number, definition).angle_deg
         if abs(angle_change_deg) > ANGLE_TOLERANCE_DEG:
             break
         fewest = number
@@ -197,38 +205,38 @@ def fewest_grains(grains: int, definition: str) -> int | None:
 class SmallerScene:
     """A scene of fewer grains, which takes less time."""
 
-    n_grains: int  # of the whole scene
-    n_fewer: int  # of the smaller one
-    angle_change_deg: float | None  # None where it is not known
-    height_share: float  # Height over that of the whole scene
+    n_grains: int  # of the larger scene
+    n_fewer: int  # of the smaller scene
+    angle_change_deg: float | None  # None if it is unknown
+    height_share: float  # Height over that of the larger scene
 
     @property
     def time_share(self) -> float:
-        """Time of a pour over that of the whole scene."""
+        """Time of a pour over that of the larger scene."""
         return (self.n_fewer / self.n_grains) ** TIME_EXPONENT
 
 
-def smaller_scene(n_grains: int, definition: str) -> SmallerScene | None:
-    """Find the smallest scene with nearly the angle of a larger one.
+def find_smaller_scene(n_grains: int, definition: str) -> SmallerScene | None:
+    """Find the smallest scene with nearly the angle of a larger scene.
 
     Parameters
     ----------
     n_grains : int
         Number of grains of the larger scene.
     definition : str
-        Definition of the angle, a column of the table.
+        Definition of the angle, which must be in the table.
 
     Returns
     -------
     SmallerScene or None
-        None if no smaller number of the table has that angle. For more grains than the
-        table has, it is then a scene of the table's largest number, whose change of the
-        angle is unknown.
+        The smaller scene; None if no smaller number of the table has nearly that angle.
+        If the larger scene has more grains than the table, it is then a scene of the
+        largest number of the table instead of None.
     """
-    largest_tabulated = max(numbers())
-    n_enough = fewest_grains(min(n_grains, largest_tabulated), definition)
+    largest_tabulated = max(list_tabulated_numbers())
+    n_enough = find_fewest_grains(min(n_grains, largest_tabulated), definition)
     if n_enough is not None:
-        effect = change(n_grains, n_enough, definition)
+        effect = interpolate_change(n_grains, n_enough, definition)
         return SmallerScene(
             n_grains=n_grains,
             n_fewer=n_enough,
@@ -238,7 +246,7 @@ def smaller_scene(n_grains: int, definition: str) -> SmallerScene | None:
     if n_grains <= largest_tabulated:
         return None
     # The table does not reach the larger scene, so the change of the angle is unknown.
-    effect = change(n_grains, largest_tabulated, definition)
+    effect = interpolate_change(n_grains, largest_tabulated, definition)
     return SmallerScene(
         n_grains=n_grains,
         n_fewer=largest_tabulated,
@@ -247,12 +255,12 @@ def smaller_scene(n_grains: int, definition: str) -> SmallerScene | None:
     )
 
 
-def advice(
+def advise(
     config: Config, diameter_mm: float, height_mm: float, poured: int | None = None
 ) -> Iterator[str]:
     """Yield sentences of advice on the number of grains of a pour.
 
-    For a large scene, they include a smaller one as keys of a configuration.
+    For a large scene, the advice includes a smaller scene as keys of a configuration.
 
     Parameters
     ----------
@@ -261,8 +269,7 @@ def advice(
     diameter_mm, height_mm : float
         Diameter of a grain, and Height of the pile.
     poured : int, optional
-        Number of grains that the targets need, if it is more than the configured one;
-        by default the configured one.
+        Number of grains that the targets need; by default the configured number.
 
     Yields
     ------
@@ -276,7 +283,7 @@ def advice(
     n_grains = poured or funnel.berries
 
     yield (
-        f"grains: the pile is {height_mm / diameter_mm:.2g} grains high. "
+        f"grains: the pile is {rounded(height_mm / diameter_mm, 2)} grains high. "
         f"{_describe_half(n_grains, definition)} "
         f"{_describe_enough(n_grains, definition)} "
         "Simulate as many grains as were poured."
@@ -295,15 +302,20 @@ def _propose_smaller_scene(
     settings : SceneSettings
         Sections of the configuration.
     n_grains : int
-        Number of grains of the whole scene.
+        Number of grains of the larger scene.
     definition : str
-        Definition of the angle, a column of the table.
+        Definition of the angle, which must be in the table.
     diameter_mm : float
         Diameter of a grain.
+
+    Yields
+    ------
+    str
+        A sentence, the section `funnel`, and the targets if one of them is the Height.
     """
-    scene = smaller_scene(n_grains, definition)
+    scene = find_smaller_scene(n_grains, definition)
     if scene is None:
-        tabulated_numbers = numbers()
+        tabulated_numbers = list_tabulated_numbers()
         yield (
             f"smaller scene: none of {min(tabulated_numbers)} to "
             f"{max(tabulated_numbers)} grains keeps the {definition} angle within "
@@ -316,7 +328,7 @@ def _propose_smaller_scene(
     yield _write_yaml_line(NAME, _make_pasted_section(funnel, scene, diameter_mm))
     targets = settings.targets_of(NAME)
     if any(target["response"] == "height_mm" for target in targets):
-        # A smaller pile is lower, so its Height needs another target.
+        # A smaller pile is lower, so the target of the Height changes.
         scaled_targets = [
             _scale_target(target, scene.height_share)
             for target in settings.config["targets"]
@@ -325,18 +337,18 @@ def _propose_smaller_scene(
 
 
 def _describe_half(n_grains: int, definition: str) -> str:
-    """Describe the effect of half of the grains, in a funnel that is as much smaller.
+    """Describe the effect of half of the grains in a funnel of half the volume.
 
     Parameters
     ----------
     n_grains : int
-        Number of grains to compare with. A larger number than the table has counts as
-        its largest.
+        Number of grains to compare with. If it is not in the table, because it is too
+        large, the largest number of the table replaces it.
     definition : str
-        Definition of the angle, a column of the table.
+        Definition of the angle, which must be in the table.
     """
-    n_reference = min(n_grains, max(numbers()))
-    half = change(n_reference, n_reference / 2, definition)
+    n_reference = min(n_grains, max(list_tabulated_numbers()))
+    half = interpolate_change(n_reference, n_reference / 2, definition)
     direction = "lower" if half.angle_deg < 0 else "raise"
     height_percent = 100 * (half.height - 1)
     return (
@@ -347,23 +359,23 @@ def _describe_half(n_grains: int, definition: str) -> str:
 
 
 def _describe_enough(n_grains: int, definition: str) -> str:
-    """Describe from which number of grains on the angle hardly changes.
+    """Describe the number of grains from which on the angle hardly changes.
 
-    If there is no such number, it is described for the angle that depends least on it.
+    If there is no such number, the angle that depends least on it is described, too.
 
     Parameters
     ----------
     n_grains : int
         Number of grains to compare with.
     definition : str
-        Definition of the angle, a column of the table.
+        Definition of the angle, which must be in the table.
     """
-    n_reference = min(n_grains, max(numbers()))
+    n_reference = min(n_grains, max(list_tabulated_numbers()))
     close = f"within {ANGLE_TOLERANCE_DEG:g} deg of that of {n_reference}"
-    n_enough = fewest_grains(n_reference, definition)
+    n_enough = find_fewest_grains(n_reference, definition)
     if n_enough is not None:
         return f"From {n_enough} grains on the angle is {close}."
-    n_steady = fewest_grains(n_reference, STEADIEST_ANGLE)
+    n_steady = find_fewest_grains(n_reference, STEADIEST_ANGLE)
     if n_steady is None:
         return f"No smaller number of grains is {close}."
     return (
@@ -373,12 +385,12 @@ def _describe_enough(n_grains: int, definition: str) -> str:
 
 
 def _describe_scene(scene: SmallerScene, definition: str) -> str:
-    """Describe a smaller scene in words: its time, angle and Height.
+    """Describe the time, the angle and the Height of a smaller scene in words.
 
     Parameters
     ----------
     scene : SmallerScene
-        The smaller scene, compared with the larger one.
+        The smaller scene, compared with the larger scene.
     definition : str
         Definition of the angle.
     """
@@ -387,50 +399,56 @@ def _describe_scene(scene: SmallerScene, definition: str) -> str:
     else:
         angle = f"changes by {scene.angle_change_deg:+.1f} deg"
     text = (
-        f"{scene.n_fewer} grains take {scene.time_share:.1g} of the time of "
+        f"{scene.n_fewer} grains take {rounded(scene.time_share, 1)} of the time of "
         f"{scene.n_grains}; the {definition} angle {angle}, and the Height is "
-        f"{scene.height_share:.2g} of the target's."
+        f"{rounded(scene.height_share, 2)} of the target's."
     )
-    largest = max(numbers())
-    if scene.n_grains > largest:
-        text += f" Piles of more than {largest} grains have not been compared."
+    largest_tabulated = max(list_tabulated_numbers())
+    if scene.n_grains > largest_tabulated:
+        text += (
+            f" Piles of more than {largest_tabulated} grains have not been compared."
+        )
     return f"{text} Pour such a pile by hand, and give its targets in place of these:"
 
 
 def _make_pasted_section(
     funnel: FunnelSettings, scene: SmallerScene, diameter_mm: float
 ) -> dict[str, Any]:
-    """Write the keys of the section `funnel` of a smaller scene."""
-    section = scaled(funnel, scene.n_fewer, diameter_mm, poured=scene.n_grains)
-    pasted = {key: _rounded(section[key]) for key in PASTED_KEYS}
+    """Make the section `funnel` of a smaller scene, for pasting into a configuration."""
+    section = scale_funnel(funnel, scene.n_fewer, diameter_mm, poured=scene.n_grains)
+    pasted = {key: _round_if_float(section[key]) for key in PASTED_KEYS}
     return pasted | dict.fromkeys(COMPUTED_KEYS, AUTO)
 
 
 def _scale_target(target: dict[str, Any], height_share: float) -> dict[str, Any]:
-    """Copy a target of a smaller scene.
+    """Copy a target for a smaller scene, with rounded numbers.
 
-    The target of the Height is multiplied by `height_share`. Numbers of all targets are
-    rounded.
+    Parameters
+    ----------
+    target : dict
+        The target. Only a target of the Height is scaled.
+    height_share : float
+        Height of the smaller scene over that of the larger scene.
     """
     share = height_share if target["response"] == "height_mm" else 1.0
     return target | {
-        "value": _rounded(share * target["value"]),
-        "sd": _rounded(share * target["sd"]),
-        "range": [_rounded(share * end) for end in target["range"]],
+        "value": _round_if_float(share * target["value"]),
+        "sd": _round_if_float(share * target["sd"]),
+        "range": [_round_if_float(share * end) for end in target["range"]],
     }
 
 
-def _rounded(number: object) -> object:
-    """Round a float to five digits; leave anything else as it is."""
-    return float(f"{number:.5g}") if isinstance(number, float) else number
+def _round_if_float(value: object) -> object:
+    """Round a float to five significant digits. Return any other value unchanged."""
+    return float(f"{value:.5g}") if isinstance(value, float) else value
 
 
 def _write_yaml_line(key: str, value: object) -> str:
-    """Write a key in one line, as a configuration takes it."""
+    """Write a key and its value as one line of YAML."""
     import yaml
 
     text = yaml.safe_dump(
         {key: value}, default_flow_style=True, sort_keys=False, width=10**6
     )
-    # Leave out the braces around the key.
+    # PyYAML writes braces around the key. Leave them out.
     return text.strip()[1:-1]

@@ -595,23 +595,25 @@ def _measure_beds(
         pile_settings=settings,
     )
     for result, overlay in zip(results, overlays, strict=True):
-        write_image(overlay, photographs.stacked(result.views))
+        write_image(overlay, photographs.stack_views(result.views))
 
     _require_measured_bed(results, args.bench)
 
     # Write and print the numbers.
     out = Path(args.out)
-    measured = photographs.tables(results, args.bench)
+    measured = photographs.make_tables(results, args.bench)
     # Here each measured number has the name of its response.
     responses = {name: name for name in photographs.RESPONSES[args.bench]}
     write_tables(measured, settings, out=out, bench=args.bench, responses=responses)
     if args.bench == "turning":
         turning = scene.section("turning", TurningSettings)
-        write_table(out / "profile.csv", photographs.profile(results, turning))
+        write_table(
+            out / "profile.csv", photographs.find_median_profile(results, turning)
+        )
     if args.json:
         print(format_json(convert_to_records(measured)))
     else:
-        print(photographs.describe(results, measured, out))
+        print(photographs.describe_results(results, measured, out))
 
 
 def _require_measured_bed(results: Sequence["PhotographResult"], bench: str) -> None:

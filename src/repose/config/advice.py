@@ -131,7 +131,7 @@ def give_funnel_hints(
         beginning=beginning,
     )
     # Leave out the first line of this advice, because the last hint says the same.
-    _, *smaller_scene = scene_size.advice(
+    _, *smaller_scene = scene_size.advise(
         config, grain_mm, height_mm=height_mm, poured=n_grains
     )
     yield from smaller_scene
@@ -160,11 +160,11 @@ def _describe_number_of_grains(
     """
     # The table of simulated piles has a largest number of grains, and only some
     # definitions of the angle. Other definitions use the most similar one.
-    n_tabulated = min(n_grains, max(scene_size.numbers()))
+    n_tabulated = min(n_grains, max(scene_size.list_tabulated_numbers()))
     tabulated_angle = scene_size.TABULATED.get(definition, definition)
 
     # Say by how much half of the grains would change the angle.
-    change_deg = scene_size.change(
+    change_deg = scene_size.interpolate_change(
         n_tabulated, n_tabulated / 2, tabulated_angle
     ).angle_deg
     direction = "lower" if change_deg < 0 else "raise"
@@ -175,7 +175,7 @@ def _describe_number_of_grains(
     )
 
     # Say also how few grains would do.
-    n_enough = scene_size.fewest_grains(n_tabulated, tabulated_angle)
+    n_enough = scene_size.find_fewest_grains(n_tabulated, tabulated_angle)
     if n_enough is not None:
         text += f", {n_enough} by at most {scene_size.ANGLE_TOLERANCE_DEG:g}"
     return text

@@ -97,7 +97,7 @@ def propose_smaller_scene(files: Iterable[str], grains: int) -> Iterator[str]:
         study = PipelineConfig.load(*files, overrides=overrides, inputs=True)
         height_mm = 1e3 * advice.estimate_pile_height_m(study.config, study.grain)
         diameter_mm = computed.compute_diameter_mm(study.grain)
-        yield from scene_size.advice(
+        yield from scene_size.advise(
             study.config, diameter_mm, height_mm=height_mm, poured=grains
         )
 
