@@ -66,7 +66,7 @@ def main():
     energy = np.inf
     while energy > REST_J and simulation.time_s < LONGEST_S:
         bounded.run_to(simulation.steps + round(ROW_S / settings["time_step_s"]))
-        bounded.look()
+        bounded.check()
         energy = simulation.kinetic_energies().mean()
         between = deepest(simulation.overlaps()[1], bounded.thickness_m)
         at_walls = deepest(simulation.wall_overlaps()[2], bounded.thickness_m)

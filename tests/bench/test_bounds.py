@@ -70,7 +70,7 @@ def three_berries(**of_second):
 def test_what_a_fall_can_give_and_overlaps_of_clumps_stay_within_the_bounds():
     bounded = three_berries(position_m=(0.05, 0.0, 0.1))
     bounded.run_to(3 * CHECK_INTERVAL)
-    bounded.look()
+    bounded.check()
     assert bounded.simulation.steps == 3 * CHECK_INTERVAL
     mass = 1e-3
     pair = dem.Clump(
@@ -95,13 +95,13 @@ def test_a_berry_beyond_its_bounds_and_energy_beyond_what_was_given_are_reported
     raised(
         Unstable,
         r"grain 1 moves at 900 m/s, after 0 s: a shorter simulation\.time_step_s than",
-        fast.look,
+        fast.check,
     )
     lost.simulation.positions[2] = np.nan
-    raised(Unstable, "grain 2 has no finite position", lost.look)
+    raised(Unstable, "grain 2 has no finite position", lost.check)
     bounded = three_berries()
     bounded.simulation.velocities[:] = (0.0, 0.0, np.sqrt(2 * 9.81 * 0.1 * 1.3))
-    raised(Unstable, r"all grains together have .* J and were given", bounded.look)
+    raised(Unstable, r"all grains together have .* J and were given", bounded.check)
 
 
 def check_overlaps(bounded, broken, message):

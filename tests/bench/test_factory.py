@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from repose.bench.factory import (
-    POINTS_TRIED,
+    MOST_POINTS,
     Disc,
     Strip,
     add_above,
-    free_point,
-    random_orientation,
+    draw_orientation,
+    find_free_point,
 )
 from repose.dem.rotations import random_quaternion, rotation_matrices
 
@@ -26,7 +26,7 @@ def crowd(rng, n):
 
 
 def slow_point(rng, simulation, area):
-    for _ in range(POINTS_TRIED):
+    for _ in range(MOST_POINTS):
         point = np.array(area.point(*rng.random(2)))
         others = simulation.positions[simulation.present]
         if all(np.linalg.norm(point - other) > 2.0 * RADIUS for other in others):
@@ -43,7 +43,7 @@ def test_the_place_is_the_first_free_one_and_no_other_is_drawn(area, berries):
         slow = np.random.default_rng(seed)
         fast = np.random.default_rng(seed)
         expected = slow_point(slow, simulation, area)
-        point = free_point(fast, simulation, area)
+        point = find_free_point(fast, simulation, area)
         assert np.array_equal(point, expected)
         assert slow.random() == fast.random()
         found += point is not None
@@ -70,7 +70,7 @@ def test_a_blocked_factory_looks_at_all_places_and_random_berries_draw_as_ever()
             return super().points(numbers)
 
     assert (
-        free_point(
+        find_free_point(
             np.random.default_rng(2),
             crowd(np.random.default_rng(1), 300),
             Counting(0.03, 0.2),
@@ -81,15 +81,13 @@ def test_a_blocked_factory_looks_at_all_places_and_random_berries_draw_as_ever()
     assert Counting.at_once == 1
     rng = np.random.default_rng(7)
     same_rng = np.random.default_rng(7)
-    assert np.array_equal(
-        random_orientation("random", rng), random_quaternion(same_rng)
-    )
+    assert np.array_equal(draw_orientation("random", rng), random_quaternion(same_rng))
 
 
 @pytest.mark.parametrize(("orientation", "level"), [("lying", 0.0), ("upright", 1.0)])
 def test_new_berries_lie_or_stand_as_configured(orientation, level):
     rng = np.random.default_rng(6)
-    quaternions = np.array([random_orientation(orientation, rng) for _ in range(300)])
+    quaternions = np.array([draw_orientation(orientation, rng) for _ in range(300)])
     assert np.allclose(np.linalg.norm(quaternions, axis=1), 1.0)
     rotations = rotation_matrices(quaternions)
     assert np.allclose(np.abs(rotations[:, 2, 0]), level, atol=1e-12)

@@ -17,7 +17,7 @@ POURS = {
 
 
 def test_medians_are_set_beside_the_kernel():
-    summary = speed.summary([40.0, 700.0, 50.0], POURS)
+    summary = speed.summarise_times([40.0, 700.0, 50.0], POURS)
     assert summary["reference_us"] == 50.0
     first, second = summary["particles"]
     assert first == {
@@ -34,12 +34,12 @@ def test_medians_are_set_beside_the_kernel():
         "ratio": 5.0,
         "to_first": 2.5,
     }
-    result = summary | {"berries": 500, "time_step_s": 2e-4} | speed.machine()
-    table = speed.message(result).splitlines()
+    result = summary | {"berries": 500, "time_step_s": 2e-4} | speed.describe_machine()
+    table = speed.format_result(result).splitlines()
     assert table[0].startswith(
         "500 grains, time step 0.0002 s, one core; reference kernel 50.0 us; "
     )
-    assert f"vectors of {speed.machine()['vector_bits']} bits" in table[0]
+    assert f"vectors of {speed.describe_machine()['vector_bits']} bits" in table[0]
     assert [" ".join(line.split()) for line in table[3:]] == [
         "a 100.0 1.00 2.000 10.00",
         "b 250.0 2.50 5.000 30.00",
@@ -56,7 +56,7 @@ def test_particles_are_poured_in_turn_after_a_short_pour_of_each(monkeypatch):
         assert berry == "berry"
         return Times({"A": 100.0, "B": 250.0}[particle], 10.0)
 
-    monkeypatch.setattr(speed, "timed_pour", pour)
+    monkeypatch.setattr(speed, "time_pour", pour)
     result = speed.run(CONFIG, {"a": "A", "b": "B"}, "berry", PARAMETERS)
     berries = CONFIG["funnel"]["berries"]
     assert poured == [("A", 2), ("B", 2)] + 3 * [("A", berries), ("B", berries)]

@@ -1516,7 +1516,7 @@ def whole_side_bound():
     """The steepest whole side by the volume of the berries in the pile."""
     berry = DEFAULT.settings()["berry"]
     by_mass_mm3 = 1e6 * berry["mass_g"] / berry["density_kg_m3"]
-    by_axes_mm3 = np.pi / 6 * np.prod(reach.GRAIN_MM)
+    by_axes_mm3 = np.pi / 6 * np.prod(reach.TABLE_GRAIN_MM)
     runs = DEFAULT.table("runs.csv")
     in_pile = runs.loc[runs["status"] == "ok", "berries_in_pile"].mean()
     poured = DEFAULT.settings()["funnel"]["berries"]
@@ -1534,7 +1534,7 @@ def whole_side_bound():
     for source, berry_mm3, berries, packing in cases:
         fruit_m3 = 1e-9 * berry_mm3 * berries
         steepest_deg, at_next_deg = (
-            np.degrees(np.arctan(reach.cone_tan(height, fruit_m3 / packing)))
+            np.degrees(np.arctan(reach.compute_cone_slope(height, fruit_m3 / packing)))
             for height in (height_mm, height_mm + height_error_mm)
         )
         error_deg = np.hypot(angle_error_deg, at_next_deg - steepest_deg)

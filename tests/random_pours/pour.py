@@ -121,11 +121,11 @@ class Largest:
 
 
 def noting(seen):
-    look = Bounded.look
+    check = Bounded.check
 
-    def noted(self, everywhere=True):
+    def noted(self, is_full=True):
         seen[-1].note(self)
-        look(self, everywhere)
+        check(self, is_full)
 
     return noted
 
@@ -539,7 +539,7 @@ def main():
     config, mean, particles = study()
     warnings.simplefilter("ignore", RuntimeWarning)  # what overflows in an explosion
     seen = [Largest()]
-    Bounded.look = noting(seen)
+    Bounded.check = noting(seen)
     with (
         args.out.open("a", newline="") as table,
         contextlib.suppress(KeyboardInterrupt),

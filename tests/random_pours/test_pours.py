@@ -14,7 +14,7 @@ NUMBERS = (2, 5, 7)
 @pytest.mark.parametrize("number", NUMBERS)
 def test_a_random_pour_keeps_its_bounds(number, monkeypatch):
     seen = [pour.Largest()]
-    monkeypatch.setattr(Bounded, "look", pour.noting(seen))
+    monkeypatch.setattr(Bounded, "check", pour.noting(seen))
     row = pour.poured(number, *pour.study(), seen)
     assert row["status"] != "refused"
     assert pour.violation(row) == ""

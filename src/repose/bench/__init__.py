@@ -1,10 +1,11 @@
-"""The bench tests: each one a module that is registered by name, and what they share.
+"""The bench tests, each a module that is registered by name, and their common parts.
 
-Importing this package makes all bench tests and their responses known. It loads neither
-the engine's kernels nor what measures pictures; these are loaded when a bench test runs.
+The import of this package registers all bench tests and their responses. It imports
+neither the kernels of the engine nor the measurement of pictures. These are imported when
+a bench test runs.
 """
 
-# Each import registers a bench test. They are listed in this order, the funnel first.
+# Each import registers a bench test. The order of the imports is that of all lists.
 from repose.bench import funnel  # noqa: F401, isort: skip
 from repose.bench import drum  # noqa: F401, isort: skip
 from repose.bench import cylinder  # noqa: F401, isort: skip

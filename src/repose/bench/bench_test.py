@@ -17,6 +17,7 @@ from repose.calibrate.responses import Response
 from repose.calibrate.runs import OVERLAP_SHARE, Recorded
 from repose.calibrate.seeds import UNNAMED
 from repose.common.errors import InputError
+from repose.common.numbers import rounded
 from repose.common.section import Contradictions
 
 if TYPE_CHECKING:
@@ -41,8 +42,9 @@ class Run:
     arrays : dict
         Arrays by name, for the measurement.
     frames : dict or None
-        Frames of a film, if requested: ``time_s`` (T,), ``position`` (T, N, 3) [m],
-        ``quaternion`` (T, N, 4), ``scale`` (N,) and further arrays of the bench test.
+        Frames of a film: ``time_s`` (T,), ``position`` (T, N, 3) [m], ``quaternion``
+        (T, N, 4), ``scale`` (N,) and further arrays of the bench test. None if no frames
+        were requested.
     """
 
     record: dict[str, Any]
@@ -52,7 +54,7 @@ class Run:
 
 @dataclass(frozen=True, kw_only=True)
 class Outcome:
-    """The numbers by which a run is judged; each bench test adds its own.
+    """The numbers by which a run is judged. Each bench test adds further numbers.
 
     Attributes
     ----------
@@ -60,8 +62,8 @@ class Outcome:
         Message about the bound that the run broke (`repose.bench.bounds`); empty if it
         broke none.
     overlap_share : float
-        Largest overlap in the state that is measured, over the smallest extent of its
-        grain (`Trial.overlap_share`).
+        Largest overlap in the measured state, over the smallest extent of the grain
+        (`Trial.overlap_share`).
     """
 
     unstable: str = ""
@@ -86,13 +88,13 @@ def not_at_rest(
     Parameters
     ----------
     energy_j : float
-        Mean kinetic energy of a grain. One that is not a number is no rest.
+        Mean kinetic energy of a grain. If it is NaN, the grains are not at rest.
     settings : SceneSettings
         Sections of the configuration, with the limit of the energy.
     advice : str
-        The change of the configuration that brings rest, for the reason.
+        The change of the configuration that brings the grains to rest, for the reason.
     when : str, optional
-        The moment of the energy, for the reason; it begins with a blank.
+        The moment of the energy, for the reason. The text begins with a blank.
 
     Returns
     -------
@@ -104,12 +106,13 @@ def not_at_rest(
         return None
     return Verdict(
         "not_at_rest",
-        f"kinetic energy {energy_j:.2e} J a grain{when}, more than {limit_j:.2g}; {advice}",
+        f"kinetic energy {energy_j:.2e} J a grain{when}, more than "
+        f"{rounded(limit_j, 2)}; {advice}",
     )
 
 
 class BenchTest(ABC, Generic[S]):
-    """A bench test: its responses, and how a scene is run and measured.
+    """A bench test with its responses: it runs a scene, and measures the run.
 
     Attributes
     ----------
@@ -119,31 +122,32 @@ class BenchTest(ABC, Generic[S]):
     settings : type of Section
         Model of that section. Its key ``seeds`` is the number of runs per sample.
     responses : tuple of Response
-        Its responses. `Response.of` takes what `measure` returns.
+        Responses of the bench test. `Response.of` reads them from the result of
+        `measure`.
     numbers : tuple of str
-        Numbers of a measured run besides its responses.
+        Names of further numbers of a measured run.
     example : mapping
-        Parts of a configuration, over config/config.yaml, of a small and quick run: its
-        section, ``targets``, and other sections where they must differ. The tests take
-        it for every table of bench tests.
+        Parts of a configuration of a small and quick run, which replace those of
+        config/config.yaml: the section of the bench test, ``targets``, and other
+        sections if they must differ. The tests use it for all bench tests.
     recorded : Recorded
-        Numbers of a run that the tables keep besides the targets; by default its
+        Numbers of a run that the tables keep besides the targets; by default the
         responses and `numbers`.
     statuses : tuple of str
-        How a run may end; ``ok`` first.
+        Possible statuses of a run, with ``ok`` first.
     missing_status : mapping
-        Status, by the response, of a run that has no number for a target; by default
+        Status of a run that has no number for a target, by the response; by default
         ``no_flank``.
     measured_by : tuple of str
-        Keys of its section that only `measure` reads. A change of them needs no new
-        run.
+        Keys of the section that only `measure` reads. If one of them changes, no new run
+        is needed.
     required_arrays : tuple of str
         Arrays that every saved run must have.
     summary : str
-        Template of a line about a measured run; fields are its numbers.
+        Template of a line about a measured run. Its fields are numbers of the run.
     photographed : mapping
-        For a bench test that leaves a pile: which response is the ``aor_deg`` and which
-        the ``height_mm`` of a photograph.
+        For a bench test that leaves a pile: the responses that a photograph of the pile
+        gives as ``aor_deg`` and as ``height_mm``.
     """
 
     name: ClassVar[str]
@@ -163,7 +167,7 @@ class BenchTest(ABC, Generic[S]):
 
     @abstractmethod
     def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
-        """Describe capacity, walls and box of the simulation.
+        """Describe the capacity, the walls and the box of the simulation.
 
         Parameters
         ----------
@@ -207,17 +211,17 @@ class BenchTest(ABC, Generic[S]):
         scene : Scene
             The scene.
         interval_s : float, optional
-            Simulated time between two frames; without it there are none.
+            Simulated time between two frames. Without it there are no frames.
         progress : function, optional
-            Called with the simulated time [s].
+            Function that is called with the simulated time [s].
         """
 
     def judge(self, outcome: Any, settings: SceneSettings) -> Verdict:
-        """Judge a stable run before it is measured, the gravest fault first."""
+        """Judge a stable run before it is measured, and return its gravest fault."""
         return OK
 
     def status_of(self, outcome: Outcome, settings: SceneSettings) -> Verdict:
-        """Judge a run before it is measured: an unstable one here, others by `judge`."""
+        """Judge a run before it is measured. A stable run is judged by `judge`."""
         if outcome.unstable:
             return Verdict("unstable", outcome.unstable)
         return self.judge(outcome, settings)
@@ -237,19 +241,19 @@ class BenchTest(ABC, Generic[S]):
         scene : Scene
             What the run depends on.
         outcome : Outcome
-            The state of the grains at its end.
+            The numbers by which the run is judged.
         arrays : dict
-            Arrays that are kept, by name.
+            Arrays of the run, by name.
         frames : mapping, optional
-            Frames of the film; None if none were requested.
+            Frames of the film; None if no frames were requested.
         **numbers : float
-            Numbers for the record. One that is not finite becomes None.
+            Numbers for the record. A number that is not finite becomes None.
 
         Returns
         -------
         Run
-            The record with seed, status and reason. Overlaps above `NOTED_OVERLAP` are
-            noted as ``overlap_share``.
+            The run. Its record has seed, status, reason and the numbers. An overlap above
+            `NOTED_OVERLAP` is recorded as ``overlap_share``.
         """
         verdict = self.status_of(outcome, scene.settings)
         record: dict[str, Any] = {
@@ -270,7 +274,7 @@ class BenchTest(ABC, Generic[S]):
     # --- its measurement ---
 
     def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
-        """Measure an ``ok`` run: its responses and `numbers`.
+        """Measure the responses and the `numbers` of a run with the status ``ok``.
 
         A number that cannot be measured is None, see `check_targets`.
         """
@@ -286,21 +290,21 @@ class BenchTest(ABC, Generic[S]):
         record : mapping
             The record of the run.
         arrays : mapping
-            Its arrays by name.
+            The arrays of the run, by name.
         scene : Scene
-            What it depends on.
+            The scene of the run.
 
         Returns
         -------
         dict
-            The record with every response and number. A number that cannot be measured
-            is None. All numbers of a run that is not ``ok`` are None.
+            The record with all responses and numbers. A number that cannot be measured
+            is None. All numbers are None if the status is not ``ok``.
         """
         if record["status"] != "ok":
             no_numbers = dict.fromkeys((*self.response_names, *self.numbers))
             return {**record, **no_numbers}
         measured = {**record, **self.measure_arrays(arrays, scene)}
-        # Some responses are computed from others, which are measured by now.
+        # Some responses are computed from others, which have been measured by now.
         for response in self.responses:
             if response.computed_from:
                 measured[response.name] = response.of(measured)
@@ -312,7 +316,7 @@ class BenchTest(ABC, Generic[S]):
         settings: SceneSettings,
         reasons: Mapping[str, str],
     ) -> dict[str, str]:
-        """Find the first target that a measured run has no number for.
+        """Find the first target for which a measured run has no number.
 
         Parameters
         ----------
@@ -321,12 +325,13 @@ class BenchTest(ABC, Generic[S]):
         settings : SceneSettings
             Sections of the configuration, with the targets.
         reasons : mapping
-            Why responses could not be measured.
+            Reasons why responses could not be measured, by response.
 
         Returns
         -------
         dict
-            ``status`` and ``reason``; empty if the run has all targets.
+            ``status`` and ``reason`` of the run; empty if it has numbers for all
+            targets.
         """
         for target in self.target_responses(settings.config):
             name = target.name
@@ -345,7 +350,7 @@ class BenchTest(ABC, Generic[S]):
         Parameters
         ----------
         record, arrays, scene
-            As of `measure`.
+            Arguments of `measure`.
 
         Returns
         -------
@@ -356,7 +361,7 @@ class BenchTest(ABC, Generic[S]):
         measured = self.measure(record, arrays, scene)
         if measured["status"] != "ok":
             return measured
-        # Targets may be responses that are not listed, see `response_of_name`.
+        # A target may be a response that is not listed, see `response_of_name`.
         targets = self.target_responses(scene.settings.config)
         checked_responses = dict.fromkeys((*self.responses, *targets))
         for response in checked_responses:
@@ -367,24 +372,26 @@ class BenchTest(ABC, Generic[S]):
             limits = f"{response.low:g} to {response.high:g} {response.unit}".rstrip()
             return measured | {
                 "status": OUT_OF_BOUNDS,
-                "reason": f"{response.label} is {value:.4g}, outside {limits}",
+                "reason": f"{response.label} is {rounded(value)}, outside {limits}",
             }
         return measured
 
     # --- its configuration ---
 
     def section(self, settings: SceneSettings) -> S:
-        """Return the section of the bench test."""
+        """Return the section of the bench test in the configuration."""
         return settings.section(self.name, self.settings)
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Yield keys whose values do not go together, with the allowed values."""
+        """Yield keys whose values contradict each other, with the allowed values."""
         return iter(())
 
     def misfits(
         self, settings: SceneSettings, axes_mm: Sequence[float]
     ) -> Contradictions:
-        """Yield keys of lengths that do not fit the mean grain, with the allowed values.
+        """Yield keys of lengths that are impossible with the mean grain.
+
+        The allowed values are yielded, too.
 
         Parameters
         ----------
@@ -401,14 +408,15 @@ class BenchTest(ABC, Generic[S]):
         return tuple(response.name for response in self.responses)
 
     def response_of_name(self, name: str) -> Response | None:
-        """Make a response that is not listed in `responses`; None if it is none.
+        """Make a response that is not listed in `responses`.
 
-        For a bench test with any number of responses, such as the scores of a profile.
+        This is for a bench test with any number of responses, such as the scores of a
+        profile. For a name that is not such a response the result is None.
         """
         return None
 
     def target_responses(self, config: Config) -> tuple[Response, ...]:
-        """List its responses that are targets, in the order of the targets."""
+        """List the responses of the bench test that are targets, in their order."""
         targets = SceneSettings(config).targets_of(self.name)
         return tuple(
             response_registry.response(target["response"]) for target in targets
@@ -436,31 +444,33 @@ def register(name: str) -> Callable[[T], T]:
     Raises
     ------
     ValueError
-        If another bench test has the name, or a response of it is registered already.
+        If another bench test has the name, or if another bench test has a response of
+        the same name.
     """
 
     def register_class(bench_class: T) -> T:
         """Register a subclass of `BenchTest` with its responses, and return it.
 
-        The class gets its `name`, one more status, and by default the columns that its
-        runs record.
+        The class is changed: it gets its `name`, a further status, and `recorded` if it
+        does not define it.
         """
         if name in _REGISTRY:
             raise ValueError(f"bench test {name!r} is registered already")
         bench_class.name = name
         bench_class.statuses = (*bench_class.statuses, OUT_OF_BOUNDS)
-        test = bench_class()
+        bench_test = bench_class()
         if not hasattr(bench_class, "recorded"):
             bench_class.recorded = Recorded(
-                means=test.response_names,
-                single=(*test.response_names, *test.numbers),
+                means=bench_test.response_names,
+                single=(*bench_test.response_names, *bench_test.numbers),
             )
-        # A bench test with any number of responses makes those that it does not list.
+        # If the class overrides `response_of_name`, this method makes a whole family of
+        # responses that are not listed.
         family = None
         if bench_class.response_of_name is not BenchTest.response_of_name:
-            family = test.response_of_name
-        response_registry.register(*test.responses, family=family)
-        _REGISTRY[name] = test
+            family = bench_test.response_of_name
+        response_registry.register(*bench_test.responses, family=family)
+        _REGISTRY[name] = bench_test
         return bench_class
 
     return register_class
@@ -472,10 +482,10 @@ def bench_of(job: Mapping[str, Any], source: object = "apparatus") -> BenchTest[
     Parameters
     ----------
     job : mapping
-        The description. Its key ``apparatus`` names the bench test; without it the job
-        is of the first bench test.
+        The description. Its key ``apparatus`` names the bench test. A job without this
+        key is of the first bench test.
     source : object, optional
-        Named in the error.
+        File or command of the job, for the message of an error.
     """
     return bench(job.get("apparatus", UNNAMED), source)
 
@@ -488,11 +498,12 @@ def bench(name: str, source: object = "apparatus") -> BenchTest[Any]:
     name : str
         Name of the bench test.
     source : object, optional
-        Named in the error.
+        File or command that has the name, for the message of an error.
 
     Returns
     -------
     BenchTest
+        The bench test.
 
     Raises
     ------
@@ -510,7 +521,7 @@ def names() -> tuple[str, ...]:
     Returns
     -------
     tuple of str
-        In the order of their registration.
+        The names in the order of registration.
     """
     return tuple(_REGISTRY)
 
@@ -521,6 +532,6 @@ def bench_tests() -> tuple[BenchTest[Any], ...]:
     Returns
     -------
     tuple of BenchTest
-        In the order of their registration.
+        The bench tests in the order of registration.
     """
     return tuple(_REGISTRY.values())

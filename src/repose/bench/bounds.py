@@ -7,30 +7,34 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from repose.common.numbers import rounded
+
 if TYPE_CHECKING:
     from repose import dem
 
-# Largest speed over that of a fall: a small grain between large ones leaves faster.
+# Largest speed of a grain over that of the deepest fall. A small grain that is struck by
+# large ones becomes faster than they are.
 SPEED_LIMIT = 3.0
-# Energy gained over energy given: impacts of smooth bodies without friction may return
-# more than they took, see docs/verification.md.
+# Largest gain of energy over the energy that was given. Impacts of smooth bodies without
+# friction may return more energy than they received, see docs/verification.md.
 ENERGY_TOLERANCE = 0.1
 # Largest overlap over the smallest extent of a grain.
 OVERLAP_LIMIT = 0.5
-# A record notes an overlap above this share: forces of contacts hold for small ones.
+# The record of a run notes an overlap above this share, because the contact laws are
+# made for small overlaps.
 NOTED_OVERLAP = 0.1
 # Time steps between two checks of the speeds.
 CHECK_INTERVAL = 2000
-# Checks of the speeds per check of energy and overlaps, which takes ten times as long.
+# Every fifth check includes energy and overlaps, which takes ten times as long.
 SPEED_CHECKS_PER_FULL_CHECK = 5
 
 
 class Unstable(Exception):
-    """A bound is broken; the message names the grain, the time and the remedy."""
+    """A bound is broken. The message names the grain, the time and the remedy."""
 
 
 class Bounded:
-    """Advances a simulation and checks its grains on the way.
+    """Advances a simulation, and checks its grains at intervals.
 
     Parameters
     ----------
@@ -47,7 +51,7 @@ class Bounded:
         Message about the bound that was broken inside `guard`; empty if none was.
     overlap_share : float
         Largest overlap at the last check of overlaps, over the smallest extent of the
-        smaller grain. The last check is that of the state that is measured.
+        smaller grain. After a run, the last check is that of the measured state.
     """
 
     def __init__(
@@ -61,19 +65,22 @@ class Bounded:
         # Without gravity no direction is up, and all heights are 0.
         self.up = -gravity_vector / (self.gravity or 1.0)
         self.lowest_m, self.fall_m = self._find_lowest_and_fall(top_m)
-        # No grain is faster than after the deepest fall with the largest given speed.
+        # The speed limit is a multiple of the speed after the deepest fall, plus the
+        # largest given speed.
         fall_speed_m_s = math.sqrt(2.0 * self.gravity * self.fall_m)
         self.fastest_m_s = SPEED_LIMIT * (fall_speed_m_s + speed_m_s)
-        # Smallest extent of a grain of the scale 1.
+        # The smallest extent of a grain of the scale 1
         self.thickness_m = 2.0 * min(
             float(shape.half_extents_m.min()) for shape in simulation.shapes.values()
         )
         self.broken = ""
         self.overlap_share = 0.0
-        self._last_check = 0
+        self._last_checked_step = 0
 
     def _find_lowest_and_fall(self, top_m: float) -> tuple[float, float]:
-        """Compute the lowest height in the box and the deepest fall through it.
+        """Compute the lowest height in the box, and the depth of the deepest fall.
+
+        Heights are measured against the direction of gravity, which may be tilted.
 
         Parameters
         ----------
@@ -83,8 +90,7 @@ class Bounded:
         Returns
         -------
         lowest_m : float
-            The lowest height of the box. Heights are measured against gravity, which
-            may be tilted.
+            The lowest height in the box.
         fall_m : float
             The difference between the largest height and the lowest one.
         """
@@ -104,19 +110,19 @@ class Bounded:
     def guard(self) -> Iterator[None]:
         """Guard the block of a ``with`` statement against broken bounds.
 
-        The grains are checked at the end of the block. The first broken bound ends the
-        block. Its message is kept in `broken`, and its error goes no further.
+        The grains are also checked at the end of the block. The first broken bound ends
+        the block. Its error is caught, and its message is kept in `broken`.
         """
         try:
             yield
-            self.look()
+            self.check()
         except Unstable as error:
             self.broken = str(error)
 
     def run_to(self, step: int) -> None:
         """Advance to a time step, and check the grains at regular intervals.
 
-        The call does nothing if the simulation has reached the step already.
+        Nothing happens if the simulation has reached the step already.
 
         Parameters
         ----------
@@ -131,44 +137,50 @@ class Bounded:
         simulation = self.simulation
         full_check_interval = SPEED_CHECKS_PER_FULL_CHECK * CHECK_INTERVAL
         while simulation.steps < step:
-            # Stop where the next check is due, or before it at the given time step.
-            next_check = self._last_check + CHECK_INTERVAL
+            # Stop at the next check, or at the given time step if it comes first.
+            next_check = self._last_checked_step + CHECK_INTERVAL
             next_stop = min(step, next_check)
             try:
                 simulation.run_steps(next_stop - simulation.steps)
             except RuntimeError as error:
-                # The engine stops at a contact whose force is not a number.
+                # The engine raises this error for a contact whose force is not a number.
                 raise Unstable(
                     f"{error}, {self._describe_time()}: {self._describe_remedy()}"
                 ) from None
             if simulation.steps >= next_check:
                 is_full_check = simulation.steps % full_check_interval == 0
-                self.look(everywhere=is_full_check)
+                self.check(is_full=is_full_check)
 
-    def look(self, everywhere: bool = True) -> None:
-        """Check the grains as they are now.
+    def check(self, is_full: bool = True) -> None:
+        """Check the present state of the grains.
 
         Parameters
         ----------
-        everywhere : bool, optional
-            Whether to check energy and overlaps too, which takes longer than the
-            speeds.
+        is_full : bool, optional
+            Whether energy and overlaps are checked, too. This takes longer than the
+            check of the speeds.
 
         Raises
         ------
         Unstable
             If a bound is broken.
         """
-        self._last_check = self.simulation.steps
+        self._last_checked_step = self.simulation.steps
         if not self.simulation.n_bodies:
             return
         self._check_speeds()
-        if everywhere:
+        if is_full:
             self._check_energy()
             self._check_overlaps()
 
     def _check_speeds(self) -> None:
-        """Raise `Unstable` for a position that is not finite, or an impossible speed."""
+        """Check that all positions are finite, and that no grain is too fast.
+
+        Raises
+        ------
+        Unstable
+            For the fastest grain, if it is too fast.
+        """
         simulation = self.simulation
         squared_speeds = np.square(simulation.velocities).sum(axis=1)
         # A grain without a finite state counts as infinitely fast.
@@ -182,20 +194,25 @@ class Bounded:
         if speed_m_s <= self.fastest_m_s:
             return
         if math.isfinite(speed_m_s):
-            motion = f"moves at {speed_m_s:.3g} m/s"
+            motion = f"moves at {rounded(speed_m_s, 3)} m/s"
         else:
             motion = "has no finite position or speed"
         raise Unstable(
             f"grain {fastest_grain} {motion}, {self._describe_time()}: "
             f"{self._describe_remedy()}; "
-            f"none here can be faster than {self.fastest_m_s:.3g} m/s"
+            f"none here can be faster than {rounded(self.fastest_m_s, 3)} m/s"
         )
 
     def _check_energy(self) -> None:
-        """Raise `Unstable` if the grains have more energy than they can have received.
+        """Check that the grains have no more energy than they can have received.
 
-        They can have received at most the energy of a fall from the top of the scene,
-        plus that of the largest speed of grains and walls.
+        A grain can have received the energy of a fall from the top of the scene, and
+        that of the largest speed of grains and walls.
+
+        Raises
+        ------
+        Unstable
+            If all grains together have too much energy.
         """
         simulation = self.simulation
         present = simulation.present
@@ -207,60 +224,85 @@ class Bounded:
         given_j = float(masses_kg.sum()) * given_j_per_kg
         if not total_j > (1.0 + ENERGY_TOLERANCE) * given_j:
             return
-        # The grain with most kinetic energy is the likeliest cause.
+        # The message names the grain with the largest kinetic energy, because it is the
+        # most likely cause.
         suspect = int(np.flatnonzero(present)[np.argmax(kinetic_j)])
+        suspect_j = float(kinetic_j.max())
         raise Unstable(
-            f"grain {suspect} has {kinetic_j.max():.3g} J, "
+            f"grain {suspect} has {rounded(suspect_j, 3)} J, "
             f"{self._describe_time()}: {self._describe_remedy()}; all grains together "
-            f"have {total_j:.3g} J and were given {given_j:.3g} J"
+            f"have {rounded(total_j, 3)} J and were given {rounded(given_j, 3)} J"
         )
 
     def _check_overlaps(self) -> None:
-        """Raise `Unstable` if grains pass through each other or through walls.
+        """Check that no grain passes through another one or through a wall.
 
-        Sets `overlap_share` to the largest overlap of all contacts, as a share of the
-        thickness of the grain.
+        The check sets `overlap_share` to the largest overlap of all contacts, as a share
+        of the thickness of the grain.
+
+        Raises
+        ------
+        Unstable
+            For the deepest contact of two grains, or of a grain and a wall, if it is
+            too deep.
         """
         simulation = self.simulation
         self.overlap_share = 0.0
 
-        # An overlap of two grains is judged by the thickness of the smaller one.
+        # The overlap of two grains is compared with the thickness of the smaller grain.
         pairs, pair_overlaps = simulation.overlaps()
         smaller_scales = simulation.scales[pairs].min(axis=1)
-        deepest_pair = self._find_too_deep(pair_overlaps, smaller_scales)
+        deepest_pair = self._find_excessive_overlap(pair_overlaps, smaller_scales)
         if deepest_pair is not None:
             first, second = pairs[deepest_pair]
-            raise self._overlap_error(
+            raise self._make_overlap_error(
                 f"grains {first} and {second}", pair_overlaps[deepest_pair]
             )
 
         grains, walls, wall_overlaps = simulation.wall_overlaps()
         grain_scales = simulation.scales[grains]
-        deepest_contact = self._find_too_deep(wall_overlaps, grain_scales)
+        deepest_contact = self._find_excessive_overlap(wall_overlaps, grain_scales)
         if deepest_contact is not None:
             grain = grains[deepest_contact]
             wall_name = simulation.wall_set.names[walls[deepest_contact]]
-            raise self._overlap_error(
+            raise self._make_overlap_error(
                 f"grain {grain} and the wall {wall_name!r}",
                 wall_overlaps[deepest_contact],
             )
 
-    def shares(self, overlaps: np.ndarray, scales: np.ndarray) -> np.ndarray:
-        """Divide overlaps (M,) [m] by the smallest extents of grains of scales (M,)."""
-        return overlaps / scales / self.thickness_m
-
-    def _find_too_deep(self, overlaps: np.ndarray, scales: np.ndarray) -> int | None:
-        """Find the deepest overlap, if it is too deep for a contact.
-
-        As a second effect, `overlap_share` grows to the share of the deepest overlap,
-        even if that is not too deep.
+    def compute_overlap_shares(
+        self, overlaps: np.ndarray, scales: np.ndarray
+    ) -> np.ndarray:
+        """Compute overlaps as shares of the smallest extents of their grains.
 
         Parameters
         ----------
         overlaps : array
-            Overlaps (M,) [m]; there may be none.
+            Overlaps (M,) [m].
         scales : array
-            Relative sizes (M,) of the grains by which they are judged.
+            Relative sizes (M,) of the grains.
+
+        Returns
+        -------
+        array
+            The shares (M,).
+        """
+        return overlaps / scales / self.thickness_m
+
+    def _find_excessive_overlap(
+        self, overlaps: np.ndarray, scales: np.ndarray
+    ) -> int | None:
+        """Find the deepest overlap if it is too deep for a contact.
+
+        The attribute `overlap_share` is raised to the share of the deepest overlap, even
+        if that is not too deep.
+
+        Parameters
+        ----------
+        overlaps : array
+            Overlaps (M,) [m]. The array may be empty.
+        scales : array
+            Relative sizes (M,) of the grains with which the overlaps are compared.
 
         Returns
         -------
@@ -269,25 +311,25 @@ class Bounded:
         """
         if not len(overlaps):
             return None
-        shares = self.shares(overlaps, scales)
+        shares = self.compute_overlap_shares(overlaps, scales)
         deepest = int(np.argmax(shares))
         self.overlap_share = max(self.overlap_share, float(shares[deepest]))
         return deepest if shares[deepest] > OVERLAP_LIMIT else None
 
-    def _overlap_error(self, bodies: str, overlap_m: float) -> Unstable:
+    def _make_overlap_error(self, bodies: str, overlap_m: float) -> Unstable:
         """Make the error about two bodies, given in words, that overlap too deeply."""
         return Unstable(
-            f"{bodies} overlap by {1e3 * overlap_m:.3g} mm, {self._describe_time()}: a "
-            "higher berry.shear_modulus_pa, or a shorter simulation.time_step_s than "
-            f"{self.simulation.time_step_s:.3g}, helps; at most {100 * OVERLAP_LIMIT:g} % of "
-            "the smallest extent is a contact"
+            f"{bodies} overlap by {rounded(1e3 * overlap_m, 3)} mm, "
+            f"{self._describe_time()}: a higher berry.shear_modulus_pa, or a shorter "
+            f"simulation.time_step_s than {rounded(self.simulation.time_step_s, 3)}, "
+            f"helps; at most {100 * OVERLAP_LIMIT:g} % of the smallest extent is a contact"
         )
 
     def _describe_time(self) -> str:
         """Write the simulated time of a fault."""
-        return f"after {self.simulation.time_s:.3g} s"
+        return f"after {rounded(self.simulation.time_s, 3)} s"
 
     def _describe_remedy(self) -> str:
         """Write the remedy for a time step that is too long."""
         step_s = self.simulation.time_step_s
-        return f"a shorter simulation.time_step_s than {step_s:.3g} helps"
+        return f"a shorter simulation.time_step_s than {rounded(step_s, 3)} helps"

@@ -138,7 +138,7 @@ class _Tracker:
         """
         grains, _walls, overlaps = self.simulation.wall_overlaps()
         scales = self.simulation.scales[grains]
-        shares = self.trial.bounds.shares(overlaps, scales)
+        shares = self.trial.bounds.compute_overlap_shares(overlaps, scales)
         self.overlap_share = float(shares.max(initial=self.overlap_share))
         return len(grains) > 0
 

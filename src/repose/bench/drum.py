@@ -807,7 +807,7 @@ class DrumTest(RotatingDrum[DrumSettings]):
         slip = None
         with trial.bounds.guard():
             fill_and_rest(trial, factory, section.rotate_from_s, recorder.interval)
-            trial.bounds.look()
+            trial.bounds.check()
             rest_energy_j = trial.energy_j()
             slip = _turn_until_slip(recorder)
 

@@ -14,13 +14,14 @@ if TYPE_CHECKING:
     from repose.bench.trial import Trial
     from repose.dem import Simulation
 
-# Random points that are tried for a new grain before the factory waits a time step.
-POINTS_TRIED = 200
-# Share of a bed that is solid, for a first guess of the number of grains in it.
+# Largest number of random points that are tried for a new grain in a time step.
+MOST_POINTS = 200
+# Share of a bed that its grains fill, for a first estimate of their number.
 LIKELY_PACKING = 0.6
-# The last digits of `Disc.points` are not sure, so its squared distances are taken for
-# free from this share of the squared limit on, and then computed exactly.
-ROUNDING = 1.0 - 1e-9
+# `Disc.points` may differ from `Disc.point` in the last digits. So a point seems free if
+# its squared distances exceed the squared limit times this factor. It is then computed
+# again by `Disc.point`.
+ROUNDING_FACTOR = 1.0 - 1e-9
 
 
 @dataclass(frozen=True)
@@ -73,20 +74,20 @@ Area = Disc | Strip
 
 @dataclass(frozen=True)
 class Factory:
-    """How grains are added to a scene.
+    """Place, number and rate of the grains that are added to a scene.
 
     Attributes
     ----------
     area : Disc or Strip
-        Where their centres appear.
+        Area in which the centres of the grains appear.
     n_grains : int
-        Their number.
+        Number of grains.
     rate_per_s : float
         Grains per second.
     orientation : str
-        Kind of their orientation, see `random_orientation`.
+        Kind of the random orientation of a grain, see `draw_orientation`.
     speed_m_s : float
-        Their initial speed downwards.
+        Initial speed of a grain downwards.
     """
 
     area: Area
@@ -96,52 +97,52 @@ class Factory:
     speed_m_s: float = 0.0
 
 
-def free_point(
+def find_free_point(
     rng: np.random.Generator, simulation: "Simulation", area: Area
 ) -> np.ndarray | None:
-    """Find a random point of an area where a new grain touches no other.
+    """Find a random point of an area at which a new grain touches no other grain.
 
-    Up to `POINTS_TRIED` points are tried. The generator is advanced only by the numbers
-    of the points up to the free one, although all points are computed at once. So the
-    next random numbers do not depend on how many points are computed together.
+    Up to `MOST_POINTS` points are tried. They are computed together, which is quicker,
+    but the result is the same as if they were tried one by one.
 
     Parameters
     ----------
     rng : Generator
-        Random numbers, which are drawn from it.
+        Random generator. It is advanced by two numbers for each point up to the free
+        one.
     simulation : repose.dem.Simulation
         The simulation with its grains.
     area : Disc or Strip
-        Where the centre of the new grain may be.
+        Area in which the centre of the new grain may lie.
 
     Returns
     -------
     array or None
-        The point (3,) [m]; None if no point that was tried is free.
+        The point (3,) [m]; None if no point is free.
     """
-    # Two grains whose centres are farther apart than this cannot touch. Only grains near
-    # or above the area can be so near to a new one.
+    # Grains whose centres are farther apart than this distance cannot touch. Only grains
+    # near the area or above it can be nearer to a new grain.
     contact_distance = 2.0 * simulation.radius
     positions = simulation.positions
     is_high = positions[:, 2] > area.height_m - contact_distance
     neighbours = positions[simulation.present & is_high]
 
-    # The first point is mostly free.
+    # The first point is usually free.
     point = np.array(area.point(*rng.random(2)))
     if _is_free(point, neighbours, contact_distance):
         return point
 
-    # It is quicker to draw and compare all other points at once than one by one.
-    first_state = rng.bit_generator.state
-    numbers = rng.random((POINTS_TRIED - 1, 2))
-    candidates = _likely_free(area.points(numbers), neighbours, contact_distance)
+    # Draw all other points at once, and list those that seem free.
+    state_before = rng.bit_generator.state
+    numbers = rng.random((MOST_POINTS - 1, 2))
+    candidates = _find_likely_free(area.points(numbers), neighbours, contact_distance)
     for candidate in candidates:
-        # Compute the point anew, since `Disc.points` may differ in the last digits.
+        # Compute the point again, because `Disc.points` may differ in the last digits.
         point = np.array(area.point(*numbers[candidate].tolist()))
         if _is_free(point, neighbours, contact_distance):
-            # Numbers beyond this point count as not drawn: go back to the state before
-            # all of them, and draw only those up to this point.
-            rng.bit_generator.state = first_state
+            # Too many random numbers were drawn. Return to the state before, and draw
+            # only those up to this point.
+            rng.bit_generator.state = state_before
             rng.random((candidate + 1, 2))
             return point
     return None
@@ -150,14 +151,14 @@ def free_point(
 def _is_free(
     point: np.ndarray, neighbours: np.ndarray, contact_distance: float
 ) -> bool:
-    """Return whether no grain lies within the contact distance of a point.
+    """Return whether all grains are farther from a point than the contact distance.
 
     Parameters
     ----------
     point : array
         The point (3,) [m].
     neighbours : array
-        Centres (N, 3) [m] of the grains; there may be none.
+        Centres (N, 3) [m] of the grains. The array may be empty.
     contact_distance : float
         Distance [m] up to which two grains may touch.
     """
@@ -167,15 +168,15 @@ def _is_free(
     return bool(squared_distances.min() > contact_distance * contact_distance)
 
 
-def _likely_free(
+def _find_likely_free(
     points: np.ndarray, neighbours: np.ndarray, contact_distance: float
 ) -> list[int]:
-    """List the points that seem free; rounding errors may make a few of them wrong.
+    """List the points that are free, but for rounding errors.
 
     Parameters
     ----------
     points : array
-        Points (M, 3) [m], whose last digits are not sure.
+        Points (M, 3) [m]. Their last digits may be wrong.
     neighbours : array
         Centres (N, 3) [m] of at least one grain.
     contact_distance : float
@@ -184,69 +185,73 @@ def _likely_free(
     Returns
     -------
     list of int
-        Their indices in `points`, in increasing order.
+        Indices of these points, in increasing order.
     """
-    # Each point is paired with each grain: (M, N, 3).
+    # The offsets of all points from all grains have the shape (M, N, 3).
     offsets = points[:, np.newaxis, :] - neighbours
     smallest_squares = np.sum(offsets**2, axis=2).min(axis=1)
-    is_likely_free = smallest_squares > ROUNDING * contact_distance * contact_distance
+    is_likely_free = (
+        smallest_squares > ROUNDING_FACTOR * contact_distance * contact_distance
+    )
     return np.flatnonzero(is_likely_free).tolist()
 
 
-def random_orientation(orientation: str, rng: np.random.Generator) -> np.ndarray:
+def draw_orientation(orientation: str, rng: np.random.Generator) -> np.ndarray:
     """Draw a random orientation of a grain.
 
     Parameters
     ----------
     orientation : str
-        ``random`` for any orientation; ``lying`` for a level long axis; ``upright`` for a
-        vertical long axis.
+        ``random`` for any orientation, ``lying`` for a level long axis, or ``upright``
+        for a vertical long axis.
     rng : Generator
-        Random numbers.
+        Random generator, which is advanced.
 
     Returns
     -------
     array
-        Quaternion (w, x, y, z) from the body's frame to the world's.
+        Quaternion (w, x, y, z) from the body's frame to the world's frame.
     """
     if orientation == "random":
         return random_quaternion(rng)
     azimuth, roll = rng.uniform(0.0, 2.0 * math.pi, 2)
 
-    # Roll about the long axis, which is the body's x and still level.
+    # First roll the body about its long axis x, which is level.
     cos_roll = math.cos(roll / 2)
     sin_roll = math.sin(roll / 2)
     if orientation == "upright":
-        # Then turn by -90 degrees about y, which lifts the long axis to the vertical.
+        # Then turn it by -90 degrees about y, which makes the long axis vertical.
         w, x, y, z = math.sqrt(0.5) * np.array(
             [cos_roll, sin_roll, -cos_roll, sin_roll]
         )
     else:
         w, x, y, z = np.array([cos_roll, sin_roll, 0.0, 0.0])
 
-    # Turn about the vertical: multiply by the quaternion (c, 0, 0, s) from the left.
+    # At last turn it about the vertical. This is a multiplication by the quaternion
+    # (c, 0, 0, s) from the left.
     c = math.cos(azimuth / 2)
     s = math.sin(azimuth / 2)
     return np.array([c * w - s * z, c * x - s * y, c * y + s * x, c * z + s * w])
 
 
 def add_above(trial: "Trial", orientation: str, height_m: float = 0.0) -> None:
-    """Add the only grain of a trial on the z axis, its lowest point at a height.
+    """Add the only grain of a trial on the z axis, with its lowest point at a height.
 
     Parameters
     ----------
     trial : Trial
-        The trial, whose seed gives the orientation.
+        The trial, to which the grain is added. Its seed gives the orientation.
     orientation : str
-        Kind of the orientation, see `random_orientation`.
+        Kind of the random orientation, see `draw_orientation`.
     height_m : float, optional
         Height of the lowest point.
     """
     rng = np.random.default_rng(trial.scene.seed)
-    quaternion = random_orientation(orientation, rng)
+    quaternion = draw_orientation(orientation, rng)
     scale = float(trial.scales[0])
-    # The centre lies above the lowest point by the depth of the body along the vertical.
-    # The body knows its farthest point in a direction of its own frame.
+    # Find the distance of the lowest point below the centre. The particle computes the
+    # farthest point in a direction of the body's frame, so the direction downwards is
+    # converted to this frame.
     down_in_body = rotation_matrix(quaternion).T @ np.array([0.0, 0.0, -1.0])
     lowest_point = trial.scene.particle.support_point(down_in_body[np.newaxis])[0]
     depth_m = scale * float(lowest_point @ down_in_body)
@@ -255,12 +260,12 @@ def add_above(trial: "Trial", orientation: str, height_m: float = 0.0) -> None:
 
 
 def last_berry_s(section: "Poured") -> float:
-    """Compute when the last grain of a bench test appears [s]; the first does at 0."""
+    """Compute the time [s] at which the last grain appears. The first one appears at 0."""
     return (section.berries - 1) / section.rate_per_s
 
 
 def too_early(section: "Poured", name: str, key: str) -> Iterator[tuple[str, str]]:
-    """Yield the key of a time that has passed before the last grain appears.
+    """Yield the key of a time at which not all grains have appeared yet.
 
     Parameters
     ----------
@@ -274,7 +279,8 @@ def too_early(section: "Poured", name: str, key: str) -> Iterator[tuple[str, str
     Yields
     ------
     tuple of str
-        The key with its section, and what is allowed.
+        The key with its section, and the allowed values in words. Nothing is yielded if
+        the time is late enough.
     """
     last_grain_s = last_berry_s(section)
     if last_grain_s >= getattr(section, key):
@@ -282,20 +288,20 @@ def too_early(section: "Poured", name: str, key: str) -> Iterator[tuple[str, str
 
 
 def fill(trial: "Trial", factory: Factory, last_step: int) -> None:
-    """Add the grains of a factory one by one, up to a last time step.
+    """Add the grains of a factory to a trial one by one, up to a last time step.
 
-    The first appears at once, each where it touches no other. Random numbers are drawn
-    from the scene's seed.
+    The first grain appears at once. Each grain appears where it touches no other grain.
+    The seed of the scene gives the random numbers.
 
     Parameters
     ----------
     trial : Trial
-        The empty scene, which is advanced until the last grain has appeared.
+        The empty trial. It is advanced until the last grain has appeared.
     factory : Factory
         The grains.
     last_step : int
-        The time step, counted from the beginning of the simulation. Grains that are
-        due at it or later are left out.
+        The last time step, counted from the beginning of the simulation. Grains that
+        are due at this step or later are left out.
     """
     rng = np.random.default_rng(trial.scene.seed)
     _add_grains(trial, factory, factory.n_grains, last_step, rng)
@@ -308,22 +314,23 @@ def fill_and_rest(
     check_interval: int,
     is_at_rest: Callable[[], bool] | None = None,
 ) -> None:
-    """Fill a scene, advance to a time, and wait until the grains rest.
+    """Fill a trial, advance it to a time, and wait until the grains are at rest.
 
-    The whole takes at most twice that time.
+    The simulation ends at twice that time, even if the grains are not at rest.
 
     Parameters
     ----------
     trial : Trial
-        The empty scene.
+        The empty trial, which is advanced.
     factory : Factory
         The grains.
     until_s : float
-        Simulated time [s] up to which the run waits at least.
+        Shortest simulated time [s].
     check_interval : int
-        Time steps between two checks whether the grains rest.
+        Time steps between two checks whether the grains are at rest.
     is_at_rest : function, optional
-        ``is_at_rest()`` tells whether they do; by default `Trial.is_at_rest`.
+        ``is_at_rest()`` tells whether the grains are at rest; by default
+        `Trial.is_at_rest`.
     """
     time_step_s = trial.simulation.time_step_s
     latest_step = round(2.0 * until_s / time_step_s)
@@ -340,32 +347,34 @@ def fill_to_level_and_rest(
     check_interval: int,
     is_at_rest: Callable[[], bool] | None = None,
 ) -> None:
-    """Fill a scene up to a level of the bed (`bed_level_m`), and let the grains rest.
+    """Fill a trial up to a level of the bed, and wait until the grains are at rest.
 
-    First, half of the likely number of grains is added. When they rest, the level of the
-    bed shows how many grains are missing, and these are added. This repeats until none
-    are missing. It takes at most twice the time `until_s`.
+    First, half of the likely number of grains is added. When they are at rest, the level
+    of the bed (`bed_level_m`) shows how many grains are missing, and these are added.
+    This is repeated until no grains are missing. The simulation ends at twice the time
+    `until_s`, even if the grains are not at rest.
 
     Parameters
     ----------
     trial : Trial
-        The empty scene.
+        The empty trial, which is advanced.
     factory : Factory
-        The grains. Its `n_grains` is the most that are added: the number that would
-        fill the bed without gaps between them, or more.
+        The grains. Its `n_grains` is the largest number that is added. It must be at
+        least the number that would fill the bed without gaps.
     level_mm : float
-        The level.
+        The level of the bed.
     until_s : float
-        Simulated time [s] up to which the run waits at least.
+        Shortest simulated time [s].
     check_interval : int
-        Time steps between two checks whether the grains rest.
+        Time steps between two checks whether the grains are at rest.
     is_at_rest : function, optional
-        ``is_at_rest()`` tells whether they do; by default `Trial.is_at_rest`.
+        ``is_at_rest()`` tells whether the grains are at rest; by default
+        `Trial.is_at_rest`.
     """
     simulation = trial.simulation
     time_step_s = simulation.time_step_s
     latest_step = round(2.0 * until_s / time_step_s)
-    fall_steps = _fall_steps(trial, factory.area.height_m)
+    fall_steps = _count_fall_steps(trial, factory.area.height_m)
     rest_check = is_at_rest or trial.is_at_rest
     rng = np.random.default_rng(trial.scene.seed)
 
@@ -375,18 +384,18 @@ def fill_to_level_and_rest(
         if n_left <= 0:
             break
         _add_grains(trial, factory, min(n_missing, n_left), latest_step, rng)
-        # Let the last grain fall to the bed before its rest is checked.
+        # Let the last grain fall to the bed before the grains are checked for rest.
         trial.run_to(min(latest_step, simulation.steps + fall_steps))
         trial.wait(rest_check, latest_step, check_interval)
-        # The level grows in proportion to the number of grains.
+        # The level of the bed is proportional to the number of grains.
         missing_share = 1e-3 * level_mm / bed_level_m(simulation) - 1.0
         n_missing = round(simulation.n_bodies * missing_share)
     trial.run_to(round(until_s / time_step_s))
     trial.wait(rest_check, latest_step, check_interval)
 
 
-def _fall_steps(trial: "Trial", height_m: float) -> int:
-    """Compute the time steps of a fall from a height, at least until its end."""
+def _count_fall_steps(trial: "Trial", height_m: float) -> int:
+    """Count the time steps of a fall from a height to z = 0, rounded up."""
     simulation = trial.simulation
     gravity = float(np.linalg.norm(simulation.physics.gravity))
     fall_s = math.sqrt(2.0 * height_m / gravity)
@@ -409,11 +418,12 @@ def _add_grains(
     factory : Factory
         Area, rate, speed and orientation of the grains.
     n_grains : int
-        Their number. Those that have not been added by the last time step are left out.
+        Number of grains. Grains that have not been added by the last time step are left
+        out.
     last_step : int
-        The time step, counted from the beginning of the simulation.
+        The last time step, counted from the beginning of the simulation.
     rng : Generator
-        Random numbers for places and orientations.
+        Random generator for positions and orientations, which is advanced.
     """
     simulation = trial.simulation
     n_before = simulation.n_bodies
@@ -428,7 +438,7 @@ def _add_grains(
         point = _wait_for_point(trial, factory.area, last_step, rng)
         if point is None:
             return
-        quaternion = random_orientation(factory.orientation, rng)
+        quaternion = draw_orientation(factory.orientation, rng)
         scale = trial.scales[n_before + index]
         simulation.add("berry", point, quaternion, velocity, scale=scale)
 
@@ -436,20 +446,20 @@ def _add_grains(
 def _wait_for_point(
     trial: "Trial", area: Area, last_step: int, rng: np.random.Generator
 ) -> np.ndarray | None:
-    """Wait until a new grain has room, and return a free point for its centre.
+    """Wait until an area has room for a new grain, and return a point for its centre.
 
-    A grain that finds no room waits until those below it have fallen.
+    The area has room again when the grains in it have fallen.
 
     Parameters
     ----------
     trial : Trial
         The trial, which is advanced step by step while there is no room.
     area : Disc or Strip
-        Where the grain may appear.
+        Area in which the centre of the grain may lie.
     last_step : int
-        The time step up to which it waits.
+        The last time step of the wait, counted from the beginning of the simulation.
     rng : Generator
-        Random numbers for the point.
+        Random generator for the point, which is advanced.
 
     Returns
     -------
@@ -457,17 +467,17 @@ def _wait_for_point(
         The point (3,) [m]; None if there is no room up to the last time step.
     """
     simulation = trial.simulation
-    point = free_point(rng, simulation, area)
+    point = find_free_point(rng, simulation, area)
     while point is None and simulation.steps < last_step:
         trial.run_to(simulation.steps + 1)
-        point = free_point(rng, simulation, area)
+        point = find_free_point(rng, simulation, area)
     return point
 
 
 def bed_level_m(simulation: "Simulation") -> float:
-    """Compute the level of a bed on a floor at z = 0 [m].
+    """Compute the level [m] of a bed on a floor at z = 0.
 
-    It is twice the height of the centre of mass.
+    The level is twice the height of the centre of mass, as for a bed of even density.
     """
     present = simulation.present
     masses = simulation.masses_kg[present]

@@ -1,4 +1,4 @@
-"""Name and limit the contact parameters that are calibrated."""
+"""Define names and limits of the contact parameters that are calibrated."""
 
 import re
 from collections.abc import Iterable
@@ -15,12 +15,12 @@ PAIRS = {"gg": "grain-grain", "gp": "grain-wall"}
 
 
 class _Coefficient(NamedTuple):
-    """A coefficient of a contact, for which every study has a parameter per pair."""
+    """A coefficient of a contact. Every study has one parameter of it for each pair."""
 
     label: str
-    symbol: str  # LaTeX up to the pair in the index
+    symbol: str  # LaTeX, up to the index that names the pair
     physical_limits: tuple[float, float]  # of any simulation
-    allowed: tuple[float, float]  # in a configuration; priors are cut to it
+    allowed: tuple[float, float]  # limits of a configuration and of its priors
 
 
 # A friction above 10 is probably an angle in degrees.
@@ -45,11 +45,11 @@ class Parameter:
 
 @dataclass(frozen=True)
 class LawParameter(Parameter):
-    """A contact parameter that some force laws add to the six."""
+    """A contact parameter that some force laws need besides the six of every study."""
 
-    constant: Constant  # of the engine, whose value it is
+    constant: Constant  # constant of the engine that gets the value
     laws: tuple[str, ...]  # force laws that use it
-    needed: bool  # whether these laws cannot do without it
+    needed: bool  # whether these laws require it
 
 
 def _make_parameter(name: str) -> Parameter:
@@ -80,7 +80,7 @@ def _make_law_parameter(
     laws : tuple of str
         Force laws that use the constant.
     needed : bool
-        Whether these laws cannot do without it.
+        Whether these laws require the parameter.
     """
     unit = f" ({constant.unit})" if constant.unit else ""
     limits = (constant.least, constant.most)
@@ -98,12 +98,12 @@ def _make_law_parameter(
 
 
 def _make_law_parameters() -> list[LawParameter]:
-    """Make the parameters that force laws add to the six of every study.
+    """Make the parameters of force laws, besides the six of every study.
 
-    Each constant of a contact law has a parameter for each pair of bodies. Those of the
-    twisting resistance, which no law needs, come last.
+    Each constant of a contact law has a parameter for each pair of bodies. The
+    parameters of the twisting resistance, which no law requires, come last.
     """
-    # Several laws may share a constant.
+    # Several laws may use the same constant.
     laws_by_constant: dict[Constant, list[str]] = {}
     for law, constants in OF_LAWS.items():
         for constant in constants:
@@ -145,26 +145,26 @@ def parameters_among(names: Iterable[str]) -> tuple[str, ...]:
     Parameters
     ----------
     names : iterable of str
-        Names of the study's parameters, and any others, such as the columns of a table.
+        Names of the study's parameters, among other names such as columns of a table.
 
     Returns
     -------
     tuple of str
-        The six parameters of every study, also where `names` lacks them, and those of
-        force laws that are among the names.
+        The six parameters of every study, even if `names` lacks them, and the parameters
+        of force laws that are among the names.
     """
     known_names = set(names)
     law_names = (name for name in LAW_PARAMETERS if name in known_names)
     return (*PARAMETERS, *law_names)
 
 
-NUMBER = re.compile(
+NUMBER_PATTERN = re.compile(
     r"\s*[+-]?((\d+\.?\d*|\.\d+)(e[+-]?\d+)?|nan|inf)\s*", re.ASCII | re.IGNORECASE
 )
 
 
-def plain_number(value: object) -> float:
-    """Read a number, or the text of one as tables write it.
+def read_number(value: object) -> float:
+    """Convert a number, or a text that tables use for a number, to a float.
 
     Parameters
     ----------
@@ -174,12 +174,12 @@ def plain_number(value: object) -> float:
     Raises
     ------
     ValueError
-        For any other text, and for what only Python takes for a number: ``1_0`` and
-        full-width digits.
+        For any other text. Such texts are ``1_0`` and full-width digits, too, which
+        `float` would accept.
     TypeError
         For an object that is neither a number nor a text.
     """
-    if isinstance(value, str) and not NUMBER.fullmatch(value):
+    if isinstance(value, str) and not NUMBER_PATTERN.fullmatch(value):
         raise ValueError(f"{value!r} is no number")
     return float(value)  # type: ignore[arg-type]
 
@@ -194,11 +194,11 @@ def check_value(
     name : str
         Name of the parameter.
     value : object
-        Its value, a number or the text of one.
+        Value of the parameter, a number or its text.
     source : object
-        File or command that has the value; named in the error.
+        File or command that has the value, for the message.
     key : str, optional
-        Key of the value there; named in the error, by default the name.
+        Key of the value there, for the message; by default the name.
 
     Returns
     -------
@@ -210,12 +210,12 @@ def check_value(
     InputError
         If the value is no number, or outside `PHYSICAL_LIMITS`.
     """
-    named_key = name if key is None else key
+    shown_key = name if key is None else key
     try:
-        number = plain_number(value)
+        number = read_number(value)
     except (TypeError, ValueError):
-        raise InputError(source, named_key, value, "a number") from None
+        raise InputError(source, shown_key, value, "a number") from None
     low, high = PHYSICAL_LIMITS[name]
     if not low <= number <= high:
-        raise InputError(source, named_key, number, f"{low:g} to {high:g}")
+        raise InputError(source, shown_key, number, f"{low:g} to {high:g}")
     return number

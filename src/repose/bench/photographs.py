@@ -719,7 +719,7 @@ def find_median_profile(
 
 
 def stack_views(views: Sequence[np.ndarray]) -> np.ndarray:
-    """Stack pictures below each other. Narrow pictures get a black margin on the right."""
+    """Stack pictures below each other. Narrow ones get a black margin on the right."""
     width = max(view.shape[1] for view in views)
     padded_views = [
         cv2.copyMakeBorder(view, 0, 0, 0, width - view.shape[1], cv2.BORDER_CONSTANT)

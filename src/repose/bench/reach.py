@@ -103,7 +103,7 @@ class Reach:
 
     @property
     def sentence(self) -> str:
-        """The result in words: one sentence, and up to two more for a target out of reach."""
+        """The result in words. A target out of reach has up to two more sentences."""
         band = self.band
         state = "attainable" if self.possible else "out of reach"
         text = (

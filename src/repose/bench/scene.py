@@ -1,4 +1,4 @@
-"""What a run of a bench test depends on, and the empty simulation that it starts with."""
+"""Describe what a run of a bench test depends on, and make its empty simulation."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -32,7 +32,7 @@ class Scene:
     particle : Particle
         Body of the mean grain.
     seed : int
-        Seed of the random numbers of the run.
+        Seed of the run's random numbers.
     """
 
     settings: SceneSettings
@@ -67,7 +67,7 @@ class Scene:
 
     @property
     def simulation(self) -> SimulationSettings:
-        """Settings of every simulation: a section, not the engine (`Trial.simulation`)."""
+        """The section `simulation`; the simulation itself is `Trial.simulation`."""
         return self.settings.simulation
 
     @property
@@ -82,7 +82,7 @@ class Scene:
 
 
 def grain_simulation(scene: Scene, capacity: int, **arguments: Any) -> "dem.Simulation":
-    """Make an empty simulation in which grains of the material ``berry`` can be added.
+    """Make an empty simulation, to which grains of the material ``berry`` can be added.
 
     Parameters
     ----------
@@ -107,7 +107,8 @@ def grain_simulation(scene: Scene, capacity: int, **arguments: Any) -> "dem.Simu
             settings.time_step_s,
             limit.allowed,
         )
-    # The engine takes bodies of any kind, a shape or a clump, by the name of each.
+    # The values may be of any kind, shapes or clumps, which the type of the parameter
+    # does not say for a dict.
     shapes: Any = {"berry": scene.particle.dem_shape("berry")}
     return dem.Simulation(
         shapes,
@@ -124,7 +125,7 @@ def grain_simulation(scene: Scene, capacity: int, **arguments: Any) -> "dem.Simu
 def longest_time_step(scene: Scene) -> "time_steps.Limit":
     """Compute the longest time step that is stable for the smallest grain of a scene.
 
-    It depends on the stiffest contact between grains, or of a grain with the wall.
+    The stiffest contact of two grains, or of a grain and the wall, decides.
 
     Parameters
     ----------
@@ -134,14 +135,14 @@ def longest_time_step(scene: Scene) -> "time_steps.Limit":
     Returns
     -------
     time_steps.Limit
-        The time step, and the reason for it in words.
+        The time step, and the reason for this limit in words.
     """
     from repose.dem import time_steps
     from repose.dem.contact_table import pairs_of
     from repose.dem.laws import CONTACT_LAWS
     from repose.grain import size_distribution
 
-    # What the limit depends on: all materials and contacts of the engine's scene
+    # The limit depends on all materials and contacts of the simulation.
     materials = materials_of(scene)
     contact_scene = time_steps.Scene(
         law=CONTACT_LAWS[scene.simulation.contact_law],
@@ -183,17 +184,17 @@ def _make_contact(parameters: Mapping[str, float], pair: str) -> "dem.Contact":
     Parameters
     ----------
     parameters : mapping
-        Contact parameters by name. Those of the pair end with its letters.
+        Contact parameters by name. The names of this pair's parameters end with `pair`.
     pair : str
-        ``gg``, grain and grain, or ``gp``, grain and wall.
+        ``gg`` for two grains, or ``gp`` for a grain and a wall.
     """
-    # Constants of force laws, as far as this study has them as parameters
+    # Collect the constants of force laws that are parameters of this study.
     constants = {
         parameter.constant.name: parameters[name]
         for name, parameter in LAW_PARAMETERS.items()
         if parameter.pair == pair and name in parameters
     }
-    # The resistance against twisting is an argument of its own.
+    # The friction against twisting has an argument of its own.
     twisting_friction = constants.pop(TWISTING.name, None)
     return dem.Contact(
         parameters[f"e_{pair}"],

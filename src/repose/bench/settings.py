@@ -1,4 +1,4 @@
-"""Sections of the configuration that several bench tests share: `simulation`, `wall`, and base classes."""
+"""Define the sections of the configuration that several bench tests share."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -81,21 +81,29 @@ class WallSettings(Section):
 
 @dataclass(frozen=True)
 class SceneSettings:
-    """Typed sections of a configuration; a section is validated when it is first read.
+    """Typed sections of a configuration. A section is validated when it is first read.
 
     Attributes
     ----------
     config : mapping
         The configuration, with numbers in place of every ``auto``.
     made : dict
-        Typed sections by name, filled on demand.
+        The typed sections that have been read, by name.
     """
 
     config: Mapping[str, Any]
     made: dict[str, Section] = field(default_factory=dict, repr=False, compare=False)
 
     def section(self, name: str, model: type[S]) -> S:
-        """Return the section of this name as an instance of its model."""
+        """Return a section as an instance of its model.
+
+        Parameters
+        ----------
+        name : str
+            Name of the section.
+        model : type of Section
+            Its model, which validates it.
+        """
         if name not in self.made:
             self.made[name] = model.model_validate(self.config[name])
         return cast(S, self.made[name])
@@ -127,9 +135,10 @@ class SceneSettings:
         return self.section("measure", MeasureSettings).for_grain(grain)
 
     def targets_of(self, bench_test: str) -> list[Mapping[str, Any]]:
-        """Select the targets of a bench test.
+        """List the targets of a bench test.
 
-        Malformed entries are skipped: the check of the section `targets` reports them.
+        Malformed entries are left out, because the check of the section `targets`
+        reports them.
         """
         targets = self.config.get("targets")
         if not isinstance(targets, list | tuple):

@@ -1,4 +1,4 @@
-"""The contact parameters of a configuration as a parameter space."""
+"""Make the parameter space of the contact parameters in a configuration."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -8,18 +8,18 @@ from repose.calibrate.parameter_space import ParameterSpace
 
 
 def contact_space(section: Mapping[str, Any]) -> ParameterSpace:
-    """Read the section `parameters` of a configuration that was checked.
+    """Make the parameter space of the section `parameters` of a configuration.
 
     Parameters
     ----------
     section : mapping
         A range, a fixed value or a prior for each of the six contact parameters, and
-        for those that the contact law adds.
+        for those that the contact law adds. The section has been checked.
 
     Returns
     -------
     ParameterSpace
-        In the order of all tables. A prior without a range is cut to the values that a
-        configuration allows.
+        The space. Its parameters have the order of all tables. A prior without a range
+        is limited to the values that a configuration allows.
     """
     return ParameterSpace.of(section, names=parameters_among(section), limits=ALLOWED)

@@ -15,29 +15,30 @@ from repose.bench.settings import SceneSettings
 from repose.dem.kernels import jit  # noqa: F401
 from repose.grain.particle import Particle
 
-REFERENCE_LOOPS = 20_000
-REPEATS = 7  # of the reference kernel in a round
-ROUNDS = 3
-# Time after a pour until the pile is settled; a wide factory empties late.
+REFERENCE_LOOPS = 20_000  # steps of the reference kernel
+REPEATS = 7  # runs of the reference kernel in a round
+ROUNDS = 3  # rounds in which each particle is poured once
+# Simulated time after a pour in which the pile is settled. If grains appear in a wide
+# area, the last ones arrive late.
 SETTLED_S = 1.0
 Config = Mapping[str, Any]
 Numbers = Mapping[str, float]
 
 
 class Times(NamedTuple):
-    """Times of a pour by the clock."""
+    """Wall-clock times of a pour."""
 
-    us_per_step: float  # of the settled pile
-    job_s: float  # of the whole pour
+    us_per_step: float  # time of a time step of the settled pile
+    job_s: float  # time of the whole pour
 
 
-# `repose.dem.kernels.jit` is imported for the settings of the compiler, which the first
-# kernel of a process fixes for all.
+# `repose.dem.kernels.jit` is imported because it sets the options of the compiler. The
+# first kernel of a process fixes these options for all others.
 @numba.njit
 def reference_kernel(n: int) -> float:
-    """Compute n dependent steps, each a root and a division.
+    """Compute n steps in which each depends on the last: a root and a division.
 
-    The value is returned so that the compiler keeps the steps.
+    The result is returned so that the compiler does not remove the steps.
     """
     x = 1.0
     for k in range(n):
@@ -52,10 +53,10 @@ def run(
     parameters: Numbers,
     seed: int = 1,
 ) -> dict[str, Any]:
-    """Time whole pours and settled piles on one core.
+    """Measure the times of whole pours and of settled piles on one core.
 
-    The particles are poured in turn, so that all have the same conditions. The first
-    one is the reference of the others.
+    In each round all particles are poured one after the other, so that they have the
+    same conditions. The first particle is the reference of the others.
 
     Parameters
     ----------
@@ -73,50 +74,50 @@ def run(
     Returns
     -------
     dict
-        The result of `summary`, with `berries` and `time_step_s` of the pours, and the
-        `machine`.
+        The result of `summarise_times` and of `describe_machine`, with `berries` and
+        `time_step_s` of the pours.
     """
-    # The first pours compile the code that is timed afterwards.
-    short_pour = _with_funnel(config, berries=2, duration_s=1.0)
+    # Compile the code before it is timed.
+    short_pour = _change_funnel(config, berries=2, duration_s=1.0)
     for particle in particles.values():
-        timed_pour(short_pour, parameters, seed, particle, berry)
+        time_pour(short_pour, parameters, seed, particle, berry)
     reference_kernel(10)
 
     reference_times_us = []
     pour_times: dict[str, list[Times]] = {name: [] for name in particles}
     for _ in range(ROUNDS):
-        reference_times_us.append(_reference_time_us())
+        reference_times_us.append(_time_reference_kernel())
         for name, particle in particles.items():
-            times = timed_pour(config, parameters, seed, particle, berry)
+            times = time_pour(config, parameters, seed, particle, berry)
             pour_times[name].append(times)
 
     settings = SceneSettings(config)
     return {
         "berries": settings.section("funnel", FunnelSettings).berries,
         "time_step_s": settings.simulation.time_step_s,
-        **machine(),
-        **summary(reference_times_us, pour_times),
+        **describe_machine(),
+        **summarise_times(reference_times_us, pour_times),
     }
 
 
-def _reference_time_us() -> float:
-    """Time the reference kernel: the median of its repeats, in microseconds."""
+def _time_reference_kernel() -> float:
+    """Measure the median time of the reference kernel in microseconds."""
     times_s = timeit.repeat(
         lambda: reference_kernel(REFERENCE_LOOPS), number=1, repeat=REPEATS
     )
     return 1e6 * float(np.median(times_s))
 
 
-def machine() -> dict[str, Any]:
+def describe_machine() -> dict[str, Any]:
     """Describe the processor of this machine.
 
     Returns
     -------
     dict
-        ``processor``, its type, and ``vector_bits``, the width of its widest
-        instructions.
+        ``processor``, the type of the processor, and ``vector_bits``, the width of its
+        widest vector instructions.
     """
-    # LLVM, which compiles the engine, knows the instructions of the processor.
+    # LLVM compiles the engine, so it knows the instructions of the processor.
     features = binding.get_host_cpu_features()
     if features.get("avx512f"):
         vector_bits = 512
@@ -127,13 +128,13 @@ def machine() -> dict[str, Any]:
     return {"processor": binding.get_host_cpu_name(), "vector_bits": vector_bits}
 
 
-def timed_pour(
+def time_pour(
     config: Config, parameters: Numbers, seed: int, particle: Particle, berry: Numbers
 ) -> Times:
-    """Time a whole pour, and a time step of the settled pile.
+    """Measure the time of a whole pour, and of a time step of the settled pile.
 
-    The pile of a second, longer pour lies at rest in the last second of its time, in
-    which the time steps are timed.
+    The time steps are those at the end of a second, longer pour, whose pile is at rest
+    then.
 
     Parameters
     ----------
@@ -144,7 +145,7 @@ def timed_pour(
     seed : int
         The seed of both pours.
     particle : Particle
-        The grains' body.
+        The body of the grains.
     berry : mapping
         The moduli of the grain.
     """
@@ -152,18 +153,18 @@ def timed_pour(
     pour = FunnelTest().pour(scene)
 
     funnel = SceneSettings(config).section("funnel", FunnelSettings)
-    longer_config = _with_funnel(config, duration_s=funnel.duration_s + SETTLED_S)
+    longer_config = _change_funnel(config, duration_s=funnel.duration_s + SETTLED_S)
     longer_scene = Scene.of(longer_config, parameters, berry, particle, seed)
     longer_pour = FunnelTest().pour(longer_scene, until_rest=False)
     return Times(us_per_step=longer_pour.us_per_step, job_s=pour.wall_s)
 
 
-def _with_funnel(config: Config, **changes: float) -> dict[str, Any]:
-    """Copy a configuration with other values of keys of the funnel."""
+def _change_funnel(config: Config, **changes: float) -> dict[str, Any]:
+    """Copy a configuration, and change keys of the copy's section `funnel`."""
     return {**config, "funnel": {**config["funnel"], **changes}}
 
 
-def summary(
+def summarise_times(
     reference_times_us: Sequence[float], pours: Mapping[str, Sequence[Times]]
 ) -> dict[str, Any]:
     """Summarise measured times by their medians, and compare the particles.
@@ -173,15 +174,17 @@ def summary(
     reference_times_us : sequence of float
         Times of the reference kernel.
     pours : mapping
-        Results of `timed_pour` by particle; the first particle is the reference of the
+        Results of `time_pour` by particle. The first particle is the reference of the
         others.
 
     Returns
     -------
     dict
-        `reference_us`, and `particles`, a list of `name`, `us_per_step`, `job_s` (wall
-        time of a pour), `ratio` (of a step to the reference kernel) and `to_first` (of
-        a step to that of the first particle).
+        ``reference_us``, the time of the reference kernel, and ``particles``, a list of
+        dicts. Each has the ``name`` of a particle and its times: ``us_per_step`` of a
+        time step and ``job_s`` of a pour. It also has the ratios of a time step to the
+        reference kernel, ``ratio``, and to a time step of the first particle,
+        ``to_first``.
     """
     reference_us = float(np.median(reference_times_us))
     median_times = {
@@ -202,8 +205,8 @@ def summary(
     return {"reference_us": round(reference_us, 2), "particles": rows}
 
 
-def message(result: Mapping[str, Any]) -> str:
-    """Write the result of `run` as a table for a terminal, a row for each particle."""
+def format_result(result: Mapping[str, Any]) -> str:
+    """Format the result of `run` as a table with a row for each particle."""
     lines = [
         f"{result['berries']} grains, time step {result['time_step_s']:g} s, one core; "
         f"reference kernel {result['reference_us']:.1f} us; "

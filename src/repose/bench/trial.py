@@ -1,4 +1,4 @@
-"""A simulation that a bench test runs, with its grain sizes, checks and film frames."""
+"""Run the simulation of a bench test, and keep its grain sizes, checks and frames."""
 
 from collections.abc import Callable
 
@@ -13,32 +13,32 @@ Build = Callable[[Scene, float], "dem.Simulation"]
 
 
 class Trial:
-    """A simulation with the sizes of its grains, the bounds that it keeps, and frames.
+    """A simulation with the sizes of its grains, its bounds, and the frames of a film.
 
     Parameters
     ----------
     build : function
-        ``build(scene, largest_scale)`` makes the empty simulation, with room for
-        grains of a largest relative size.
+        ``build(scene, largest_scale)`` makes the empty simulation. It has room for
+        grains up to this relative size.
     scene : Scene
-        The scene; its seed gives the sizes of the grains.
+        The scene. Its seed gives the sizes of the grains.
     n_grains : int
-        Number of sizes that are drawn.
+        Number of grains whose sizes are drawn.
     interval_s : float, optional
-        Simulated time between two frames; without it no frames are recorded.
+        Simulated time between two frames. Without it no frames are recorded.
     progress : function, optional
         Called with the simulated time [s] after every advance.
 
     Attributes
     ----------
     simulation : repose.dem.Simulation
-        The engine with its grains; its settings are `scene.simulation`.
+        The simulation of the engine. Its settings are `scene.simulation`.
     scales : array
         Relative sizes (N,) of the grains, in the order in which they are added.
     largest_radius_m : float
         Bounding radius of the largest grain that can be drawn.
     bounds : Bounded
-        Advances the simulation and checks it; set by `bound`.
+        Advances the simulation and checks its grains. The method `bound` sets it.
     """
 
     bounds: Bounded
@@ -61,7 +61,7 @@ class Trial:
         )
         self.largest_radius_m = largest_scale * scene.particle.bounding_radius_m
         self.simulation = build(scene, largest_scale)
-        # Without an interval there is no recorder, and no frame is recorded.
+        # Without an interval there is no recorder.
         self._recorder: dem.Recorder | None = None
         self._steps_per_frame = 1
         if interval_s is not None:
@@ -70,7 +70,9 @@ class Trial:
             self._steps_per_frame = max(1, steps_per_frame)
 
     def bound(self, top_m: float, speed_m_s: float = 0.0) -> Bounded:
-        """Set the bounds of the run from the scene as it is now, and return them.
+        """Compute the bounds of the run from the present scene, and return them.
+
+        The attribute `bounds` is set, too.
 
         Parameters
         ----------
@@ -84,18 +86,28 @@ class Trial:
 
     @property
     def broken(self) -> str:
-        """Message about the bound that the run broke; empty where it broke none."""
+        """Message about the bound that the run broke; empty if it broke none."""
         return self.bounds.broken
 
     @property
     def overlap_share(self) -> float:
-        """Largest overlap at the last check, over the smallest extent of its grain."""
+        """Largest overlap at the last check, over the smallest extent of the grain."""
         return self.bounds.overlap_share
 
     def run_to(self, step: int) -> None:
-        """Advance to a time step; do nothing if it has passed.
+        """Advance to a time step, and record the frames on the way.
 
-        Raises `repose.bench.bounds.Unstable` if a bound is broken.
+        Nothing is computed if the simulation has reached the step already.
+
+        Parameters
+        ----------
+        step : int
+            The time step, counted from the beginning of the simulation.
+
+        Raises
+        ------
+        repose.bench.bounds.Unstable
+            If a bound is broken.
         """
         if self._recorder is None:
             self.bounds.run_to(step)
@@ -105,16 +117,16 @@ class Trial:
             self.progress(self.simulation.time_s)
 
     def _run_and_record(self, last_step: int, recorder: "dem.Recorder") -> None:
-        """Advance to a time step, and record each frame on the way.
+        """Advance to a time step, and record the frames on the way.
 
-        Frames are recorded at multiples of `_steps_per_frame`.
+        A frame is recorded at each multiple of `_steps_per_frame`.
 
         Parameters
         ----------
         last_step : int
             The time step, counted from the beginning of the simulation.
         recorder : repose.dem.Recorder
-            What keeps the frames.
+            The recorder, which keeps the frames.
         """
         step = self.simulation.steps
         while step < last_step:
@@ -128,16 +140,16 @@ class Trial:
     def wait(
         self, condition: Callable[[], bool], last_step: int, check_interval: int
     ) -> None:
-        """Advance until a condition holds, at most to a last time step.
+        """Advance until a condition is true, at most to a last time step.
 
         Parameters
         ----------
         condition : function
-            ``condition()`` tells whether it holds.
+            ``condition()`` returns whether it is true.
         last_step : int
-            The time step, counted from the beginning of the simulation.
+            The last time step, counted from the beginning of the simulation.
         check_interval : int
-            Time steps between two checks; the first check comes at once.
+            Time steps between two checks. The first check is made at once.
         """
         while not condition() and self.simulation.steps < last_step:
             next_check = self.simulation.steps + check_interval
@@ -149,24 +161,25 @@ class Trial:
         Parameters
         ----------
         walls : bool, optional
-            Whether the positions of the walls are wanted too, for moving walls.
+            Whether to include the positions of the walls, which moving walls need.
 
         Returns
         -------
         dict or None
             ``scale`` (N,), ``time_s`` (T,), ``position`` (T, N, 3) [m] and
-            ``quaternion`` (T, N, 4), where N is the capacity of the simulation;
-            NaN for grains that are not there. With `walls` also ``planes`` and
-            ``wall_frames`` of `repose.dem.Recorder.frames`. None if no frames were
-            requested.
+            ``quaternion`` (T, N, 4), where N is the capacity of the simulation. Values
+            of grains that do not exist yet are NaN. With `walls` there are also
+            ``planes`` and ``wall_frames`` of `repose.dem.Recorder.frames`. None if no
+            frames were requested.
         """
         if self._recorder is None:
             return None
         recorded = self._recorder.frames()
-        # Grains that were never added are filled in, so that all films have N grains.
+        # Append grains that were never added, so that all frames have N grains.
         n_missing = self.simulation.capacity - len(recorded["scale"])
         scale = np.pad(recorded["scale"], (0, n_missing), constant_values=1.0)
-        # Positions and quaternions (T, N, 3 or 4) grow along the axis of the grains.
+        # Positions (T, N, 3) and quaternions (T, N, 4) are extended along the axis of
+        # the grains, which is the second one.
         padding = ((0, 0), (0, n_missing), (0, 0))
         position = np.pad(recorded["position"], padding, constant_values=np.nan)
         quaternion = np.pad(recorded["quaternion"], padding, constant_values=np.nan)
@@ -188,15 +201,19 @@ class Trial:
     def is_at_rest(self) -> bool:
         """Return whether the grains are at rest on average.
 
-        An energy that is not a number counts as rest, so that a wait ends; the
-        verdict on the run then says what is wrong.
+        An energy that is not a number counts as rest, so that a wait ends. The verdict on
+        the run then names the fault.
         """
+        # A comparison with NaN is false, so this is not the same as `<=`.
         return not self.energy_j() > self.scene.simulation.rest_energy_j
 
     def grains(self, **others: np.ndarray) -> dict[str, np.ndarray]:
-        """Copy the state of the grains into arrays of a run.
+        """Copy the state of the grains to the arrays of a run, see `grain_arrays`.
 
-        `others` are further arrays by name, which are added; see `grain_arrays`.
+        Parameters
+        ----------
+        **others : array
+            Further arrays by name.
         """
         simulation = self.simulation
         return grain_arrays(
@@ -210,15 +227,15 @@ def grain_arrays(
     scale: np.ndarray,
     **others: np.ndarray,
 ) -> dict[str, np.ndarray]:
-    """Make the arrays of a run from those of its N grains.
+    """Collect the arrays of a run with N grains.
 
     Parameters
     ----------
     position, quaternion, scale : array
-        Positions (N, 3) [m], orientations (N, 4) and relative sizes (N,). They are kept
-        in single precision: 0.03 um at the edge of a plate.
+        Positions (N, 3) [m], orientations (N, 4) and relative sizes (N,). They are
+        converted to single precision, which is 0.03 um at the edge of a plate.
     **others : array
-        Other arrays by name, which are added as they are.
+        Further arrays by name, which are not converted.
     """
     return {
         "position": position.astype(np.float32),

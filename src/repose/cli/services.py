@@ -32,7 +32,7 @@ def bench(args: argparse.Namespace, study: PipelineConfig) -> None:
     if args.json:
         print(json.dumps(result, indent=1))
     else:
-        print(speed.message(result))
+        print(speed.format_result(result))
 
 
 @verb(Option("result", help="a file that a verb wrote"), JSON, config=False)

@@ -71,7 +71,7 @@ def equivalent_diameter(long: Numbers, major: Numbers, minor: Numbers) -> Number
 
 
 def sphericity(long: Numbers, major: Numbers, minor: Numbers) -> Numbers:
-    """Compute the ratio of equivalent diameter and long axis (Eq. 1, in percent there)."""
+    """Compute equivalent diameter over long axis (Eq. 1, where it is in percent)."""
     return equivalent_diameter(long, major, minor) / long
 
 

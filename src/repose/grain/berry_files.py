@@ -84,8 +84,8 @@ def read_sizes(path: str | PathLike) -> "pd.DataFrame":
         raise InputError(path, "long_mm", long_mm, allowed)
     if minor_mm < SMALLEST_WIDTH_RATIO * major_mm:
         allowed = (
-            f"a median of at least {SMALLEST_WIDTH_RATIO:g} of that of major_mm, {major_mm:g}: are "
-            "all columns in millimetres?"
+            f"a median of at least {SMALLEST_WIDTH_RATIO:g} of that of major_mm, "
+            f"{major_mm:g}: are all columns in millimetres?"
         )
         raise InputError(path, "minor_mm", minor_mm, allowed)
 

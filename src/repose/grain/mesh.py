@@ -403,8 +403,8 @@ def _check_volume(mesh: trimesh.Trimesh, source: object) -> None:
         return
     if hull_share < 1:
         allowed = (
-            f"at least {SMALLEST_HULL_SHARE:g}; the particle is convex and cannot stand for "
-            "dents this deep"
+            f"at least {SMALLEST_HULL_SHARE:g}; the particle is convex and cannot stand "
+            "for dents this deep"
         )
     else:
         allowed = "at most 1; the surface crosses itself"

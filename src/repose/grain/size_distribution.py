@@ -37,7 +37,7 @@ class Spread(NamedTuple):
 
 
 def compute_spread(diameters_mm: np.ndarray) -> Spread:
-    """Compute the spread of measured equivalent diameters (N,), relative to their mean."""
+    """Compute the spread of equivalent diameters (N,), relative to their mean."""
     mean = float(np.mean(diameters_mm))
     sd = float(np.std(diameters_mm, ddof=1))
     smallest_mm = float(min(diameters_mm))

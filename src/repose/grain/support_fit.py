@@ -322,7 +322,8 @@ def _fit_by_least_squares(
 
     def compute_derivatives(logarithms: np.ndarray) -> np.ndarray:
         # Ellipsoid k with the half axes s_ki has in the direction n the support value
-        # h_k = sqrt(sum_i s_ki^2 n_i^2). Therefore d h_k / d log s_ki = s_ki^2 n_i^2 / h_k.
+        # h_k = sqrt(sum_i s_ki^2 n_i^2). Therefore its derivative is
+        # d h_k / d log s_ki = s_ki^2 n_i^2 / h_k.
         axes = compute_axes(logarithms)
         numerators = np.square(axes)[None] * squared_directions[:, None, :]
         values = component_supports(axes, directions)
