@@ -103,7 +103,7 @@ def test_in_a_crops_folder_it_is_that_of_the_sizes_which_need_a_grain(
     )
     (tmp_path / "sizes.csv").write_text("long_mm,major_mm,minor_mm\n")
     input_error(
-        r"sizes\.csv: rows is 0; expected at least 2 berries",
+        r"sizes\.csv: rows is 0; expected at least 2 grains",
         _make_measure_settings,
         NOTHING_GIVEN,
     )

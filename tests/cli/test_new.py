@@ -89,7 +89,7 @@ def test_an_empty_folder_names_every_number_that_is_missing(folder, refused):
     moduli = "expected a number; or a table of compression tests in berry.compression"
     for key in ("berry.poisson_ratio", "berry.shear_modulus_pa"):
         assert f"config.yaml: {key} is null; {moduli}" in output
-    assert "sizes.csv: rows is 0; expected at least 2 berries" in output
+    assert "sizes.csv: rows is 0; expected at least 2 grains" in output
     assert not re.search("None|method.yaml", output)
 
 
