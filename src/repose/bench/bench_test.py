@@ -366,8 +366,7 @@ class BenchTest(ABC, Generic[S]):
         checked_responses = dict.fromkeys((*self.responses, *targets))
         for response in checked_responses:
             value = response.of(measured)
-            is_within = value is None or response.low <= value <= response.high
-            if is_within:
+            if value is None or response.low <= value <= response.high:
                 continue
             limits = f"{response.low:g} to {response.high:g} {response.unit}".rstrip()
             return measured | {

@@ -216,7 +216,7 @@ def draw_orientation(orientation: str, rng: np.random.Generator) -> np.ndarray:
         return random_quaternion(rng)
     azimuth, roll = rng.uniform(0.0, 2.0 * math.pi, 2)
 
-    # First roll the body about its long axis x, which is level.
+    # First roll the body about its long axis, x, which stays level.
     cos_roll = math.cos(roll / 2)
     sin_roll = math.sin(roll / 2)
     if orientation == "upright":
@@ -227,7 +227,7 @@ def draw_orientation(orientation: str, rng: np.random.Generator) -> np.ndarray:
     else:
         w, x, y, z = np.array([cos_roll, sin_roll, 0.0, 0.0])
 
-    # At last turn it about the vertical. This is a multiplication by the quaternion
+    # Finally turn it about the vertical. This is a multiplication by the quaternion
     # (c, 0, 0, s) from the left.
     c = math.cos(azimuth / 2)
     s = math.sin(azimuth / 2)

@@ -63,7 +63,7 @@ class Band(NamedTuple):
 
 @dataclass(frozen=True)
 class Reach:
-    """Estimate whether piles of the grains can have a target's angle at its Height.
+    """An estimate whether piles of the grains can have a target's angle and Height.
 
     Attributes
     ----------

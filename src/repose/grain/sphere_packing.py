@@ -12,8 +12,8 @@ from repose.common.errors import InputError
 from repose.dem.kernels.state import MOST_SPHERES
 from repose.grain.particle import MM, SURFACES
 
-# Search of the fewest spheres: the numbers that are tried, and the relative differences
-# from the volume and the shortest axis of the mesh that are allowed
+# Search for the fewest spheres: the numbers that are tried, and the allowed relative
+# differences from the volume and the shortest axis of the mesh
 FEWEST = "fewest"
 LOWEST_COUNT = 14
 HIGHEST_COUNT = 60
