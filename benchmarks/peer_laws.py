@@ -72,9 +72,9 @@ def rolling_spring(law, t, c, at, dt):
         x = cut * x
         y = cut * y
         z = cut * z
-        c[at + k] = st.alive(x)
-        c[at + L + k] = st.alive(y)
-        c[at + 2 * L + k] = st.alive(z)
+        c[at + k] = st.flush_tiny(x)
+        c[at + L + k] = st.flush_tiny(y)
+        c[at + 2 * L + k] = st.flush_tiny(z)
         t[tl.TO_A + 3 * L + k] -= x
         t[tl.TO_A + 4 * L + k] -= y
         t[tl.TO_A + 5 * L + k] -= z

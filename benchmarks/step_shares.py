@@ -12,7 +12,7 @@ import numpy as np
 from repose.dem.kernels import state as st
 from repose.dem.kernels.engine import add_wall_loads
 from repose.dem.kernels.forces import pair_forces
-from repose.dem.kernels.neighbours import update_near
+from repose.dem.kernels.neighbours import update_near_pairs
 from repose.dem.kernels.rigid import integrate
 
 ROUNDS = 15
@@ -34,7 +34,7 @@ def _repeat_pair_forces(bodies, pairs, clumps, counts, physics, tile, repeats):
 @numba.njit
 def _repeat_near(bodies, pairs, counts, grid, parts, normal, repeats):
     for _ in range(repeats):
-        update_near(bodies, pairs, counts, grid, parts, normal)
+        update_near_pairs(bodies, pairs, counts, grid, parts, normal)
 
 
 @numba.njit
@@ -67,7 +67,7 @@ def parts_us(simulation, whole_us, rounds=ROUNDS, repeats=REPEATS):
     """Median time of each part of a step [us], by its name, and of the rest of a step that takes `whole_us`."""
     one = simulation
     tile, body_tile, numbers = one._tiles[0], one._body_tiles[0], one._scratches[0]
-    normal = st.scratch_of.py_func(numbers).normal
+    normal = st.split_scratch.py_func(numbers).normal
     calls = {
         "pairs: all of it": lambda n: _repeat_pair_forces(
             one.bodies, one.pairs, one.clumps, one.counts, one.physics, tile, n

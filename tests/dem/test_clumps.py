@@ -130,9 +130,9 @@ def test_entries_are_used_again():
         listed
     ]
     assert len(np.unique(pairs, axis=0)) == len(pairs)
-    assert s.pairs.live[:used].sum() == s.counts[st.N_PAIRS]
+    assert s.pairs.n_contacts[:used].sum() == s.counts[st.N_PAIRS]
     expected = s.counts[st.N_PAIRS]
-    assert np.unpackbits(s.pairs.known[:used].view(np.uint8)).sum() == expected
+    assert np.unpackbits(s.pairs.touching_bits[:used].view(np.uint8)).sum() == expected
 
 
 @pytest.mark.parametrize("scale", [1.0, 1.3])

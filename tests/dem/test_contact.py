@@ -51,7 +51,7 @@ def pair_tile(t, contacts, rows, first, second, parts, dt, law, rolling, load):
 
 def empty_tile():
     """A tile, its rows by lanes, what contacts keep, and that by lanes."""
-    t = st.zeros(ROWS * LANES)
+    t = st.aligned_zeros(ROWS * LANES)
     contacts = st.new_contacts(LANES, KEPT)[0]
     return t, t.reshape(ROWS, LANES), contacts, contacts.reshape(KEPT, LANES)
 
@@ -121,9 +121,9 @@ def test_reciprocal_root(reciprocal_root):
 def test_gather_and_scatter_are_plain_copies(columns):
     rng = np.random.default_rng(columns)
     rows = rng.normal(size=(40, columns))
-    load = st.zeros(40, 8)
+    load = st.aligned_zeros(40, 8)
     index = rng.integers(0, 40, LANES).astype(np.uint32)  # a body comes more than once
-    t = st.zeros(ROWS * LANES)
+    t = st.aligned_zeros(ROWS * LANES)
     gather(rows, rows.shape[1], index, 0, t, tl.A)
     assert np.array_equal(t.reshape(ROWS, LANES)[:columns], rows[index].T)
     scatter(load, index, 0, t, tl.A)
@@ -167,7 +167,7 @@ def test_radii_of_two_spheres_are_those_of_hertz():
     rows = engine_rows(bodies, sphere, 1e-3)
     t, lanes, contacts, _ = empty_tile()
     first = np.zeros(LANES, np.uint32)
-    load = st.zeros(len(rows), st.LOAD_COLUMNS)
+    load = st.aligned_zeros(len(rows), st.LOAD_COLUMNS)
     laws = hertz_mindlin.LAW.make_options(), rolling_budget.LAW.make_options()
     pair_tile(t, contacts, rows, first, first + np.uint32(1), 1, 2e-4, *laws, load)
     assert np.allclose(lanes[tl.RADIUS // LANES], radius / 2.0, rtol=1e-12)
@@ -216,7 +216,7 @@ def test_a_tile_of_contacts_agrees_with_the_slow_law(name, tension, limit):
         kept[3:6, lane] = spring
     rows = engine_rows([body for pair in pairs for body in pair[0]], axes, mass)
     rows[: 2 * LANES, st.share_column(parts_of(axes))] = shares.ravel()
-    load = st.zeros(len(rows), st.LOAD_COLUMNS)
+    load = st.aligned_zeros(len(rows), st.LOAD_COLUMNS)
     first = np.arange(0, 2 * LANES, 2, dtype=np.uint32)
     second = first + np.uint32(1)
     laws = [

@@ -12,7 +12,7 @@ from verification.simulations import simulation_of
 
 from repose.dem import Clump, Contact, Shape, random_quaternion
 from repose.dem.kernels import state as st
-from repose.dem.kernels.clumps import SLOTS
+from repose.dem.kernels.clumps import MOST_WATCHED
 from repose.dem.kernels.contact import solve_gap
 
 
@@ -129,9 +129,9 @@ def check_limits(s):
         )
         for pair in [*watched, *touching]:
             gaps[pair] = np.inf
-        assert gaps.min() >= s.pairs.near_rest[k] - total - 1e-12
+        assert gaps.min() >= s.pairs.unwatched_limit[k] - total - 1e-12
         assert s.pairs.near_limit[k] <= min(
-            s.pairs.near_rest[k], limits.min(initial=np.inf)
+            s.pairs.unwatched_limit[k], limits.min(initial=np.inf)
         )
         seen += len(watched), len(touching)
     return seen
@@ -161,7 +161,7 @@ def test_a_pair_that_ends_is_seen_in_time():
             ):
                 n = s.pairs.n_watched[k]
                 if (
-                    n < SLOTS
+                    n < MOST_WATCHED
                     and gaps[pair] > 0.0
                     and pair not in watched
                     and pair not in touching

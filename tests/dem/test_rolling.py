@@ -49,8 +49,8 @@ def left_by_resistance(momentum, inertia, budget, frame):
 def test_rolling_resistance_of_a_tile_agrees_with_the_slow_law(framed):
     rng = np.random.default_rng(4)
     frame = np.array([0.0, 3.0, 1.0]) if framed else np.zeros(3)
-    m = st.zeros(body_tile.TILE_ROWS * LANES)
-    c = st.zeros(st.MOTION_ROWS * LANES)
+    m = st.aligned_zeros(body_tile.TILE_ROWS * LANES)
+    c = st.aligned_zeros(st.MOTION_ROWS * LANES)
     dt = 1e-4
     expected = []
     stuck = 0

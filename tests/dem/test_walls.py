@@ -352,16 +352,16 @@ def test_a_berry_past_a_disc_is_kept_in_a_file_and_in_a_new_order(tmp_path):
     s.add((DISC_M + 0.012, 0.0, 0.001), velocity_m_s=(-0.5, 0.0, 0.0))
     s.add((-0.09, -0.09, 0.02))
     s.run_steps(200)
-    assert list(s.flat.deepest[0, :2]) == [0.0, math.inf]
+    assert list(s.flat.allowed_overlap[0, :2]) == [0.0, math.inf]
     s.save(tmp_path / "kept.npz")
     again = Simulation.load(tmp_path / "kept.npz")
     again.run_steps(500)
     assert again.velocities[0] == pytest.approx((-0.5, 0.0, 0.0), abs=1e-9)
     order = reorder(s.bodies, s.grid, s.pairs, s.flat, s.curved, s.meshed, s.counts)
-    assert list(s.flat.deepest[0, :2]) == [[0.0, math.inf][k] for k in order]
-    assert list(grow_wall_contacts(s.flat, len(s.flat.body), 2).deepest[0, :2]) == list(
-        s.flat.deepest[0, :2]
-    )
+    assert list(s.flat.allowed_overlap[0, :2]) == [[0.0, math.inf][k] for k in order]
+    assert list(
+        grow_wall_contacts(s.flat, len(s.flat.body), 2).allowed_overlap[0, :2]
+    ) == list(s.flat.allowed_overlap[0, :2])
 
 
 @pytest.mark.parametrize("scene", ["drum", "hopper"])

@@ -5,7 +5,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .kernels import state as st
-from .kernels.rigid import place_shape
+from .kernels.rigid import write_body_shape
 from .rotations import rotation_matrix
 from .shapes import Clump, Shape
 
@@ -67,7 +67,7 @@ def write_body(
     _write_numbers(body_numbers, st.SQUARES, _square_axes(body))
     _write_numbers(body_numbers, st.RADIUS, np.array([radius]))
     # The kernel computes from them what depends on the orientation.
-    place_shape(bodies, index, parts, scratch)
+    write_body_shape(bodies, index, parts, scratch)
 
 
 def _write_numbers(body_numbers: np.ndarray, offset: int, values: np.ndarray) -> None:

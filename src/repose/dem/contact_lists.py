@@ -136,7 +136,7 @@ def grow_wall_contacts(old: Any, n_contacts: int, absent_body: int) -> Any:
     length = _choose_length(old.body, n_contacts)
     n_walls, n_bodies = old.limit.shape
     n_rows = old.data.shape[1] // st.LANES
-    has_clumps = isinstance(old.known, np.ndarray)
+    has_clumps = isinstance(old.touching_bits, np.ndarray)
     new = st.new_wall_contacts(
         length, n_walls, n_bodies, absent_body, n_rows, has_clumps
     )

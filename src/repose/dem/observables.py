@@ -70,7 +70,9 @@ class Observables(World):
     @property
     def quaternions(self) -> np.ndarray:
         """Orientations (w, x, y, z), body to world, a copy (N, 4)."""
-        quaternions = st.lanes_of(self.bodies.motion, st.QUATERNION, 4, self.n_bodies)
+        quaternions = st.copy_motion(
+            self.bodies.motion, st.QUATERNION, 4, self.n_bodies
+        )
         return self._in_user_order(quaternions)
 
     @property
@@ -90,7 +92,9 @@ class Observables(World):
     @property
     def angular_momenta(self) -> np.ndarray:
         """Angular momenta about the centres, in the world [kg m2/s], a copy (N, 3)."""
-        momenta = st.lanes_of(self.bodies.motion, st.ANGULAR_MOMENTUM, 3, self.n_bodies)
+        momenta = st.copy_motion(
+            self.bodies.motion, st.ANGULAR_MOMENTUM, 3, self.n_bodies
+        )
         return self._in_user_order(momenta)
 
     @property

@@ -233,7 +233,7 @@ class Simulation(Observables):
         write_body(self.bodies, index, body, self.physics.parts, self._body_tiles[0])
         self._shape_ids[index] = list(self.shapes).index(shape)
         self._scales[index] = scale
-        self.bodies.kind[index] = self._numbers.body_materials[kind.material]
+        self.bodies.material[index] = self._numbers.body_materials[kind.material]
         self.bodies.presence[index] = st.PRESENT
         self.counts[st.N_BODIES] = index + 1
 
@@ -373,9 +373,9 @@ class Simulation(Observables):
         # Counters and lists through which the threads agree on the next piece of work
         shared = st.Shared(
             counters=np.zeros(BARRIER_SIZE, np.int64),
-            orders=np.zeros(1, np.int64),
-            **st.each("begins numbers", parallel.SHARES, np.int64),
-            due=np.zeros(len(self.pairs.near_limit), np.int64),
+            flags=np.zeros(1, np.int64),
+            **st.equal_arrays("begins n_found", parallel.SHARES, np.int64),
+            touching=np.zeros(len(self.pairs.near_limit), np.int64),
         )
         # State of the simulation, which all threads use
         state = (

@@ -294,6 +294,6 @@ class World:
             raise ValueError(f"threads is {threads!r}; expected 1 to {parallel.SHARES}")
         # Each thread has its own scratch arrays, so their number is that of the threads.
         rows = tl.LAW_ROW + self.contact_law.n_rows
-        self._tiles = st.zeros(threads, rows * st.LANES)
-        self._body_tiles = st.zeros(threads, TILE_ROWS * st.LANES)
-        self._scratches = st.zeros(threads, st.SCRATCH)
+        self._tiles = st.aligned_zeros(threads, rows * st.LANES)
+        self._body_tiles = st.aligned_zeros(threads, TILE_ROWS * st.LANES)
+        self._scratches = st.aligned_zeros(threads, st.SCRATCH)

@@ -227,7 +227,7 @@ def _copy_aligned(values: np.ndarray) -> np.ndarray:
     """Copy an array so that it begins at a cache line, as the kernels need it."""
     if values.dtype != np.float64:
         return values.copy()
-    copy = st.zeros(*values.shape)
+    copy = st.aligned_zeros(*values.shape)
     copy[...] = values
     return copy
 

@@ -31,7 +31,7 @@ from .state import (
     QUATERNION,
     SHAPE,
     SQUARES,
-    alive,
+    flush_tiny,
 )
 from .vectors import cross, squared_length
 
@@ -544,10 +544,17 @@ def advance_orientation(scratch, motion, dt):
             scratch, lane, turn_x, turn_y, turn_z
         )
         # half a step later, at its middle
-        omega_x = alive(omega_x - 0.5 * dt * rate_x)
-        omega_y = alive(omega_y - 0.5 * dt * rate_y)
-        omega_z = alive(omega_z - 0.5 * dt * rate_z)
-        write_vector(motion, ANGULAR_MOMENTUM, lane, alive(lx), alive(ly), alive(lz))
+        omega_x = flush_tiny(omega_x - 0.5 * dt * rate_x)
+        omega_y = flush_tiny(omega_y - 0.5 * dt * rate_y)
+        omega_z = flush_tiny(omega_z - 0.5 * dt * rate_z)
+        write_vector(
+            motion,
+            ANGULAR_MOMENTUM,
+            lane,
+            flush_tiny(lx),
+            flush_tiny(ly),
+            flush_tiny(lz),
+        )
         write_vector(scratch, OMEGA, lane, omega_x, omega_y, omega_z)
         square = squared_length(omega_x, omega_y, omega_z)
         # the way of the farthest point of the body
@@ -728,12 +735,12 @@ def turn_spheres(scratch, motion, dt, frame_x, frame_y, frame_z):
         share = 1.0 - budget / (momentum if is_left else 1.0)
         share = share if is_left else 0.0
         # back in the world
-        lx = alive(share * lx + moment * frame_x if is_present else 0.0)
-        ly = alive(share * ly + moment * frame_y if is_present else 0.0)
-        lz = alive(share * lz + moment * frame_z if is_present else 0.0)
-        omega_x = alive(inverse_moment * lx)
-        omega_y = alive(inverse_moment * ly)
-        omega_z = alive(inverse_moment * lz)
+        lx = flush_tiny(share * lx + moment * frame_x if is_present else 0.0)
+        ly = flush_tiny(share * ly + moment * frame_y if is_present else 0.0)
+        lz = flush_tiny(share * lz + moment * frame_z if is_present else 0.0)
+        omega_x = flush_tiny(inverse_moment * lx)
+        omega_y = flush_tiny(inverse_moment * ly)
+        omega_z = flush_tiny(inverse_moment * lz)
         write_vector(motion, ANGULAR_MOMENTUM, lane, lx, ly, lz)
         write_vector(scratch, OMEGA, lane, omega_x, omega_y, omega_z)
         is_turning = squared_length(omega_x, omega_y, omega_z) > 0.0

@@ -17,18 +17,21 @@ import math
 
 import numpy as np
 
-from . import clump_tile as ct
-from . import contact_geometry as cg
-from . import state as st
+from . import clump_tile, contact_geometry, state
 from .clumps import SPHERE_RADIUS_ROW, clear_bit, is_set, set_bit
 from .contact_geometry import normal_of, shift_arm, write_sphere_contact
 from .frames import contact_to_world, mesh_frame, place_in_frame, write_plane
 from .jit import inlined, kernel
-from .meshes import follow_feature, search_mesh
+from .meshes import follow_feature_contact, search_mesh
 from .rows import LANES, lane_vector, set_vector, vector_at, write_vector
-from .sphere_search import PLACES_A, place_spheres, placed_centre, placed_radius
+from .sphere_search import (
+    SPHERES_A,
+    read_sphere_centre,
+    read_sphere_radius,
+    write_sphere_positions,
+)
 from .state import MOST_SPHERES, PLANE_NORMAL, PLANE_POINT, PLANE_RADIUS, SHAPE
-from .walls import add_wall_contact, write_sphere_on_frame_wall
+from .walls import add_wall_contact, write_sphere_contact_in_frame
 
 
 @inlined
@@ -45,12 +48,12 @@ def sphere_arm(row, tile, lane):
     """
     qw = row[SHAPE]
     qx, qy, qz = vector_at(row, SHAPE + 1)
-    centre_x, centre_y, centre_z = lane_vector(tile, ct.CENTRE, lane)
-    return ct.rotated_vector(qw, qx, qy, qz, centre_x, centre_y, centre_z)
+    centre_x, centre_y, centre_z = lane_vector(tile, clump_tile.CENTRE, lane)
+    return clump_tile.rotated_vector(qw, qx, qy, qz, centre_x, centre_y, centre_z)
 
 
 @inlined
-def write_sphere_on_plane(x, y, z, radius, plane, geometry):
+def write_sphere_plane_contact(x, y, z, radius, plane, geometry):
     """Fill `geometry` for a sphere and a plane, in world axes.
 
     Parameters
@@ -81,7 +84,7 @@ def write_sphere_on_plane(x, y, z, radius, plane, geometry):
 
 
 @inlined
-def place_seen_from_frame(walls, frame, x, y, z):
+def point_in_wall_frame(walls, frame, x, y, z):
     """Return a place in the world as seen from the frame of a curved wall or mesh.
 
     Parameters
@@ -99,7 +102,7 @@ def place_seen_from_frame(walls, frame, x, y, z):
 
 
 @inlined
-def write_sphere_on_curved(walls, wall, x, y, z, radius, geometry):
+def write_sphere_contact_in_world(walls, wall, x, y, z, radius, geometry):
     """Fill `geometry`, in world axes, for a sphere and a cone or ring.
 
     Parameters
@@ -119,14 +122,16 @@ def write_sphere_on_curved(walls, wall, x, y, z, radius, geometry):
     float
         How far the sphere is beyond the wall's end [m]; not positive on the wall.
     """
-    x, y, z = place_seen_from_frame(walls, wall, x, y, z)
-    distance_beyond = write_sphere_on_frame_wall(x, y, z, radius, walls, wall, geometry)
+    x, y, z = point_in_wall_frame(walls, wall, x, y, z)
+    distance_beyond = write_sphere_contact_in_frame(
+        x, y, z, radius, walls, wall, geometry
+    )
     contact_to_world(walls, wall, geometry)
     return distance_beyond
 
 
 @inlined
-def write_sphere(contacts, clumps, k, i, sphere):
+def write_contact_sphere(contacts, clumps, k, i, sphere):
     """Write centre and radius of a sphere of body i to the lane of contact k.
 
     The shape of the body has them in the body's axes; they are multiplied by its scale.
@@ -145,12 +150,14 @@ def write_sphere(contacts, clumps, k, i, sphere):
     spheres = clumps.spheres[clumps.shape[i]]
     scale = clumps.scale[i]
     for axis in range(3):
-        tile[ct.CENTRE + axis * LANES + lane] = scale * spheres[axis, sphere]
-    tile[ct.RADIUS + lane] = scale * spheres[SPHERE_RADIUS_ROW, sphere]
+        tile[clump_tile.CENTRE + axis * LANES + lane] = scale * spheres[axis, sphere]
+    tile[clump_tile.RADIUS + lane] = scale * spheres[SPHERE_RADIUS_ROW, sphere]
 
 
 @inlined
-def add_sphere(contacts, counts, length_slot, clumps, i, wall, sphere, geometry):
+def add_sphere_wall_contact(
+    contacts, counts, length_slot, clumps, i, wall, sphere, geometry
+):
     """Append the contact of a sphere of body i with a plane, cone or ring.
 
     Parameters
@@ -161,7 +168,7 @@ def add_sphere(contacts, counts, length_slot, clumps, i, wall, sphere, geometry)
         Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
         indices.
     length_slot : int
-        Place in `counts` of the length of this list: st.N_PLANE or st.N_CURVED.
+        Place in `counts` of the length of this list: state.N_PLANE or state.N_CURVED.
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     i, wall, sphere : int
@@ -177,14 +184,14 @@ def add_sphere(contacts, counts, length_slot, clumps, i, wall, sphere, geometry)
     k = add_wall_contact(contacts, counts, length_slot, i, wall, geometry)
     if k >= 0:
         contacts.feature[k] = sphere
-        write_sphere(contacts, clumps, k, i, sphere)
+        write_contact_sphere(contacts, clumps, k, i, sphere)
         # the sphere has a contact with this wall now (a view of one word of bits)
-        set_bit(contacts.known[wall, i : i + 1], sphere)
+        set_bit(contacts.touching_bits[wall, i : i + 1], sphere)
     return k
 
 
 @inlined
-def forget_sphere(contacts, clumps, counts, length_slot, k):
+def forget_sphere_contact(contacts, clumps, counts, length_slot, k):
     """Note that the sphere of contact k no longer touches the wall.
 
     The contact is removed next.
@@ -202,20 +209,20 @@ def forget_sphere(contacts, clumps, counts, length_slot, k):
         Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
         indices.
     length_slot : int
-        Index in `counts` of the length of this list, such as st.N_PLANE.
+        Index in `counts` of the length of this list, such as state.N_PLANE.
     k : int
         Index of the contact in its list.
     """
-    if length_slot == st.N_MESHED:
+    if length_slot == state.N_MESHED:
         clumps.mesh_sphere[k] = clumps.mesh_sphere[counts[length_slot] - 1]
     else:
         # clear the bit of this sphere
         bit = np.uint64(1) << np.uint64(contacts.feature[k])
-        contacts.known[contacts.wall[k], contacts.body[k]] &= ~bit
+        contacts.touching_bits[contacts.wall[k], contacts.body[k]] &= ~bit
 
 
 @inlined
-def free_way(gap, distance_beyond, radius, past, sphere, is_leaning):
+def find_free_distance(gap, distance_beyond, radius, past, sphere, is_leaning):
     """Return how far a sphere may move before it can touch a wall [m]; 0.0: it touches.
 
     A sphere that overlaps the surface beyond the wall's end, or with its centre behind
@@ -250,13 +257,13 @@ def free_way(gap, distance_beyond, radius, past, sphere, is_leaning):
 
 
 @inlined
-def touching_spheres(known, i):
+def find_touching_spheres(known, i):
     """Return which spheres of body i touch any wall of one kind, as bits.
 
     Parameters
     ----------
     known : array of uint64 (walls, bodies)
-        `WallContacts.known`: of each wall and body, the spheres that touch, as bits.
+        `WallContacts.touching_bits`: of each wall and body, the spheres that touch, as bits.
     i : int
         Index of the body.
     """
@@ -267,7 +274,7 @@ def touching_spheres(known, i):
 
 
 @inlined
-def sphere_slid_off(bodies, contacts, walls, k):
+def record_sphere_slide_off(bodies, contacts, walls, k):
     """Note that the sphere of contact k slid over the end of a cone or ring.
 
     The next wall takes it over: the sphere is no longer past that wall, which is
@@ -289,17 +296,17 @@ def sphere_slid_off(bodies, contacts, walls, k):
     sphere = contacts.feature[k]
     for wall in range(contacts.limit.shape[0]):
         # a view of one word, since bits are set in a row of words
-        past = contacts.past[wall, i : i + 1]
+        past = contacts.past_bits[wall, i : i + 1]
         if is_set(past, sphere):
             clear_bit(past, sphere)
             # the limit is the present displacement: the search is due
             contacts.limit[wall, i] = (
-                bodies.displacement[i] + walls.approach[st.WALL_PATH]
+                bodies.displacement[i] + walls.approach[state.WALL_PATH]
             )
 
 
 @kernel
-def find_spheres_at_wall(
+def find_sphere_wall_contacts(
     bodies, contacts, length_slot, clumps, walls, counts, wall, i, places, geometry
 ):
     """Find the spheres of body i that begin to touch a plane, cone or ring.
@@ -313,7 +320,7 @@ def find_spheres_at_wall(
     contacts : WallContacts
         The list of contacts with walls of one kind.
     length_slot : int
-        Place in `counts` of the length of this list: st.N_PLANE or st.N_CURVED.
+        Place in `counts` of the length of this list: state.N_PLANE or state.N_CURVED.
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     walls : Walls
@@ -326,7 +333,7 @@ def find_spheres_at_wall(
     i : int
         Index of the body.
     places : array
-        The spheres of the body in the world, see `place_clump`.
+        The spheres of the body in the world, see `write_clump_spheres`.
     geometry : array (8,)
         Working memory for one contact (`contact_geometry`); it is overwritten.
 
@@ -336,8 +343,8 @@ def find_spheres_at_wall(
         How far the body may move before the next search [m].
     """
     least_distance = math.inf
-    if length_slot == st.N_CURVED:
-        touching_bits = touching_spheres(contacts.known, i)
+    if length_slot == state.N_CURVED:
+        touching_bits = find_touching_spheres(contacts.touching_bits, i)
     else:
         touching_bits = np.uint64(0)
     # a body that touches a curved wall leans on it: its other spheres may slide onto
@@ -346,38 +353,45 @@ def find_spheres_at_wall(
     for sphere in range(clumps.sizes[clumps.shape[i]]):
         # a sphere that touches the wall has a contact already
         # (`i : i + 1` are views of one word, since bits are set in a row of words)
-        if is_set(contacts.known[wall, i : i + 1], sphere):
+        if is_set(contacts.touching_bits[wall, i : i + 1], sphere):
             continue
-        x, y, z = placed_centre(places, PLACES_A, sphere)
-        radius = placed_radius(places, PLACES_A, sphere)
-        if length_slot == st.N_CURVED:
-            distance_beyond = write_sphere_on_curved(
+        x, y, z = read_sphere_centre(places, SPHERES_A, sphere)
+        radius = read_sphere_radius(places, SPHERES_A, sphere)
+        if length_slot == state.N_CURVED:
+            distance_beyond = write_sphere_contact_in_world(
                 walls, wall, x, y, z, radius, geometry
             )
         else:
-            distance_beyond = write_sphere_on_plane(
+            distance_beyond = write_sphere_plane_contact(
                 x, y, z, radius, walls.planes[wall], geometry
             )
         # which spheres of the body are past this wall, as bits
-        past = contacts.past[wall, i : i + 1]
+        past = contacts.past_bits[wall, i : i + 1]
         if (touching_bits >> np.uint64(sphere)) & np.uint64(1) != np.uint64(0):
             # the sphere touches another wall, which hands it over
             clear_bit(past, sphere)
-        free_distance = free_way(
-            geometry[cg.GAP], distance_beyond, radius, past, sphere, is_leaning
+        free_distance = find_free_distance(
+            geometry[contact_geometry.GAP],
+            distance_beyond,
+            radius,
+            past,
+            sphere,
+            is_leaning,
         )
         if free_distance > 0.0:
             least_distance = min(least_distance, free_distance)
             continue
-        k = add_sphere(contacts, counts, length_slot, clumps, i, wall, sphere, geometry)
+        k = add_sphere_wall_contact(
+            contacts, counts, length_slot, clumps, i, wall, sphere, geometry
+        )
         # a contact with a plane keeps a copy of the plane
-        if length_slot == st.N_PLANE and k >= 0:
+        if length_slot == state.N_PLANE and k >= 0:
             write_plane(contacts.data[k // LANES], k % LANES, walls.planes[wall])
     return least_distance
 
 
 @inlined
-def place_clump(bodies, clumps, i, places):
+def write_clump_spheres(bodies, clumps, i, places):
     """Write centres and radii of the spheres of body i, in world axes, to scratch.
 
     Parameters
@@ -389,17 +403,19 @@ def place_clump(bodies, clumps, i, places):
     i : int
         Index of the body.
     places : array
-        The scratch array `Scratch.spheres`; its rows PLACES_A are written.
+        The scratch array `Scratch.spheres`; its rows SPHERES_A are written.
     """
     shape = clumps.shape[i]
     row = bodies.rows[i]
     spheres = clumps.spheres[shape]
     size = clumps.sizes[shape]
-    place_spheres(row, spheres, size, clumps.scale[i], 0.0, 0.0, 0.0, places, PLACES_A)
+    write_sphere_positions(
+        row, spheres, size, clumps.scale[i], 0.0, 0.0, 0.0, places, SPHERES_A
+    )
 
 
 @inlined
-def write_sphere_row(walls, frame, x, y, z, radius, local_row):
+def write_sphere_as_body(walls, frame, x, y, z, radius, local_row):
     """Write a sphere as the row of a body of one ellipsoid, in the frame of a wall.
 
     This is the form in which `meshes` takes bodies.
@@ -415,8 +431,8 @@ def write_sphere_row(walls, frame, x, y, z, radius, local_row):
     local_row : array
         Position and shape are written to it.
     """
-    x, y, z = place_seen_from_frame(walls, frame, x, y, z)
-    set_vector(local_row, st.POSITION, x, y, z)
+    x, y, z = point_in_wall_frame(walls, frame, x, y, z)
+    set_vector(local_row, state.POSITION, x, y, z)
     # the matrix of a sphere: its squared radius on the diagonal
     square = radius * radius
     set_vector(local_row, SHAPE, square, 0.0, 0.0)
@@ -437,21 +453,21 @@ def contacts_by_sphere(meshed, clumps):
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     """
-    return st.WallContacts(
+    return state.WallContacts(
         clumps.mesh_sphere,
         meshed.wall,
         meshed.feature,
         meshed.data,
         meshed.limit,
         meshed.ended,
-        meshed.deepest,
-        meshed.known,
-        meshed.past,
+        meshed.allowed_overlap,
+        meshed.touching_bits,
+        meshed.past_bits,
     )
 
 
 @inlined
-def follow_sphere(
+def follow_sphere_contact(
     bodies,
     walls,
     meshes,
@@ -466,7 +482,7 @@ def follow_sphere(
 ):
     """Follow contact k of a clump's sphere with a mesh by one step.
 
-    It is `meshes.follow_feature` with the sphere as the body. The arm of `geometry`
+    It is `meshes.follow_feature_contact` with the sphere as the body. The arm of `geometry`
     begins at the centre of the clump, not at that of the sphere.
 
     Parameters
@@ -504,11 +520,13 @@ def follow_sphere(
     lane = k % LANES
     row = bodies.rows[meshed.body[k]]
     arm_x, arm_y, arm_z = sphere_arm(row, tile, lane)
-    radius = tile[ct.RADIUS + lane]
-    x, y, z = vector_at(row, st.POSITION)
-    write_sphere_row(walls, frame, x + arm_x, y + arm_y, z + arm_z, radius, local_row)
+    radius = tile[clump_tile.RADIUS + lane]
+    x, y, z = vector_at(row, state.POSITION)
+    write_sphere_as_body(
+        walls, frame, x + arm_x, y + arm_y, z + arm_z, radius, local_row
+    )
     # the sphere is followed as a body of one ellipsoid
-    is_lasting = follow_feature(
+    is_lasting = follow_feature_contact(
         local_row,
         radius,
         1,
@@ -528,7 +546,7 @@ def follow_sphere(
 
 
 @inlined
-def find_spheres_at_mesh(
+def find_sphere_mesh_contacts(
     bodies,
     meshed,
     clumps,
@@ -573,13 +591,13 @@ def find_spheres_at_mesh(
     float
         How far the body may move before the next search [m].
     """
-    n = counts[st.N_MESHED]
+    n = counts[state.N_MESHED]
     contacts = contacts_by_sphere(meshed, clumps)
     # Bring the body's contacts to their present features, so that the search does not
     # find them as new.
     for k in range(n):
         if meshed.body[k] == i and meshed.wall[k] == mesh:
-            follow_sphere(
+            follow_sphere_contact(
                 bodies,
                 walls,
                 meshes,
@@ -593,17 +611,17 @@ def find_spheres_at_mesh(
                 local_row,
             )
             nx, ny, nz = normal_of(geometry)
-            write_vector(meshed.data[k // LANES], st.NORMAL, k % LANES, nx, ny, nz)
-    place_clump(bodies, clumps, i, places)
+            write_vector(meshed.data[k // LANES], state.NORMAL, k % LANES, nx, ny, nz)
+    write_clump_spheres(bodies, clumps, i, places)
     frame = mesh_frame(walls, mesh)
     least_distance = math.inf
     for sphere in range(clumps.sizes[clumps.shape[i]]):
-        x, y, z = placed_centre(places, PLACES_A, sphere)
-        radius = placed_radius(places, PLACES_A, sphere)
+        x, y, z = read_sphere_centre(places, SPHERES_A, sphere)
+        radius = read_sphere_radius(places, SPHERES_A, sphere)
         # the sphere in the frame of the mesh, as a body of one ellipsoid
-        write_sphere_row(walls, frame, x, y, z, radius, local_row)
+        write_sphere_as_body(walls, frame, x, y, z, radius, local_row)
         # contacts from this place on are those of this sphere
-        n_before = counts[st.N_MESHED]
+        n_before = counts[state.N_MESHED]
         # the search knows a sphere by one number, as if it was a body
         sphere_number = MOST_SPHERES * i + sphere
         free_distance = search_mesh(
@@ -620,7 +638,7 @@ def find_spheres_at_mesh(
         )
         least_distance = min(least_distance, free_distance)
         # it wrote this number to `mesh_sphere` of its new contacts: write the body, too
-        for k in range(n_before, counts[st.N_MESHED]):
+        for k in range(n_before, counts[state.N_MESHED]):
             meshed.body[k] = i
-            write_sphere(meshed, clumps, k, i, sphere)
+            write_contact_sphere(meshed, clumps, k, i, sphere)
     return least_distance

@@ -15,22 +15,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from . import clump_tile as ct
-from . import state as st
+from . import clump_tile, state
 from .jit import inlined, kernel
 from .lists import move_contact, put_contact
 from .neighbours import (
     chain_partner,
-    count_pair,
+    change_pair_counts,
     count_pairs_of_moved,
-    take_place,
+    reserve_place,
     write_pair,
 )
 from .rows import LANES
 from .state import MOST_SPHERES
 
-WORD = 64  # bits of a word of flags
-SLOTS = 16  # pairs of spheres that an entry watches, at most
+WORD_BITS = 64  # bits of a word of flags
+MOST_WATCHED = 16  # pairs of spheres that an entry watches, at most
 SPHERE_RADIUS_ROW = 3  # of `Clumps.spheres`, after the centre
 
 
@@ -59,11 +58,13 @@ class SpherePairs(NamedTuple):
     near_first: Any  # (entries,): body A; the ghost in a hole
     near_second: Any  # (entries,): body B; the ghost in a hole
     near_limit: Any  # (entries,): sum of displacements at the next check
-    near_rest: Any  # (entries,): limit of all pairs of spheres that are not watched
-    live: Any  # (entries,): number of contacts
-    known: Any  # (entries, words): which pairs of spheres touch, a bit each
-    watched: Any  # (entries, SLOTS, 2): pairs of spheres that do not touch
-    watched_limit: Any  # (entries, SLOTS): sum of displacements at their checks
+    unwatched_limit: (
+        Any  # (entries,): limit of all pairs of spheres that are not watched
+    )
+    n_contacts: Any  # (entries,): number of contacts
+    touching_bits: Any  # (entries, words): which pairs of spheres touch, a bit each
+    watched: Any  # (entries, MOST_WATCHED, 2): pairs of spheres that do not touch
+    watched_limit: Any  # (entries, MOST_WATCHED): sum of displacements at their checks
     n_watched: Any  # (entries,): number of watched pairs
     free: Any  # (entries,): places of the holes
     # chains of partners, see `state.Grid.chain`
@@ -119,46 +120,48 @@ def new_sphere_pairs(n_contacts, n_entries, most_spheres, ghost, n_state):
     SpherePairs
         The lists.
     """
-    n_contacts = st.whole_tiles(n_contacts)
+    n_contacts = state.round_up_to_tiles(n_contacts)
     # words with a bit for each pair of spheres
-    words = -(-most_spheres * most_spheres // WORD)
+    words = -(-most_spheres * most_spheres // WORD_BITS)
     return SpherePairs(
-        **st.each("first second", n_contacts, np.uint32, ghost),
+        **state.equal_arrays("first second", n_contacts, np.uint32, ghost),
         entry=np.zeros(n_contacts, np.uint32),
         spheres=np.zeros((n_contacts, 2), np.uint8),
-        data=st.new_contacts(n_contacts, ct.PAIR_STATE // LANES + n_state),
+        data=state.new_contacts(n_contacts, clump_tile.PAIR_STATE // LANES + n_state),
         ended=np.zeros(n_contacts, np.int64),
         gap=np.zeros(n_contacts),
-        **st.each("near_first near_second", n_entries, np.uint32, ghost),
-        **st.each("near_limit near_rest", n_entries, float, np.inf),
-        **st.each("live n_watched free", n_entries, np.int64),
-        known=np.zeros((n_entries, words), np.uint64),
-        watched=np.zeros((n_entries, SLOTS, 2), np.uint8),
-        watched_limit=np.zeros((n_entries, SLOTS)),
-        **st.each("partner link", 2 * n_entries, np.int64),
+        **state.equal_arrays("near_first near_second", n_entries, np.uint32, ghost),
+        **state.equal_arrays("near_limit unwatched_limit", n_entries, float, np.inf),
+        **state.equal_arrays("n_contacts n_watched free", n_entries, np.int64),
+        touching_bits=np.zeros((n_entries, words), np.uint64),
+        watched=np.zeros((n_entries, MOST_WATCHED, 2), np.uint8),
+        watched_limit=np.zeros((n_entries, MOST_WATCHED)),
+        **state.equal_arrays("partner link", 2 * n_entries, np.int64),
     )
 
 
 @inlined
 def is_set(words, bit):
     """Return whether a bit is set in a row of 64-bit words; `bit` counts through it."""
-    return (words[bit // WORD] >> np.uint64(bit % WORD)) & np.uint64(1) != np.uint64(0)
+    return (words[bit // WORD_BITS] >> np.uint64(bit % WORD_BITS)) & np.uint64(
+        1
+    ) != np.uint64(0)
 
 
 @inlined
 def set_bit(words, bit):
     """Set a bit in a row of 64-bit words; `bit` counts through it."""
-    words[bit // WORD] |= np.uint64(1) << np.uint64(bit % WORD)
+    words[bit // WORD_BITS] |= np.uint64(1) << np.uint64(bit % WORD_BITS)
 
 
 @inlined
 def clear_bit(words, bit):
     """Clear a bit in a row of 64-bit words; `bit` counts through it."""
-    words[bit // WORD] &= ~(np.uint64(1) << np.uint64(bit % WORD))
+    words[bit // WORD_BITS] &= ~(np.uint64(1) << np.uint64(bit % WORD_BITS))
 
 
 @inlined
-def bits_set(word):
+def count_set_bits(word):
     """Count the bits of a 64-bit word that are set."""
     # count the bits of each pair of bits, then of each group of four, then of each byte
     word -= (word >> np.uint64(1)) & np.uint64(0x5555555555555555)
@@ -171,7 +174,7 @@ def bits_set(word):
 
 
 @inlined
-def largest_size(clumps):
+def largest_sphere_count(clumps):
     """Return the number of spheres of the largest clump."""
     largest = 0
     for size in clumps.sizes:
@@ -181,8 +184,8 @@ def largest_size(clumps):
 
 @inlined
 def pair_bit(clumps, a, b):
-    """Return the number of the bit of spheres a and b in `SpherePairs.known`."""
-    return a * largest_size(clumps) + b
+    """Return the number of the bit of spheres a and b in `SpherePairs.touching_bits`."""
+    return a * largest_sphere_count(clumps) + b
 
 
 @inlined
@@ -207,7 +210,7 @@ def add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b):
     a, b : int
         Numbers of the spheres in their bodies.
     """
-    k = take_place(counts, st.N_PAIRS, pairs.first.shape[0])
+    k = reserve_place(counts, state.N_PAIRS, pairs.first.shape[0])
     if k < 0:
         return
     write_pair(pairs.first, pairs.second, k, i, j)
@@ -215,8 +218,8 @@ def add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b):
     pairs.spheres[k, 0] = a
     pairs.spheres[k, 1] = b
     # the entry has one contact more, and knows that the two spheres touch
-    pairs.live[entry] += 1
-    set_bit(pairs.known[entry], pair_bit(clumps, a, b))
+    pairs.n_contacts[entry] += 1
+    set_bit(pairs.touching_bits[entry], pair_bit(clumps, a, b))
     # the normal (0, 0, 1) stands until the geometry is calculated
     put_contact(pairs.data, k, 0.0, 0.0, 1.0)
     # the geometry that the contact keeps: places and radii of its spheres
@@ -227,13 +230,13 @@ def add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b):
     scale_a = clumps.scale[i]
     scale_b = clumps.scale[j]
     for axis in range(3):
-        tile[ct.CENTRE_A + axis * LANES + lane] = scale_a * spheres_a[axis, a]
-        tile[ct.CENTRE_B + axis * LANES + lane] = scale_b * spheres_b[axis, b]
+        tile[clump_tile.CENTRE_A + axis * LANES + lane] = scale_a * spheres_a[axis, a]
+        tile[clump_tile.CENTRE_B + axis * LANES + lane] = scale_b * spheres_b[axis, b]
     radius_a = scale_a * spheres_a[SPHERE_RADIUS_ROW, a]
     radius_b = scale_b * spheres_b[SPHERE_RADIUS_ROW, b]
-    tile[ct.RADIUS_A + lane] = radius_a
-    tile[ct.REACH + lane] = radius_a + radius_b
-    tile[ct.CURVATURE + lane] = radius_a * radius_b / (radius_a + radius_b)
+    tile[clump_tile.RADIUS_A + lane] = radius_a
+    tile[clump_tile.REACH + lane] = radius_a + radius_b
+    tile[clump_tile.CURVATURE + lane] = radius_a * radius_b / (radius_a + radius_b)
 
 
 @inlined
@@ -261,13 +264,13 @@ def drop_sphere_contact(pairs, counts, clumps, k, ghost):
     """
     # the entry has one contact fewer
     entry = pairs.entry[k]
-    pairs.live[entry] -= 1
+    pairs.n_contacts[entry] -= 1
     a = np.int64(pairs.spheres[k, 0])
     b = np.int64(pairs.spheres[k, 1])
-    clear_bit(pairs.known[entry], pair_bit(clumps, a, b))
+    clear_bit(pairs.touching_bits[entry], pair_bit(clumps, a, b))
     # the last contact moves to place k
-    last = counts[st.N_PAIRS] - 1
-    counts[st.N_PAIRS] = last
+    last = counts[state.N_PAIRS] - 1
+    counts[state.N_PAIRS] = last
     write_pair(pairs.first, pairs.second, k, pairs.first[last], pairs.second[last])
     pairs.entry[k] = pairs.entry[last]
     pairs.spheres[k, 0] = pairs.spheres[last, 0]
@@ -300,14 +303,14 @@ def add_entry(pairs, counts, grid, i, j):
         Place of the entry, or -1 where there is no room.
     """
     # take a hole, if there is one
-    if counts[st.N_FREE] > 0:
-        counts[st.N_FREE] -= 1
-        entry = pairs.free[counts[st.N_FREE]]
+    if counts[state.N_FREE] > 0:
+        counts[state.N_FREE] -= 1
+        entry = pairs.free[counts[state.N_FREE]]
     else:
-        entry = take_place(counts, st.N_NEAR, pairs.near_limit.shape[0])
+        entry = reserve_place(counts, state.N_NEAR, pairs.near_limit.shape[0])
         if entry < 0:
             return entry
-    count_pair(grid.near, i, j, 1)
+    change_pair_counts(grid.near, i, j, 1)
     write_pair(pairs.near_first, pairs.near_second, entry, i, j)
     return entry
 
@@ -331,11 +334,11 @@ def drop_entry(pairs, counts, grid, entry, ghost):
         Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
-    count_pair(grid.near, pairs.near_first[entry], pairs.near_second[entry], -1)
+    change_pair_counts(grid.near, pairs.near_first[entry], pairs.near_second[entry], -1)
     write_pair(pairs.near_first, pairs.near_second, entry, ghost, ghost)
     pairs.near_limit[entry] = math.inf
-    pairs.free[counts[st.N_FREE]] = entry
-    counts[st.N_FREE] += 1
+    pairs.free[counts[state.N_FREE]] = entry
+    counts[state.N_FREE] += 1
 
 
 @kernel
@@ -361,7 +364,7 @@ def chain_entries(pairs, counts, grid, ghost):
     """
     n_links = count_pairs_of_moved(grid.near, grid, counts)
     n_found = 0
-    entry = counts[st.N_NEAR] - 1
+    entry = counts[state.N_NEAR] - 1
     while n_found < n_links:
         i = pairs.near_first[np.uint64(entry)]
         j = pairs.near_second[np.uint64(entry)]
@@ -397,16 +400,18 @@ def drop_entries_of_gone(bodies, pairs, counts, grid, clumps, ghost):
     """
     presence = bodies.presence
     # from the end, since a dropped contact is replaced by the last one
-    for k in range(counts[st.N_PAIRS] - 1, -1, -1):
+    for k in range(counts[state.N_PAIRS] - 1, -1, -1):
         # one of the two bodies is gone
         if (
-            presence[pairs.first[k]] != st.PRESENT
-            or presence[pairs.second[k]] != st.PRESENT
+            presence[pairs.first[k]] != state.PRESENT
+            or presence[pairs.second[k]] != state.PRESENT
         ):
             drop_sphere_contact(pairs, counts, clumps, k, ghost)
     # entries without contacts stay at their places as holes
-    for entry in range(counts[st.N_NEAR]):
+    for entry in range(counts[state.N_NEAR]):
         i = pairs.near_first[entry]
         j = pairs.near_second[entry]
-        if i != ghost and (presence[i] != st.PRESENT or presence[j] != st.PRESENT):
+        if i != ghost and (
+            presence[i] != state.PRESENT or presence[j] != state.PRESENT
+        ):
             drop_entry(pairs, counts, grid, entry, ghost)

@@ -27,7 +27,7 @@ import numpy as np
 
 from . import state as st
 from . import tile as tl
-from .clumps import bits_set, set_bit
+from .clumps import count_set_bits, set_bit
 from .jit import inlined
 from .rows import LANES, lane_matrix, lane_vector
 
@@ -115,7 +115,7 @@ def write_mass_of_pairs(scratch, history, pairs, parts, clumps, base, lanes):
     # the number of contacts of the two clumps is that of their entry
     if len(clumps) > 0:
         for lane in range(lanes):
-            n_contacts = pairs.live[pairs.entry[base + lane]]
+            n_contacts = pairs.n_contacts[pairs.entry[base + lane]]
             scratch[tl.INVERSE_MASS + lane] *= n_contacts
 
 
@@ -148,13 +148,15 @@ def write_mass_on_wall(scratch, history, contacts, parts, clumps, base, lanes):
     if len(clumps) > 0:
         for lane in range(lanes):
             k = base + lane
-            n_spheres = bits_set(contacts.known[contacts.wall[k], contacts.body[k]])
+            n_spheres = count_set_bits(
+                contacts.touching_bits[contacts.wall[k], contacts.body[k]]
+            )
             scratch[tl.INVERSE_MASS + lane] *= n_spheres
 
 
 @inlined
 def mark_spheres_on_meshes(meshed, mesh_sphere, n):
-    """Write `meshed.known`: which spheres of each clump touch each mesh, as bits.
+    """Write `meshed.touching_bits`: which spheres of each clump touch each mesh, as bits.
 
     A sphere may touch a mesh in several places and still has one bit.
 
@@ -168,7 +170,7 @@ def mark_spheres_on_meshes(meshed, mesh_sphere, n):
         Number of contacts.
     """
     # clear the bits of all these bodies and meshes, then set those that touch
-    known = meshed.known
+    known = meshed.touching_bits
     for k in range(n):
         known[meshed.wall[k], meshed.body[k]] = np.uint64(0)
     for k in range(n):

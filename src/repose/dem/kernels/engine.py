@@ -21,11 +21,11 @@ from .forces import (
 )
 from .frames import move_plane_contacts, move_walls
 from .jit import inlined, kernel
-from .neighbours import retire_pairs, update_near
-from .renewal import drop_gone, renew
-from .rigid import act_on_events, integrate
+from .neighbours import retire_pairs, update_near_pairs
+from .renewal import drop_contacts_of_gone, renew_pairs
+from .rigid import handle_events, integrate
 from .sphere_search import retire_spheres, update_near_clumps
-from .wall_search import update_meshes, update_walls
+from .wall_search import find_new_mesh_contacts, find_new_wall_contacts
 
 
 @inlined
@@ -98,7 +98,9 @@ def begin_step(
         lists hold this index.
     """
     if counts[st.N_GONE] > 0:
-        drop_gone(bodies, pairs, flat, curved, meshed, clumps, counts, grid, ghost)
+        drop_contacts_of_gone(
+            bodies, pairs, flat, curved, meshed, clumps, counts, grid, ghost
+        )
     if walls.approach[st.WALLS_MOVE] > 0.0:
         move_walls(walls, physics.dt)
         move_plane_contacts(flat, walls, counts[st.N_PLANE])
@@ -153,7 +155,7 @@ def wall_contacts_and_forces(
     local_row = scratch.local_row
     parts = physics.parts
     # Find new contacts. The lists of meshes have no code where no wall is a mesh.
-    update_walls(
+    find_new_wall_contacts(
         bodies,
         flat,
         curved,
@@ -165,7 +167,9 @@ def wall_contacts_and_forces(
         scratch,
     )
     if len(meshes) > 0:
-        update_meshes(bodies, meshed, clumps, walls, meshes, counts, parts, scratch)
+        find_new_mesh_contacts(
+            bodies, meshed, clumps, walls, meshes, counts, parts, scratch
+        )
     # Prepare the tile for walls that stand still and are all of one material, the last
     # one. Where walls move or have several materials, each tile of contacts writes its own.
     write_still_wall(contact_tile)
@@ -234,13 +238,13 @@ def find_pair_contacts(bodies, pairs, clumps, counts, grid, physics, scratch, gh
     if len(clumps) == 0:
         # Smooth bodies: the gap of a pair is solved for its normal.
         normal = scratch.normal
-        update_near(bodies, pairs, counts, grid, parts, normal)
-        renew(bodies, pairs, clumps, counts, grid, parts, normal, ghost)
+        update_near_pairs(bodies, pairs, counts, grid, parts, normal)
+        renew_pairs(bodies, pairs, clumps, counts, grid, parts, normal, ghost)
     else:
         # Clumps: the gap of a pair is the smallest of all gaps of their spheres.
         spheres = scratch.spheres
         update_near_clumps(bodies, pairs, counts, grid, clumps, spheres, ghost)
-        renew(bodies, pairs, clumps, counts, grid, parts, spheres, ghost)
+        renew_pairs(bodies, pairs, clumps, counts, grid, parts, spheres, ghost)
 
 
 @inlined
@@ -339,7 +343,7 @@ def advance(
     # the arrays of the grid have one place for each body, so the body after them is
     # absent
     ghost = grid.cell.shape[0]
-    scratch = st.scratch_of(scratch_numbers)
+    scratch = st.split_scratch(scratch_numbers)
     for step in range(steps):
         if not has_room(pairs, flat, curved, meshed, counts):
             return step
@@ -379,7 +383,7 @@ def advance(
         counts[st.STEPS] += 1
         n_events = integrate(bodies, counts, physics, body_tile, 0, counts[st.N_BODIES])
         time = counts[st.STEPS] * physics.dt
-        act_on_events(bodies, grid, counts, 0, n_events, time)
+        handle_events(bodies, grid, counts, 0, n_events, time)
     return steps
 
 
@@ -427,7 +431,7 @@ def add_wall_loads(
         Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
-    scratch = st.scratch_of(scratch_numbers)
+    scratch = st.split_scratch(scratch_numbers)
     wall_contacts_and_forces(
         bodies,
         flat,

@@ -27,27 +27,27 @@ from . import contact_geometry as cg
 from . import state as st
 from . import tile as tl
 from .clump_walls import (
-    follow_sphere,
-    forget_sphere,
+    follow_sphere_contact,
+    forget_sphere_contact,
+    record_sphere_slide_off,
     sphere_arm,
-    sphere_slid_off,
-    write_sphere_on_curved,
+    write_sphere_contact_in_world,
 )
 from .clumps import set_bit
 from .contact_geometry import arm_of, normal_of, shift_arm
 from .damped_mass import mark_spheres_on_meshes, write_mass_of_pairs, write_mass_on_wall
 from .frames import load_walls, surface_velocity
 from .jit import inlined, kernel
-from .meshes import follow_mesh
+from .meshes import follow_mesh_contact
 from .rows import LANES, vector_at, write_vector
 from .simd import WIDTH, add_lanes_to_rows, gather, prefetch
 from .walls import (
     SAME_AZIMUTH,
     angle_between,
-    azimuth,
+    contact_azimuth,
     drop_wall_contact,
-    follow_wall,
-    note_slide_off,
+    follow_wall_contact,
+    record_slide_off,
 )
 
 ON_WALL, OF_PAIR = 1, 0  # values of `on_wall`
@@ -339,8 +339,8 @@ def pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begin, e
         if physics.mixed_pairs:
             for lane in range(LANES):
                 k = base + lane
-                kind_a = bodies.kind[pairs.first[k]]
-                kind_b = bodies.kind[pairs.second[k]]
+                kind_a = bodies.material[pairs.first[k]]
+                kind_b = bodies.material[pairs.second[k]]
                 fill_lane_laws(scratch, lane, physics, kind_a, kind_b)
         # copies of both bodies, the geometry, and the effective mass
         gather_bodies(bodies.rows, pairs.first, base, scratch, tl.A)
@@ -425,7 +425,7 @@ def fill_walls(bodies, contacts, walls, physics, first_wall, base, n, scratch):
             wall = first_wall + contacts.wall[k]
             omega_x, omega_y, omega_z = vector_at(walls.motion[wall], st.WALL_SPIN)
             if physics.mixed_walls:
-                material = bodies.kind[contacts.body[k]]
+                material = bodies.material[contacts.body[k]]
                 fill_lane_laws(scratch, lane, physics, material, walls.material[wall])
             # a wall's velocity depends on the place of the contact point
             x = scratch[tl.A + lane] + scratch[tl.RA + lane]
@@ -554,7 +554,7 @@ def drop_touch(contacts, clumps, counts, length_slot, k, ghost):
         lists hold this index.
     """
     if len(clumps) > 0:
-        forget_sphere(contacts, clumps, counts, length_slot, k)
+        forget_sphere_contact(contacts, clumps, counts, length_slot, k)
     drop_wall_contact(contacts, counts, length_slot, k, ghost)
 
 
@@ -689,9 +689,9 @@ def note_past_edge(flat, clumps, k):
     wall = flat.wall[k]
     i = flat.body[k]
     if len(clumps) == 0:
-        flat.deepest[wall, i] = 0.0
+        flat.allowed_overlap[wall, i] = 0.0
     else:
-        set_bit(flat.past[wall, i : i + 1], flat.feature[k])
+        set_bit(flat.past_bits[wall, i : i + 1], flat.feature[k])
 
 
 @inlined
@@ -714,9 +714,9 @@ def note_past_end(bodies, curved, clumps, walls, n, k, depth):
         Overlap with which it slid off [m].
     """
     if len(clumps) == 0:
-        note_slide_off(bodies, curved, walls, n, k, depth)
+        record_slide_off(bodies, curved, walls, n, k, depth)
     else:
-        sphere_slid_off(bodies, curved, walls, k)
+        record_sphere_slide_off(bodies, curved, walls, k)
 
 
 @inlined
@@ -738,7 +738,7 @@ def is_double(contacts, k):
             and contacts.wall[other] == contacts.wall[k]
         ):
             angle = angle_between(
-                azimuth(contacts.data, other), azimuth(contacts.data, k)
+                contact_azimuth(contacts.data, other), contact_azimuth(contacts.data, k)
             )
             if angle < 0.5 * SAME_AZIMUTH:
                 return True
@@ -820,7 +820,7 @@ def write_curved_geometry(
     history = curved.data[k // LANES]
     row = bodies.rows[curved.body[k]]
     if len(clumps) == 0:
-        is_on_wall = follow_wall(
+        is_on_wall = follow_wall_contact(
             physics.parts,
             row,
             walls,
@@ -840,7 +840,7 @@ def write_curved_geometry(
     # The same for the sphere of a clump, at the end of its arm.
     arm_x, arm_y, arm_z = sphere_arm(row, history, lane)
     x, y, z = vector_at(row, st.POSITION)
-    distance_beyond = write_sphere_on_curved(
+    distance_beyond = write_sphere_contact_in_world(
         walls,
         curved.wall[k],
         x + arm_x,
@@ -984,7 +984,7 @@ def write_mesh_geometry(
     """
     end = end_gap(meshed.data[k // LANES], physics, clumps, ON_WALL, k % LANES)
     if len(clumps) == 0:
-        return follow_mesh(
+        return follow_mesh_contact(
             bodies,
             physics.parts,
             walls,
@@ -997,7 +997,7 @@ def write_mesh_geometry(
             other_geometry,
             local_row,
         )
-    return follow_sphere(
+    return follow_sphere_contact(
         bodies,
         walls,
         meshes,

@@ -314,7 +314,7 @@ def write_plane(tile, lane, plane):
         offset += normal * point
     tile[st.OFFSET + lane] = offset
     radius = plane[st.PLANE_RADIUS]
-    tile[st.RADIUS2 + lane] = radius * radius
+    tile[st.SQUARED_RADIUS + lane] = radius * radius
 
 
 @inlined

@@ -16,7 +16,7 @@ writes only `geometry` (see `contact_geometry`).
 import math
 from collections import namedtuple
 
-from . import contact_geometry as cg
+from . import contact_geometry
 from .contact import DOWNHILL, LEAST_DETERMINANT, LONGEST_STEP
 from .contact_geometry import arm_of, write_contact
 from .features import (
@@ -39,19 +39,19 @@ from .geometry import extent, step_normal, support_terms, tangents
 from .jit import inlined, kernel
 from .rows import vector_at
 from .state import POSITION
-from .wall_contact import UPHILL_TURN, effective_radius, limited_turn
+from .wall_contact import UPHILL_TURN, effective_radius, limit_turn
 
 # A contact that is handed over to a feature may lie this far outside it [m]. Without
 # this, rounding could lose it between two features.
 SLACK = 1e-8
 # The curvature of an edge grows from zero at its faces' normals to its full value over
 # this angle [rad], so that R* does not jump where a body rolls from a face to an edge.
-BLEND = 0.2
+BLEND_ANGLE = 0.2
 OUTSIDE = -1e300  # distance inside a feature where there is no contact with it
 EDGE_ITERATIONS = 40
-EDGE_CONVERGED = 1e-10  # step at which the search about an edge ends [rad]
+EDGE_TOLERANCE = 1e-10  # step at which the search about an edge ends [rad]
 VERTEX_ITERATIONS = 60
-VERTEX_CONVERGED = 1e-20  # squared step at which the search at a vertex ends
+VERTEX_TOLERANCE = 1e-20  # squared step at which the search at a vertex ends
 
 # The value of f at an angle about an edge, its first and second derivative, and how far
 # along the edge the body's outermost point lies [m].
@@ -102,10 +102,10 @@ def ascent_step(gradient_u, gradient_w, q_uu, q_uw, q_ww, f):
 
 
 @inlined
-def curvature(angle, radius):
+def blended_curvature(angle, radius):
     """Return the curvature of a rounded edge at an angle from the face's normal.
 
-    It is 0 at the normal and 1 / radius from the angle BLEND on, with a smooth step
+    It is 0 at the normal and 1 / radius from the angle BLEND_ANGLE on, with a smooth step
     between, so that the stiffness of a contact does not jump there.
 
     Parameters
@@ -115,7 +115,7 @@ def curvature(angle, radius):
     radius : float
         Radius of the edge [m].
     """
-    share = min(max(angle, 0.0) / BLEND, 1.0)
+    share = min(max(angle, 0.0) / BLEND_ANGLE, 1.0)
     return share * share * (3.0 - 2.0 * share) / radius
 
 
@@ -284,7 +284,7 @@ def write_edge_contact(row, parts, edge, angle, geometry):
     )
     # the nearer one of both faces' normals: from there the edge's curvature grows
     to_face = min(angle, edge[EDGE_ANGLE] - angle)
-    edge_curvature = curvature(to_face, edge[RADIUS_COLUMN])
+    edge_curvature = blended_curvature(to_face, edge[RADIUS_COLUMN])
     radius = effective_radius(q_uu, q_uw, q_ww, edge_curvature, 0.0)
     write_contact(
         geometry,
@@ -307,7 +307,7 @@ def write_edge_contact(row, parts, edge, angle, geometry):
 
 
 @inlined
-def edge_turn(slope, bend):
+def edge_angle_step(slope, bend):
     """Return the next step of an angle about an edge towards the maximum of f [rad].
 
     It is a Newton step, or a short step uphill where f is not concave. `slope` and
@@ -323,8 +323,8 @@ def climb_edge(row, parts, edge, angle):
     The arguments are those of `edge_values`.
     """
     values = edge_values(row, parts, edge, angle)
-    turn = edge_turn(values.slope, values.bend)
-    return angle + limited_turn(turn)
+    turn = edge_angle_step(values.slope, values.bend)
+    return angle + limit_turn(turn)
 
 
 @kernel
@@ -379,22 +379,22 @@ def solve_edge(row, parts, edge, geometry):
         else:
             high = angle
         # Newton's method, or a bisection where its step leaves the interval
-        turn = edge_turn(values.slope, values.bend)
+        turn = edge_angle_step(values.slope, values.bend)
         if not low <= angle + turn <= high:
             turn = 0.5 * (low + high) - angle
         angle += turn
-        if abs(turn) < EDGE_CONVERGED:
+        if abs(turn) < EDGE_TOLERANCE:
             break
     # the contact there, which has to lie between the ends of the edge
     place_along = write_edge_contact(row, parts, edge, angle, geometry)
     inside_distance = min(
         inside_distance, min(place_along, edge[EDGE_LENGTH] - place_along)
     )
-    return angle, inside_distance, max(best, geometry[cg.GAP])
+    return angle, inside_distance, max(best, geometry[contact_geometry.GAP])
 
 
 @inlined
-def vertex_step(row, parts, vertex, nx, ny, nz):
+def vertex_gap_and_step(row, parts, vertex, nx, ny, nz):
     """Return f of a vertex for a normal n, and the step to the next normal.
 
     f is the gap of the body and the rounded vertex along n; the step is towards its
@@ -494,8 +494,8 @@ def write_vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
     # the curvatures along u and across it, by the angles from the nearest face and edge
     to_face = math.acos(min(max(nearest_cosine, -1.0), 1.0))
     to_edge = math.asin(min(max(smallest_sine, 0.0), 1.0))
-    wall_w = curvature(to_face, edge_radius)
-    wall_u = min(wall_w, curvature(to_edge, edge_radius))
+    wall_w = blended_curvature(to_face, edge_radius)
+    wall_u = min(wall_w, blended_curvature(to_edge, edge_radius))
     radius = effective_radius(q_uu, q_uw, q_ww, wall_u, wall_w)
     write_contact(
         geometry, nx, ny, nz, gap, radius, h, along_u, along_w, ux, uy, uz, wx, wy, wz
@@ -547,12 +547,14 @@ def solve_vertex(row, parts, meshes, feature, geometry):
             best_gap = gap
             best_x, best_y, best_z = nx, ny, nz
     # Climb from there. A step that makes f smaller is halved and tried again.
-    best_gap, step_u, step_w = vertex_step(row, parts, vertex, best_x, best_y, best_z)
+    best_gap, step_u, step_w = vertex_gap_and_step(
+        row, parts, vertex, best_x, best_y, best_z
+    )
     for _ in range(VERTEX_ITERATIONS):
-        if step_u * step_u + step_w * step_w < VERTEX_CONVERGED:
+        if step_u * step_u + step_w * step_w < VERTEX_TOLERANCE:
             break
         nx, ny, nz = step_normal(best_x, best_y, best_z, step_u, step_w)
-        gap, next_u, next_w = vertex_step(row, parts, vertex, nx, ny, nz)
+        gap, next_u, next_w = vertex_gap_and_step(row, parts, vertex, nx, ny, nz)
         if gap < best_gap - DOWNHILL:
             step_u *= 0.5
             step_w *= 0.5
@@ -596,7 +598,7 @@ def solve_feature(row, parts, meshes, feature, radius, geometry):
     if meshes.kind[feature] == FACE:
         inside_distance = write_face_contact(row, parts, data, geometry)
         free_distance = max(
-            geometry[cg.GAP], -inside_distance / (1.0 + meshes.slide[0])
+            geometry[contact_geometry.GAP], -inside_distance / (1.0 + meshes.slide[0])
         )
         return 0.0, inside_distance, free_distance
     is_edge = meshes.kind[feature] == EDGE
@@ -610,14 +612,14 @@ def solve_feature(row, parts, meshes, feature, radius, geometry):
         place_along = min(max(-(x * wx + y * wy + z * wz), 0.0), data[EDGE_LENGTH])
         x, y, z = x + place_along * wx, y + place_along * wy, z + place_along * wz
     distance = math.sqrt(x * x + y * y + z * z) - radius - data[RADIUS_COLUMN]
-    geometry[cg.GAP] = distance
+    geometry[contact_geometry.GAP] = distance
     if distance > 0.0:
         return 0.0, OUTSIDE, distance
     if is_edge:
         angle, inside_distance, best = solve_edge(row, parts, data, geometry)
         if inside_distance == OUTSIDE:
-            geometry[cg.GAP] = best
+            geometry[contact_geometry.GAP] = best
         return angle, inside_distance, best
     # a sine times the radius is a length that compares with those of other features
     sine = solve_vertex(row, parts, meshes, feature, geometry)
-    return 0.0, sine * radius, geometry[cg.GAP]
+    return 0.0, sine * radius, geometry[contact_geometry.GAP]

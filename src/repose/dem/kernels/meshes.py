@@ -14,8 +14,7 @@ search.
 import math
 from collections import namedtuple
 
-from . import contact_geometry as cg
-from . import state as st
+from . import contact_geometry, state
 from .contact_geometry import arm_of, copy_geometry, normal_of
 from .features import EDGE, EDGE_ANGLE, EDGE_LENGTH, FACE
 from .frames import contact_to_world, into_frame, mesh_frame, normal_to_world
@@ -25,7 +24,7 @@ from .mesh_contact import (
     SLACK,
     climb_edge,
     solve_feature,
-    vertex_step,
+    vertex_gap_and_step,
     write_edge_contact,
     write_face_contact,
     write_vertex_contact,
@@ -33,27 +32,27 @@ from .mesh_contact import (
 from .rows import LANES, lane_vector, vector_at, write_vector
 from .state import bounding_radius
 from .walls import (
-    DEEPEST_NEW,
     FOLLOWING_STEPS,
-    NEXT_LOOK_BEYOND,
-    NEXT_LOOK_KNOWN,
+    LARGEST_NEW_OVERLAP,
+    NEXT_SEARCH_BEYOND_END,
+    NEXT_SEARCH_IN_CONTACT,
     add_wall_contact,
-    row_seen_from_wall,
+    row_in_wall_frame,
 )
 
 # A search reaches this far beyond the body's box (share of its radius).
-MARGIN = 0.5
+SEARCH_MARGIN = 0.5
 # The next feature of a contact is sought this far about its place (share of the body's
 # radius), among features whose normal differs by less than the angle of this cosine.
-NEARBY = 0.05
-SAME_NORMAL = 0.9
+HAND_OVER_REACH = 0.05
+LEAST_NORMAL_COSINE = 0.9
 
 # The first and last cell of a block along each axis.
 CellBlock = namedtuple("CellBlock", "x0 x1 y0 y1 z0 z1")
 
 
 @inlined
-def are_neighbours(meshes, face, other):
+def meet_in_gentle_kink(meshes, face, other):
     """Return whether a feature is a face that meets another in a gentle concave kink.
 
     Of such faces a body touches only the one that it overlaps most.
@@ -75,7 +74,7 @@ def are_neighbours(meshes, face, other):
 
 
 @inlined
-def is_touched(contacts, meshes, n, body, feature, ignored):
+def has_contact_with_feature(contacts, meshes, n, body, feature, ignored):
     """Return whether a body touches a feature or a gentle neighbour of it already.
 
     Parameters
@@ -92,7 +91,7 @@ def is_touched(contacts, meshes, n, body, feature, ignored):
     for k in range(n):
         if contacts.body[k] == body and k != ignored:
             other = contacts.feature[k]
-            if other == feature or are_neighbours(meshes, other, feature):
+            if other == feature or meet_in_gentle_kink(meshes, other, feature):
                 return True
     return False
 
@@ -121,7 +120,7 @@ def cell_range(meshes, mesh, axis, low, high):
 
 
 @inlined
-def cells_about(meshes, mesh, x, y, z, reach_x, reach_y, reach_z):
+def cells_in_box(meshes, mesh, x, y, z, reach_x, reach_y, reach_z):
     """Return the block of cells of a mesh that a box about a place meets.
 
     Parameters
@@ -147,7 +146,7 @@ def cells_about(meshes, mesh, x, y, z, reach_x, reach_y, reach_z):
 
 
 @inlined
-def cell_number(meshes, mesh, cell_x, cell_y, cell_z):
+def cell_index(meshes, mesh, cell_x, cell_y, cell_z):
     """Return the place in `Meshes.begin` of cell (x, y, z) of a mesh.
 
     `Meshes.begin` has the first feature of each cell, for all meshes one after another.
@@ -193,7 +192,7 @@ def distance_from_box(row, parts, meshes, mesh):
 
 
 @inlined
-def search_feature(
+def add_feature_contact_if_new(
     row, contacts, counts, parts, walls, meshes, mesh, feature, i, radius, geometry
 ):
     """Add the contact of body i with a feature of a mesh, if there is a new one.
@@ -224,24 +223,26 @@ def search_feature(
     angle, inside_distance, free_distance = solve_feature(
         row, parts, meshes, feature, radius, geometry
     )
-    gap = geometry[cg.GAP]
+    gap = geometry[contact_geometry.GAP]
     # there is a gap
     if free_distance > 0.0 and gap > 0.0:
         return free_distance
     # the body touches another feature, if any
     if inside_distance < 0.0:
-        return max(free_distance, NEXT_LOOK_BEYOND * radius)
-    if gap < -DEEPEST_NEW * radius:
+        return max(free_distance, NEXT_SEARCH_BEYOND_END * radius)
+    if gap < -LARGEST_NEW_OVERLAP * radius:
         # the body is inside the mesh
-        return max(-gap - DEEPEST_NEW * radius, NEXT_LOOK_BEYOND * radius)
+        return max(-gap - LARGEST_NEW_OVERLAP * radius, NEXT_SEARCH_BEYOND_END * radius)
     # a new contact with a relaxed spring
-    if not is_touched(contacts, meshes, counts[st.N_MESHED], i, feature, -1):
+    if not has_contact_with_feature(
+        contacts, meshes, counts[state.N_MESHED], i, feature, -1
+    ):
         normal_to_world(walls, mesh_frame(walls, mesh), geometry)
-        k = add_wall_contact(contacts, counts, st.N_MESHED, i, mesh, geometry)
+        k = add_wall_contact(contacts, counts, state.N_MESHED, i, mesh, geometry)
         if k >= 0:
             contacts.feature[k] = feature
-            contacts.data[k // LANES, st.AZIMUTH + k % LANES] = angle
-    return NEXT_LOOK_KNOWN * radius
+            contacts.data[k // LANES, state.AZIMUTH + k % LANES] = angle
+    return NEXT_SEARCH_IN_CONTACT * radius
 
 
 @kernel
@@ -275,13 +276,13 @@ def search_mesh(row, contacts, counts, parts, walls, meshes, mesh, i, radius, ge
     if distance > 0.0:
         return distance
 
-    # The cells that a box about the body meets, which is MARGIN larger than the body.
-    free_distance = MARGIN * radius
+    # The cells that a box about the body meets, which is SEARCH_MARGIN larger than the body.
+    free_distance = SEARCH_MARGIN * radius
     reach_x = extent(row, parts, 1.0, 0.0, 0.0) + free_distance
     reach_y = extent(row, parts, 0.0, 1.0, 0.0) + free_distance
     reach_z = extent(row, parts, 0.0, 0.0, 1.0) + free_distance
-    x, y, z = vector_at(row, st.POSITION)
-    block = cells_about(meshes, mesh, x, y, z, reach_x, reach_y, reach_z)
+    x, y, z = vector_at(row, state.POSITION)
+    block = cells_in_box(meshes, mesh, x, y, z, reach_x, reach_y, reach_z)
 
     # A feature lies in several cells. The stamp of this search marks it as seen.
     meshes.stamp[0] += 1
@@ -289,13 +290,13 @@ def search_mesh(row, contacts, counts, parts, walls, meshes, mesh, i, radius, ge
     for cx in range(block.x0, block.x1 + 1):
         for cy in range(block.y0, block.y1 + 1):
             for cz in range(block.z0, block.z1 + 1):
-                cell = cell_number(meshes, mesh, cx, cy, cz)
+                cell = cell_index(meshes, mesh, cx, cy, cz)
                 for item in range(meshes.begin[cell], meshes.begin[cell + 1]):
                     feature = meshes.items[item]
                     if meshes.seen[feature] == stamp:
                         continue
                     meshes.seen[feature] = stamp
-                    feature_free = search_feature(
+                    feature_free = add_feature_contact_if_new(
                         row,
                         contacts,
                         counts,
@@ -313,10 +314,12 @@ def search_mesh(row, contacts, counts, parts, walls, meshes, mesh, i, radius, ge
 
 
 @inlined
-def follow_on_feature(row, parts, meshes, history, lane, feature, nx, ny, nz, geometry):
+def solve_last_feature(
+    row, parts, meshes, history, lane, feature, nx, ny, nz, geometry
+):
     """Solve for the contact with the feature of the last step, from its last normal.
 
-    As in `walls.follow_wall`, a fixed number of Newton steps is enough for the small
+    As in `walls.follow_wall_contact`, a fixed number of Newton steps is enough for the small
     motion of one time step.
 
     Parameters
@@ -348,10 +351,10 @@ def follow_on_feature(row, parts, meshes, history, lane, feature, nx, ny, nz, ge
         return write_face_contact(row, parts, data, geometry)
     if meshes.kind[feature] == EDGE:
         # climb along the arc of normals about the edge, from the last angle
-        angle = history[st.AZIMUTH + lane]
+        angle = history[state.AZIMUTH + lane]
         for _ in range(FOLLOWING_STEPS):
             angle = climb_edge(row, parts, data, angle)
-        history[st.AZIMUTH + lane] = angle
+        history[state.AZIMUTH + lane] = angle
         place_along = write_edge_contact(row, parts, data, angle, geometry)
         # inside both the arc of normals and the two ends of the edge
         inside_arc = min(angle, data[EDGE_ANGLE] - angle)
@@ -359,13 +362,13 @@ def follow_on_feature(row, parts, meshes, history, lane, feature, nx, ny, nz, ge
         return min(inside_arc, inside_ends)
     # a vertex
     for _ in range(FOLLOWING_STEPS):
-        _f, step_u, step_w = vertex_step(row, parts, data, nx, ny, nz)
+        _f, step_u, step_w = vertex_gap_and_step(row, parts, data, nx, ny, nz)
         nx, ny, nz = step_normal(nx, ny, nz, step_u, step_w)
     return write_vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry)
 
 
 @kernel
-def hand_over(
+def hand_over_contact(
     row, parts, meshes, contacts, n, k, radius, end_gap, geometry, other_geometry
 ):
     """Find the feature to which contact k has moved, and hand it over with its spring.
@@ -400,18 +403,18 @@ def hand_over(
     # the cells about the contact point
     mesh = contacts.wall[k]
     old_feature = contacts.feature[k]
-    reach = NEARBY * radius
-    x, y, z = vector_at(row, st.POSITION)
+    reach = HAND_OVER_REACH * radius
+    x, y, z = vector_at(row, state.POSITION)
     arm_x, arm_y, arm_z = arm_of(geometry)
     point_x, point_y, point_z = x + arm_x, y + arm_y, z + arm_z
-    block = cells_about(meshes, mesh, point_x, point_y, point_z, reach, reach, reach)
+    block = cells_in_box(meshes, mesh, point_x, point_y, point_z, reach, reach, reach)
     nx, ny, nz = normal_of(geometry)
-    best_cosine = SAME_NORMAL
+    best_cosine = LEAST_NORMAL_COSINE
     has_feature = False
     for cx in range(block.x0, block.x1 + 1):
         for cy in range(block.y0, block.y1 + 1):
             for cz in range(block.z0, block.z1 + 1):
-                cell = cell_number(meshes, mesh, cx, cy, cz)
+                cell = cell_index(meshes, mesh, cx, cy, cz)
                 for item in range(meshes.begin[cell], meshes.begin[cell + 1]):
                     feature = meshes.items[item]
                     if feature == old_feature:
@@ -419,26 +422,26 @@ def hand_over(
                     angle, inside_distance, _free_distance = solve_feature(
                         row, parts, meshes, feature, radius, other_geometry
                     )
-                    gap = other_geometry[cg.GAP]
+                    gap = other_geometry[contact_geometry.GAP]
                     # a contact outside this feature, or one that has ended, or is far
                     # inside the mesh
                     if (
                         inside_distance < -SLACK
                         or gap > end_gap
-                        or gap < -DEEPEST_NEW * radius
+                        or gap < -LARGEST_NEW_OVERLAP * radius
                     ):
                         continue
                     other_nx, other_ny, other_nz = normal_of(other_geometry)
                     # keep the one whose normal is nearest to the last one, unless
                     # another contact has it
                     cosine = nx * other_nx + ny * other_ny + nz * other_nz
-                    if cosine > best_cosine and not is_touched(
+                    if cosine > best_cosine and not has_contact_with_feature(
                         contacts, meshes, n, contacts.body[k], feature, k
                     ):
                         best_cosine = cosine
                         has_feature = True
                         contacts.feature[k] = feature
-                        contacts.data[k // LANES, st.AZIMUTH + k % LANES] = angle
+                        contacts.data[k // LANES, state.AZIMUTH + k % LANES] = angle
                         copy_geometry(other_geometry, geometry)
     return has_feature
 
@@ -470,13 +473,16 @@ def keep_deepest_face(row, parts, meshes, contacts, k, geometry, other_geometry)
         data = meshes.data[neighbour]
         # the contact that the body would have with the neighbour
         inside_distance = write_face_contact(row, parts, data, other_geometry)
-        if inside_distance >= 0.0 and other_geometry[cg.GAP] < geometry[cg.GAP]:
+        if (
+            inside_distance >= 0.0
+            and other_geometry[contact_geometry.GAP] < geometry[contact_geometry.GAP]
+        ):
             contacts.feature[k] = neighbour
             copy_geometry(other_geometry, geometry)
 
 
 @inlined
-def follow_feature(
+def follow_feature_contact(
     row,
     radius,
     parts,
@@ -520,16 +526,16 @@ def follow_feature(
     """
     history = contacts.data[k // LANES]
     lane = k % LANES
-    nx, ny, nz = lane_vector(history, st.NORMAL, lane)
+    nx, ny, nz = lane_vector(history, state.NORMAL, lane)
     if walls.displaced[frame]:
         nx, ny, nz = into_frame(walls.frames[frame], nx, ny, nz)
-    inside_distance = follow_on_feature(
+    inside_distance = solve_last_feature(
         row, parts, meshes, history, lane, contacts.feature[k], nx, ny, nz, geometry
     )
     is_touching = inside_distance >= 0.0
     # A contact that has left its feature goes on with another one, if there is one.
     if not is_touching:
-        is_touching = hand_over(
+        is_touching = hand_over_contact(
             row,
             parts,
             meshes,
@@ -543,14 +549,14 @@ def follow_feature(
         )
     # where faces meet in a gentle kink, only one of them has the contact
     is_face = meshes.kind[contacts.feature[k]] == FACE
-    if is_touching and geometry[cg.GAP] < 0.0 and is_face:
+    if is_touching and geometry[contact_geometry.GAP] < 0.0 and is_face:
         keep_deepest_face(row, parts, meshes, contacts, k, geometry, other_geometry)
     contact_to_world(walls, frame, geometry)
-    return is_touching and geometry[cg.GAP] <= end_gap
+    return is_touching and geometry[contact_geometry.GAP] <= end_gap
 
 
 @inlined
-def follow_mesh(
+def follow_mesh_contact(
     bodies,
     parts,
     walls,
@@ -595,9 +601,9 @@ def follow_mesh(
     """
     i = contacts.body[k]
     frame = mesh_frame(walls, contacts.wall[k])
-    row = row_seen_from_wall(walls, frame, bodies.rows[i], parts, local_row)
+    row = row_in_wall_frame(walls, frame, bodies.rows[i], parts, local_row)
     radius = bounding_radius(bodies, i)
-    return follow_feature(
+    return follow_feature_contact(
         row,
         radius,
         parts,
@@ -614,7 +620,7 @@ def follow_mesh(
 
 
 @inlined
-def update_contacts(
+def refresh_mesh_contacts(
     bodies,
     parts,
     walls,
@@ -653,10 +659,10 @@ def update_contacts(
     local_row : array
         Working memory for the row of a body in the frame of a wall; it is overwritten.
     """
-    n = counts[st.N_MESHED]
+    n = counts[state.N_MESHED]
     for k in range(n):
         if contacts.body[k] == i and contacts.wall[k] == mesh:
-            follow_mesh(
+            follow_mesh_contact(
                 bodies,
                 parts,
                 walls,
@@ -670,11 +676,11 @@ def update_contacts(
                 local_row,
             )
             nx, ny, nz = normal_of(geometry)
-            write_vector(contacts.data[k // LANES], st.NORMAL, k % LANES, nx, ny, nz)
+            write_vector(contacts.data[k // LANES], state.NORMAL, k % LANES, nx, ny, nz)
 
 
 @inlined
-def find_body_at_mesh(
+def find_body_mesh_contacts(
     bodies,
     meshed,
     walls,
@@ -717,7 +723,7 @@ def find_body_at_mesh(
         How far the body may move before the next search [m].
     """
     frame = mesh_frame(walls, mesh)
-    update_contacts(
+    refresh_mesh_contacts(
         bodies,
         parts,
         walls,
@@ -730,7 +736,7 @@ def find_body_at_mesh(
         other_geometry,
         local_row,
     )
-    row = row_seen_from_wall(walls, frame, bodies.rows[i], parts, local_row)
+    row = row_in_wall_frame(walls, frame, bodies.rows[i], parts, local_row)
     radius = bounding_radius(bodies, i)
     return search_mesh(
         row, meshed, counts, parts, walls, meshes, mesh, i, radius, geometry

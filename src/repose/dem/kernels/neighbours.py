@@ -11,14 +11,14 @@ when it has moved by half a skin since the last listing (it is then in
 skin before the pairs of one of them are listed anew.
 
 Reads `Bodies.rows` and `Bodies.displacement`. Writes all arrays of `Grid`, the lists of
-`Pairs`, `counts`, and the row RELIST of `Bodies.motion`. `renewal` calls most of this.
+`Pairs`, `counts`, and the row RENEWAL of `Bodies.motion`. `renewal` calls most of this.
 """
 
 import math
 
 import numpy as np
 
-from . import state as st
+from . import state
 from .contact import solve_gap
 from .jit import inlined, kernel
 from .lists import move_contact, put_contact
@@ -27,12 +27,12 @@ from .state import POSITION, bounding_radius
 
 # A proven gap above this share of the skin is good enough; below it the true gap is
 # found.
-EARLY = 0.25
-TOLERANCE = 1e-4  # step at which the solver of a gap stops [rad]
+SUFFICIENT_GAP_SHARE = 0.25
+NORMAL_TOLERANCE = 1e-4  # step at which the solver of a gap stops [rad]
 
 
 @inlined
-def cell_of(grid, x, y, z):
+def find_cell(grid, x, y, z):
     """Return the number of the cell of a point in the world.
 
     The cells repeat in space like the tiles of a floor (see `state.new_grid`).
@@ -44,7 +44,7 @@ def cell_of(grid, x, y, z):
     x, y, z : float
         The point [m].
     """
-    edge = grid.lengths[st.CELL]
+    edge = grid.lengths[state.CELL]
     i = math.floor((x - grid.origin[0]) / edge)
     j = math.floor((y - grid.origin[1]) / edge)
     k = math.floor((z - grid.origin[2]) / edge)
@@ -54,7 +54,7 @@ def cell_of(grid, x, y, z):
 
 
 @kernel
-def unlink(grid, i):
+def remove_from_cell(grid, i):
     """Take body i out of the list of its cell, if it is in one.
 
     The bodies of a cell are a list that is linked in both directions: `grid.head` has
@@ -84,8 +84,8 @@ def unlink(grid, i):
 
 
 @inlined
-def put_in_cell(grid, i, cell):
-    """Put body i at the head of the linked list of a cell, see `unlink` for the list.
+def insert_into_cell(grid, i, cell):
+    """Put body i at the head of the linked list of a cell, see `remove_from_cell` for the list.
 
     Parameters
     ----------
@@ -106,11 +106,11 @@ def put_in_cell(grid, i, cell):
 
 
 @kernel
-def link(grid, bodies, i):
+def add_to_cell(grid, bodies, i):
     """Put body i, which is in no cell, into the cell of its position.
 
     Also writes the displacement at which its neighbours are found anew: half a skin
-    from now (row RELIST of `Bodies.motion`).
+    from now (row RENEWAL of `Bodies.motion`).
 
     Parameters
     ----------
@@ -122,11 +122,11 @@ def link(grid, bodies, i):
         Index of the body.
     """
     x, y, z = vector_at(bodies.rows[i], POSITION)
-    cell = cell_of(grid, x, y, z)
-    bodies.motion[i // LANES, st.RELIST + i % LANES] = (
-        bodies.displacement[i] + 0.5 * grid.lengths[st.SKIN]
+    cell = find_cell(grid, x, y, z)
+    bodies.motion[i // LANES, state.RENEWAL + i % LANES] = (
+        bodies.displacement[i] + 0.5 * grid.lengths[state.SKIN]
     )
-    put_in_cell(grid, i, cell)
+    insert_into_cell(grid, i, cell)
 
 
 @inlined
@@ -147,12 +147,12 @@ def mark_moved(grid, counts, i):
     """
     if grid.moved[i] == 0:
         grid.moved[i] = 1
-        grid.moved_list[counts[st.N_MOVED]] = i
-        counts[st.N_MOVED] += 1
+        grid.moved_list[counts[state.N_MOVED]] = i
+        counts[state.N_MOVED] += 1
 
 
 @inlined
-def count_pair(counter, i, j, change):
+def change_pair_counts(counter, i, j, change):
     """Change the numbers of pairs of two bodies by 1 or -1.
 
     Parameters
@@ -176,7 +176,7 @@ def write_pair(first, second, k, i, j):
 
 
 @inlined
-def take_place(counts, length_slot, room):
+def reserve_place(counts, length_slot, room):
     """Take the next free place of a list and return it, or -1 where there is no room.
 
     Where there is none, `counts[FULL]` is set, and Python makes the list longer.
@@ -186,20 +186,20 @@ def take_place(counts, length_slot, room):
     counts : array of int
         Length of each list; that of this list grows by 1.
     length_slot : int
-        Place in `counts` of this list's length, such as st.N_PAIRS.
+        Place in `counts` of this list's length, such as state.N_PAIRS.
     room : int
         Length of the list's arrays.
     """
     k = counts[length_slot]
     if k >= room:
-        counts[st.FULL] = 1
+        counts[state.FULL] = 1
         return -1
     counts[length_slot] = k + 1
     return k
 
 
 @inlined
-def drop_near(pairs, counts, grid, k):
+def drop_near_pair(pairs, counts, grid, k):
     """Remove near pair k from the list: the last pair moves to its place.
 
     Parameters
@@ -214,9 +214,9 @@ def drop_near(pairs, counts, grid, k):
     k : int
         Place of the pair in the list of near pairs.
     """
-    last = counts[st.N_NEAR] - 1
-    counts[st.N_NEAR] = last
-    count_pair(grid.near, pairs.near_first[k], pairs.near_second[k], -1)
+    last = counts[state.N_NEAR] - 1
+    counts[state.N_NEAR] = last
+    change_pair_counts(grid.near, pairs.near_first[k], pairs.near_second[k], -1)
     # the last pair of the list moves to place k
     write_pair(
         pairs.near_first,
@@ -226,13 +226,13 @@ def drop_near(pairs, counts, grid, k):
         pairs.near_second[last],
     )
     pairs.near_limit[k] = pairs.near_limit[last]
-    pairs.near_check[k // st.BLOCK] = 0.0  # check this block of the list next time
+    pairs.near_check[k // state.BLOCK] = 0.0  # check this block of the list next time
     for axis in range(3):
         pairs.near_normal[k, axis] = pairs.near_normal[last, axis]
 
 
 @inlined
-def add_near(pairs, counts, grid, i, j, limit, nx, ny, nz):
+def add_near_pair(pairs, counts, grid, i, j, limit, nx, ny, nz):
     """Append a near pair (i, j).
 
     The pair is due for a check when the displacements of i and j add up to `limit`.
@@ -254,14 +254,14 @@ def add_near(pairs, counts, grid, i, j, limit, nx, ny, nz):
     nx, ny, nz : float
         Unit normal of the last check, from which the next one starts.
     """
-    k = take_place(counts, st.N_NEAR, pairs.near_limit.shape[0])
+    k = reserve_place(counts, state.N_NEAR, pairs.near_limit.shape[0])
     if k < 0:
         return
-    count_pair(grid.near, i, j, 1)
+    change_pair_counts(grid.near, i, j, 1)
     write_pair(pairs.near_first, pairs.near_second, k, i, j)
     pairs.near_limit[k] = limit
     # the block of this place has changed, see `parallel`
-    pairs.near_check[k // st.BLOCK] = 0.0
+    pairs.near_check[k // state.BLOCK] = 0.0
     set_vector(pairs.near_normal[k], 0, nx, ny, nz)
 
 
@@ -285,10 +285,10 @@ def add_contact(pairs, counts, grid, i, j, normal):
     normal : array (3,)
         Unit normal from i to j.
     """
-    k = take_place(counts, st.N_PAIRS, pairs.first.shape[0])
+    k = reserve_place(counts, state.N_PAIRS, pairs.first.shape[0])
     if k < 0:
         return
-    count_pair(grid.touching, i, j, 1)
+    change_pair_counts(grid.touching, i, j, 1)
     write_pair(pairs.first, pairs.second, k, i, j)
     put_contact(pairs.data, k, normal[0], normal[1], normal[2])
 
@@ -314,9 +314,9 @@ def drop_contact(pairs, counts, grid, k, ghost):
         Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
-    last = counts[st.N_PAIRS] - 1
-    counts[st.N_PAIRS] = last
-    count_pair(grid.touching, pairs.first[k], pairs.second[k], -1)
+    last = counts[state.N_PAIRS] - 1
+    counts[state.N_PAIRS] = last
+    change_pair_counts(grid.touching, pairs.first[k], pairs.second[k], -1)
     # the last contact of the list moves to place k, and ghosts to the last place
     write_pair(pairs.first, pairs.second, k, pairs.first[last], pairs.second[last])
     move_contact(pairs.data, last, k)
@@ -347,14 +347,14 @@ def solve_near_gap(bodies, pairs, grid, parts, k, normal):
     for axis in range(3):
         normal[axis] = pairs.near_normal[k, axis]
     # above this gap the solver may stop early: the bodies are far enough apart
-    sufficient_gap = EARLY * grid.lengths[st.SKIN]
+    sufficient_gap = SUFFICIENT_GAP_SHARE * grid.lengths[state.SKIN]
     gap = solve_gap(
         bodies.rows,
         parts,
         pairs.near_first[k],
         pairs.near_second[k],
         normal,
-        TOLERANCE,
+        NORMAL_TOLERANCE,
         sufficient_gap,
     )
     for axis in range(3):
@@ -363,7 +363,7 @@ def solve_near_gap(bodies, pairs, grid, parts, k, normal):
 
 
 @inlined
-def check_near(bodies, pairs, counts, grid, parts, k, normal):
+def check_near_pair(bodies, pairs, counts, grid, parts, k, normal):
     """Solve for the gap of near pair k: make it a contact, or give it a new limit.
 
     Parameters
@@ -395,7 +395,7 @@ def check_near(bodies, pairs, counts, grid, parts, k, normal):
     gap = solve_near_gap(bodies, pairs, grid, parts, k, normal)
     # the bodies touch: the pair moves to the list of contacts
     if gap <= 0.0:
-        drop_near(pairs, counts, grid, k)
+        drop_near_pair(pairs, counts, grid, k)
         add_contact(pairs, counts, grid, i, j, normal)
         return False
     # the bodies cannot touch before they have moved by the gap together
@@ -435,7 +435,7 @@ def find_next_due(displacement, first, second, limit, begin, end):
 
 
 @kernel
-def update_near(bodies, pairs, counts, grid, parts, normal):
+def update_near_pairs(bodies, pairs, counts, grid, parts, normal):
     """Check all near pairs of smooth bodies that are due.
 
     Those that touch become contacts, the others get new limits.
@@ -459,13 +459,15 @@ def update_near(bodies, pairs, counts, grid, parts, normal):
     first = pairs.near_first
     second = pairs.near_second
     limit = pairs.near_limit
-    k = find_next_due(bodies.displacement, first, second, limit, 0, counts[st.N_NEAR])
-    while k < counts[st.N_NEAR]:
+    k = find_next_due(
+        bodies.displacement, first, second, limit, 0, counts[state.N_NEAR]
+    )
+    while k < counts[state.N_NEAR]:
         # where the pair leaves the list, another one is at its place now
-        if check_near(bodies, pairs, counts, grid, parts, k, normal):
+        if check_near_pair(bodies, pairs, counts, grid, parts, k, normal):
             k += 1
         k = find_next_due(
-            bodies.displacement, first, second, limit, k, counts[st.N_NEAR]
+            bodies.displacement, first, second, limit, k, counts[state.N_NEAR]
         )
 
 
@@ -486,13 +488,13 @@ def count_pairs_of_moved(counter, grid, counts):
         indices.
     """
     n_pairs = 0
-    for place in range(counts[st.N_MOVED]):
+    for place in range(counts[state.N_MOVED]):
         n_pairs += counter[grid.moved_list[place]]
     return n_pairs
 
 
 @kernel
-def drop_near_of_moved(pairs, counts, grid):
+def drop_near_pairs_of_moved(pairs, counts, grid):
     """Drop the near pairs of the bodies of `Grid.moved_list`.
 
     The youngest pairs, at the end of the list, come first; the loop ends when all pairs
@@ -510,14 +512,14 @@ def drop_near_of_moved(pairs, counts, grid):
     """
     is_moved = grid.moved  # of each body whether it is in `Grid.moved_list`
     n_left = count_pairs_of_moved(grid.near, grid, counts)
-    k = counts[st.N_NEAR] - 1
+    k = counts[state.N_NEAR] - 1
     while n_left > 0:
         pair = np.uint64(k)  # unsigned, see `find_next_due`
         # a pair of two such bodies counts twice
         n_moved = is_moved[pairs.near_first[pair]] + is_moved[pairs.near_second[pair]]
         if n_moved > 0:
             n_left -= n_moved
-            drop_near(pairs, counts, grid, k)
+            drop_near_pair(pairs, counts, grid, k)
         k -= 1
 
 
@@ -526,7 +528,7 @@ def chain_partner(pairs, grid, n_used, i, j):
     """Add body j to the chain of partners of body i, if i is in `Grid.moved_list`.
 
     A chain is a linked list: link m holds a partner, `pairs.partner[m]`, and the next
-    link of the same body, `pairs.link[m]`; `grid.chain[i]` is the first link of body i.
+    link of the same body, `pairs.add_to_cell[m]`; `grid.chain[i]` is the first link of body i.
 
     Parameters
     ----------
@@ -572,7 +574,7 @@ def chain_contacts(pairs, counts, grid):
     n_links = count_pairs_of_moved(grid.touching, grid, counts)
     n_used = 0
     # from the last pair back until all links are made
-    k = counts[st.N_PAIRS] - 1
+    k = counts[state.N_PAIRS] - 1
     while n_used < n_links:
         # one link if i is in the list of moved bodies, and one if j is
         i = pairs.first[np.uint64(k)]
@@ -583,7 +585,7 @@ def chain_contacts(pairs, counts, grid):
 
 
 @inlined
-def list_pair(bodies, pairs, counts, grid, parts, a, b, normal):
+def add_smooth_pair_if_near(bodies, pairs, counts, grid, parts, a, b, normal):
     """List a pair of bodies a and b anew: as touching, as near, or not at all.
 
     It is not listed where the gap is a skin or more.
@@ -607,7 +609,7 @@ def list_pair(bodies, pairs, counts, grid, parts, a, b, normal):
         Working memory for a unit normal; it is overwritten.
     """
     rows = bodies.rows
-    skin = grid.lengths[st.SKIN]
+    skin = grid.lengths[state.SKIN]
     # Compare the bounding spheres first.
     ax, ay, az = vector_at(rows[a], POSITION)
     bx, by, bz = vector_at(rows[b], POSITION)
@@ -619,14 +621,16 @@ def list_pair(bodies, pairs, counts, grid, parts, a, b, normal):
     # The search for the normal begins with the direction of the centres.
     distance = math.sqrt(square)
     set_vector(normal, 0, dx / distance, dy / distance, dz / distance)
-    gap = solve_gap(rows, parts, a, b, normal, TOLERANCE, EARLY * skin)
+    gap = solve_gap(
+        rows, parts, a, b, normal, NORMAL_TOLERANCE, SUFFICIENT_GAP_SHARE * skin
+    )
     # touching, near, or too far apart to be listed
     if gap <= 0.0:
         add_contact(pairs, counts, grid, a, b, normal)
     elif gap < skin:
         limit = bodies.displacement[a] + bodies.displacement[b] + gap
         nx, ny, nz = vector_at(normal, 0)
-        add_near(pairs, counts, grid, a, b, limit, nx, ny, nz)
+        add_near_pair(pairs, counts, grid, a, b, limit, nx, ny, nz)
 
 
 @kernel
@@ -660,6 +664,6 @@ def retire_pairs(bodies, pairs, counts, grid, begin, n_ended, ghost):
         j = pairs.second[k]
         # they may touch again once both displacements have used up the gap
         limit = bodies.displacement[i] + bodies.displacement[j] + pairs.gap[k]
-        nx, ny, nz = lane_vector(pairs.data[k // LANES], st.NORMAL, k % LANES)
-        add_near(pairs, counts, grid, i, j, limit, nx, ny, nz)
+        nx, ny, nz = lane_vector(pairs.data[k // LANES], state.NORMAL, k % LANES)
+        add_near_pair(pairs, counts, grid, i, j, limit, nx, ny, nz)
         drop_contact(pairs, counts, grid, k, ghost)

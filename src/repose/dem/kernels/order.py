@@ -10,7 +10,7 @@ import numpy as np
 
 from . import state as st
 from .jit import kernel
-from .neighbours import put_in_cell
+from .neighbours import insert_into_cell
 from .rows import LANES
 
 
@@ -56,7 +56,7 @@ def relink(grid, n):
     grid.head[:] = -1
     for i in range(n):
         if grid.cell[i] >= 0:
-            put_in_cell(grid, i, grid.cell[i])
+            insert_into_cell(grid, i, grid.cell[i])
 
 
 def permute(order, *arrays):
@@ -134,16 +134,16 @@ def _permute_bodies(order, bodies, grid, flat, curved, meshed):
         bodies.displacement,
         bodies.wall_check,
         bodies.presence,
-        bodies.passed,
+        bodies.below_curved_walls,
         bodies.exit_time,
-        bodies.kind,
+        bodies.material,
         grid.cell,
         grid.moved,
         grid.touching,
         grid.near,
     )
     for contacts in (flat, curved, meshed):
-        permute(order, contacts.limit.T, contacts.deepest.T)
+        permute(order, contacts.limit.T, contacts.allowed_overlap.T)
     permute_lanes(order, bodies.motion)
     # what is known of whole tiles is not valid for the new tiles
     bodies.resting[:] = 0

@@ -21,20 +21,20 @@ from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from . import state as st
+from . import state
 from .atomics import wait_for_all
 from .engine import begin_step, has_room, wall_contacts_and_forces
 from .forces import pair_forces
 from .jit import inlined, kernel, kernel_without_gil
 from .neighbours import (
     add_contact,
-    drop_near,
+    drop_near_pair,
     find_next_due,
     retire_pairs,
     solve_near_gap,
 )
-from .renewal import renew
-from .rigid import act_on_events, integrate
+from .renewal import renew_pairs
+from .rigid import handle_events, integrate
 from .rows import LANES
 
 SHARES = 8
@@ -42,16 +42,16 @@ SHARES = 8
 FEWEST_BODIES = 4096
 REORDER_EVERY = 1000  # steps after which bodies are numbered anew (see `order`)
 # Share of the skin: for paths of one step below it, whole blocks of pairs can be skipped.
-CALM = 1e-3
+CALM_SHARE = 1e-3
 # Values of `Pairs.near_check` in place of a path: the pairs of the block have changed, or
 # the block is checked in the next step.
 CHANGED, DUE = 0.0, -1.0
-UP_TO_NOW, LAST_STEP = 0, 1  # rows of `Grid.paths`
-STOP = 0  # place in `Shared.orders` that ends the run
+ALL_STEPS, LAST_STEP = 0, 1  # rows of `Grid.paths`
+STOP = 0  # place in `Shared.flags` that ends the run
 
 
 @inlined
-def find_share(n, share, size):
+def share_range(n, share, size):
     """Return the first item of a share of n items, and the end of the share.
 
     Parameters
@@ -70,7 +70,7 @@ def find_share(n, share, size):
 
 
 @kernel
-def least_slack(displacement, first, second, limit, begin, end):
+def smallest_slack(displacement, first, second, limit, begin, end):
     """Return the least way that one of the pairs `begin` to `end` has left [m].
 
     It is a lower bound of the distance by which the pairs may come nearer before one of
@@ -97,14 +97,14 @@ def least_slack(displacement, first, second, limit, begin, end):
 
 
 @inlined
-def group_bits(bodies):
+def group_shift(bodies):
     """Return the shift of bits that turns a body's number into that of its group.
 
     A group has 2^bits bodies, which are whole tiles, and there are at most
-    st.MOST_GROUPS groups: so a set of groups fits into the bits of one number.
+    state.MOST_GROUPS groups: so a set of groups fits into the bits of one number.
     """
     bits = 5  # one tile of 32 bodies
-    while bodies.displacement.shape[0] >> bits >= st.MOST_GROUPS:
+    while bodies.displacement.shape[0] >> bits >= state.MOST_GROUPS:
         bits += 1
     return bits
 
@@ -120,7 +120,7 @@ def find_groups(first, second, begin, end, bits):
     begin, end : int
         First of these pairs, and their end.
     bits : int
-        The shift from a body's number to that of its group, see `group_bits`.
+        The shift from a body's number to that of its group, see `group_shift`.
     """
     groups = 0
     for k in range(begin, end):
@@ -131,7 +131,7 @@ def find_groups(first, second, begin, end, bits):
 
 
 @kernel
-def sum_paths(paths, groups):
+def sum_group_paths(paths, groups):
     """Return the sum of the paths of some groups [m].
 
     Parameters
@@ -152,10 +152,10 @@ def sum_paths(paths, groups):
 
 
 @kernel
-def note_paths(bodies, counts, grid):
+def record_group_paths(bodies, counts, grid):
     """Write the longest path of each group's bodies in this step to `Grid.paths`.
 
-    A group is several tiles; the longest path of each tile is in `Bodies.longest`.
+    A group is several tiles; the longest path of each tile is in `Bodies.longest_path`.
 
     Parameters
     ----------
@@ -167,20 +167,20 @@ def note_paths(bodies, counts, grid):
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     """
-    n_tiles = (counts[st.N_BODIES] + LANES - 1) // LANES
-    tiles_per_group = (1 << group_bits(bodies)) // LANES
+    n_tiles = (counts[state.N_BODIES] + LANES - 1) // LANES
+    tiles_per_group = (1 << group_shift(bodies)) // LANES
     for begin in range(0, n_tiles, tiles_per_group):
         path = 0.0
         for tile in range(begin, min(begin + tiles_per_group, n_tiles)):
-            path = max(path, bodies.longest[tile])
+            path = max(path, bodies.longest_path[tile])
         group = begin // tiles_per_group
         # the sum over all steps, and that of this step alone
-        grid.paths[UP_TO_NOW, group] += path
+        grid.paths[ALL_STEPS, group] += path
         grid.paths[LAST_STEP, group] = path
 
 
 @inlined
-def check_block(bodies, pairs, grid, parts, begin, end, due, place, normal):
+def find_touching_in_block(bodies, pairs, grid, parts, begin, end, due, place, normal):
     """Find the near pairs of one block that touch.
 
     Pairs that are due are checked; those that do not touch get new limits. The lists
@@ -230,7 +230,7 @@ def check_block(bodies, pairs, grid, parts, begin, end, due, place, normal):
 
 
 @inlined
-def check_share(bodies, pairs, grid, parts, begin, end, due, normal):
+def find_touching_in_share(bodies, pairs, grid, parts, begin, end, due, normal):
     """Find the near pairs of one share that touch, and write them to `due`.
 
     A block whose bodies are nearly at rest is skipped until its slack may be used up: two
@@ -258,18 +258,18 @@ def check_share(bodies, pairs, grid, parts, begin, end, due, normal):
     first = pairs.near_first
     second = pairs.near_second
     limit = pairs.near_limit
-    bits = group_bits(bodies)
-    calm_path = CALM * grid.lengths[st.SKIN]
+    bits = group_shift(bodies)
+    calm_path = CALM_SHARE * grid.lengths[state.SKIN]
     n_found = 0
-    for block_begin in range(begin, end, st.BLOCK):
-        block = block_begin // st.BLOCK
+    for block_begin in range(begin, end, state.BLOCK):
+        block = block_begin // state.BLOCK
         groups = pairs.near_groups[block]
-        path = sum_paths(grid.paths[UP_TO_NOW], groups)
+        path = sum_group_paths(grid.paths[ALL_STEPS], groups)
         # the bodies of this block have moved too little to be due
         if path < pairs.near_check[block]:
             continue
-        block_end = min(block_begin + st.BLOCK, end)
-        n_found += check_block(
+        block_end = min(block_begin + state.BLOCK, end)
+        n_found += find_touching_in_block(
             bodies,
             pairs,
             grid,
@@ -287,12 +287,12 @@ def check_share(bodies, pairs, grid, parts, begin, end, due, normal):
         # where the bodies are nearly at rest, the next check is when half of the slack
         # is used up; else it is in the next step
         pairs.near_check[block] = DUE
-        if 2.0 * sum_paths(grid.paths[LAST_STEP], groups) < calm_path:
-            slack = least_slack(
+        if 2.0 * sum_group_paths(grid.paths[LAST_STEP], groups) < calm_path:
+            slack = smallest_slack(
                 bodies.displacement, first, second, limit, block_begin, block_end
             )
-            path = sum_paths(grid.paths[UP_TO_NOW], groups)
-            pairs.near_check[block] = path + 0.5 * slack - st.ROUNDING
+            path = sum_group_paths(grid.paths[ALL_STEPS], groups)
+            pairs.near_check[block] = path + 0.5 * slack - state.ROUNDING
     return n_found
 
 
@@ -329,7 +329,7 @@ def add_found_contacts(pairs, counts, grid, due, n_due, begins):
                 pairs.near_second[k],
                 pairs.near_normal[k],
             )
-            drop_near(pairs, counts, grid, k)
+            drop_near_pair(pairs, counts, grid, k)
 
 
 @kernel_without_gil
@@ -371,14 +371,14 @@ def advance_shared(
     is_first = thread == 0
     contact_tile = tiles[thread]
     body_tile = body_tiles[thread]
-    scratch = st.scratch_of(scratches[thread])
+    scratch = state.split_scratch(scratches[thread])
     begins = shared.begins
-    numbers = shared.numbers
+    numbers = shared.n_found
     for step in range(steps):
         # Begin the step, unless a list may become too short.
         if is_first:
             lists_have_room = has_room(pairs, flat, curved, meshed, counts)
-            shared.orders[STOP] = 0 if lists_have_room else 1
+            shared.flags[STOP] = 0 if lists_have_room else 1
             if lists_have_room:
                 begin_step(
                     bodies,
@@ -394,27 +394,29 @@ def advance_shared(
                     ghost,
                 )
         wait_for_all(shared.counters, threads)
-        if shared.orders[STOP] != 0:
+        if shared.flags[STOP] != 0:
             return step
 
         # Find the near pairs that touch; then change the lists, and handle the walls.
         for share in range(thread, SHARES, threads):
-            begin, end = find_share(counts[st.N_NEAR], share, st.BLOCK)
+            begin, end = share_range(counts[state.N_NEAR], share, state.BLOCK)
             begins[share] = begin
-            numbers[share] = check_share(
+            numbers[share] = find_touching_in_share(
                 bodies,
                 pairs,
                 grid,
                 physics.parts,
                 begin,
                 end,
-                shared.due,
+                shared.touching,
                 scratch.normal,
             )
         wait_for_all(shared.counters, threads)
         if is_first:
-            add_found_contacts(pairs, counts, grid, shared.due, numbers, begins)
-            renew(bodies, pairs, (), counts, grid, physics.parts, scratch.normal, ghost)
+            add_found_contacts(pairs, counts, grid, shared.touching, numbers, begins)
+            renew_pairs(
+                bodies, pairs, (), counts, grid, physics.parts, scratch.normal, ghost
+            )
             wall_contacts_and_forces(
                 bodies,
                 flat,
@@ -433,7 +435,7 @@ def advance_shared(
 
         # Forces of the pairs; then retire the pairs that parted.
         for share in range(thread, SHARES, threads):
-            begin, end = find_share(counts[st.N_PAIRS], share, LANES)
+            begin, end = share_range(counts[state.N_PAIRS], share, LANES)
             begins[share] = begin
             numbers[share] = pair_forces(
                 bodies, pairs, (), counts, physics, contact_tile, share, begin, end
@@ -444,20 +446,20 @@ def advance_shared(
                 retire_pairs(
                     bodies, pairs, counts, grid, begins[share], numbers[share], ghost
                 )
-            counts[st.STEPS] += 1
+            counts[state.STEPS] += 1
         wait_for_all(shared.counters, threads)
 
         # Move the bodies; then handle their events.
         for share in range(thread, SHARES, threads):
-            begin, end = find_share(counts[st.N_BODIES], share, LANES)
+            begin, end = share_range(counts[state.N_BODIES], share, LANES)
             begins[share] = begin
             numbers[share] = integrate(bodies, counts, physics, body_tile, begin, end)
         wait_for_all(shared.counters, threads)
         if is_first:
-            time = counts[st.STEPS] * physics.dt
+            time = counts[state.STEPS] * physics.dt
             for share in range(SHARES):
-                act_on_events(bodies, grid, counts, begins[share], numbers[share], time)
-            note_paths(bodies, counts, grid)
+                handle_events(bodies, grid, counts, begins[share], numbers[share], time)
+            record_group_paths(bodies, counts, grid)
     return steps
 
 

@@ -1,33 +1,33 @@
 """Renewal of the neighbour list: bodies that moved far get new pairs, gone bodies none.
 
-Bodies that moved by half a skin are in `Grid.moved_list`; `renew` finds their
-neighbours anew. `drop_gone` removes all contacts of bodies that left the simulation.
+Bodies that moved by half a skin are in `Grid.moved_list`; `renew_pairs` finds their
+neighbours anew. `drop_contacts_of_gone` removes all contacts of bodies that left the simulation.
 `clumps` is an empty tuple in a simulation of smooth bodies, see `forces`.
 
 Reads `Bodies.rows` and `Bodies.presence`. Writes all arrays of `Grid`, the lists of
 pairs and of contacts with walls, `counts`, and the columns of motion of gone bodies.
 """
 
-from . import state as st
+from . import state
 from .clumps import chain_entries, drop_entries_of_gone
 from .forces import drop_touch
 from .jit import inlined, kernel
 from .neighbours import (
+    add_smooth_pair_if_near,
+    add_to_cell,
     chain_contacts,
     drop_contact,
-    drop_near_of_moved,
-    link,
-    list_pair,
-    unlink,
+    drop_near_pairs_of_moved,
+    remove_from_cell,
 )
 from .rigid import stop_body
-from .sphere_search import list_clumps
+from .sphere_search import add_clump_pair_if_near
 
 UNMARKED = -1  # value of `Grid.mark` of a body that is marked with none
 
 
 @inlined
-def list_bodies(bodies, pairs, clumps, counts, grid, parts, i, j, scratch):
+def add_pair_if_near(bodies, pairs, clumps, counts, grid, parts, i, j, scratch):
     """List the pair of bodies i and j where they touch or are near.
 
     Parameters
@@ -52,13 +52,13 @@ def list_bodies(bodies, pairs, clumps, counts, grid, parts, i, j, scratch):
         Scratch for a normal (3,); of clumps `Scratch.spheres`.
     """
     if len(clumps) == 0:
-        list_pair(bodies, pairs, counts, grid, parts, i, j, scratch)
+        add_smooth_pair_if_near(bodies, pairs, counts, grid, parts, i, j, scratch)
     else:
-        list_clumps(bodies, pairs, counts, grid, clumps, i, j, scratch)
+        add_clump_pair_if_near(bodies, pairs, counts, grid, clumps, i, j, scratch)
 
 
 @kernel
-def find_partners(bodies, pairs, clumps, counts, grid, parts, i, scratch):
+def list_pairs_of_body(bodies, pairs, clumps, counts, grid, parts, i, scratch):
     """List the pairs of body i anew, with bodies in its cell and the cells around.
 
     Bodies whose `grid.mark` is i are skipped: their pairs with i are listed already. Of
@@ -105,7 +105,7 @@ def find_partners(bodies, pairs, clumps, counts, grid, parts, i, scratch):
                 while j >= 0:
                     is_listed_by_j = grid.moved[j] == 1 and j < i
                     if j != i and grid.mark[j] != i and not is_listed_by_j:
-                        list_bodies(
+                        add_pair_if_near(
                             bodies,
                             pairs,
                             clumps,
@@ -144,7 +144,7 @@ def mark_partners(pairs, grid, i, mark):
 
 
 @kernel
-def renew(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
+def renew_pairs(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
     """List the pairs of the bodies of `Grid.moved_list` anew, and empty this list.
 
     Near pairs of smooth bodies are dropped and found again. Touching pairs stay, since
@@ -173,17 +173,17 @@ def renew(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
         Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
-    n_moved = counts[st.N_MOVED]
+    n_moved = counts[state.N_MOVED]
     if n_moved == 0:
         return
     if len(clumps) == 0:
-        drop_near_of_moved(pairs, counts, grid)
+        drop_near_pairs_of_moved(pairs, counts, grid)
     # Put the bodies into the cells of their present positions.
     for place in range(n_moved):
         i = grid.moved_list[place]
-        unlink(grid, i)
-        if bodies.presence[i] == st.PRESENT:
-            link(grid, bodies, i)
+        remove_from_cell(grid, i)
+        if bodies.presence[i] == state.PRESENT:
+            add_to_cell(grid, bodies, i)
     # Chain the pairs that stay.
     if len(clumps) == 0:
         chain_contacts(pairs, counts, grid)
@@ -192,16 +192,16 @@ def renew(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
     # Find the other pairs. While those of a body are listed, its partners are marked.
     for place in range(n_moved):
         i = grid.moved_list[place]
-        if bodies.presence[i] == st.PRESENT:
+        if bodies.presence[i] == state.PRESENT:
             mark_partners(pairs, grid, i, i)
-            find_partners(bodies, pairs, clumps, counts, grid, parts, i, scratch)
+            list_pairs_of_body(bodies, pairs, clumps, counts, grid, parts, i, scratch)
             mark_partners(pairs, grid, i, UNMARKED)
     # Empty the list and the chains.
     for place in range(n_moved):
         i = grid.moved_list[place]
         grid.moved[i] = 0
         grid.chain[i] = -1
-    counts[st.N_MOVED] = 0
+    counts[state.N_MOVED] = 0
 
 
 @inlined
@@ -228,10 +228,10 @@ def drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost):
     presence = bodies.presence
     if len(clumps) == 0:
         # from the end, since a dropped contact is replaced by the last one
-        for k in range(counts[st.N_PAIRS] - 1, -1, -1):
+        for k in range(counts[state.N_PAIRS] - 1, -1, -1):
             if (
-                presence[pairs.first[k]] != st.PRESENT
-                or presence[pairs.second[k]] != st.PRESENT
+                presence[pairs.first[k]] != state.PRESENT
+                or presence[pairs.second[k]] != state.PRESENT
             ):
                 drop_contact(pairs, counts, grid, k, ghost)
     else:
@@ -239,13 +239,13 @@ def drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost):
 
 
 @inlined
-def drop_touches_of_gone(presence, contacts, clumps, counts, slot, ghost):
+def drop_wall_contacts_of_gone(presence, contacts, clumps, counts, slot, ghost):
     """Drop the contacts of gone bodies with walls of one kind.
 
     Parameters
     ----------
     presence : array (bodies,)
-        `Bodies.presence`: st.PRESENT for bodies that are not gone.
+        `Bodies.presence`: state.PRESENT for bodies that are not gone.
     contacts : WallContacts
         The list of contacts with walls of one kind.
     clumps : Clumps or ()
@@ -254,19 +254,21 @@ def drop_touches_of_gone(presence, contacts, clumps, counts, slot, ghost):
         Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
         indices.
     slot : int
-        Place in `counts` of the length of this list, such as st.N_PLANE.
+        Place in `counts` of the length of this list, such as state.N_PLANE.
     ghost : int
         Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
     # from the end, since a dropped contact is replaced by the last one
     for k in range(counts[slot] - 1, -1, -1):
-        if presence[contacts.body[k]] != st.PRESENT:
+        if presence[contacts.body[k]] != state.PRESENT:
             drop_touch(contacts, clumps, counts, slot, k, ghost)
 
 
 @kernel
-def drop_gone(bodies, pairs, flat, curved, meshed, clumps, counts, grid, ghost):
+def drop_contacts_of_gone(
+    bodies, pairs, flat, curved, meshed, clumps, counts, grid, ghost
+):
     """Drop all contacts of the bodies that went below the floor in the last step.
 
     These bodies are in `Grid.moved_list`; they are stopped.
@@ -292,11 +294,11 @@ def drop_gone(bodies, pairs, flat, curved, meshed, clumps, counts, grid, ghost):
     """
     presence = bodies.presence
     drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost)
-    drop_touches_of_gone(presence, flat, clumps, counts, st.N_PLANE, ghost)
-    drop_touches_of_gone(presence, curved, clumps, counts, st.N_CURVED, ghost)
-    drop_touches_of_gone(presence, meshed, clumps, counts, st.N_MESHED, ghost)
-    for place in range(counts[st.N_MOVED]):
+    drop_wall_contacts_of_gone(presence, flat, clumps, counts, state.N_PLANE, ghost)
+    drop_wall_contacts_of_gone(presence, curved, clumps, counts, state.N_CURVED, ghost)
+    drop_wall_contacts_of_gone(presence, meshed, clumps, counts, state.N_MESHED, ghost)
+    for place in range(counts[state.N_MOVED]):
         i = grid.moved_list[place]
-        if presence[i] != st.PRESENT:
+        if presence[i] != state.PRESENT:
             stop_body(bodies, i)
-    counts[st.N_GONE] = 0
+    counts[state.N_GONE] = 0

@@ -13,7 +13,7 @@ Reads and clears `Bodies.load`. Writes `Bodies.rows`, `motion`, `displacement`,
 
 import math
 
-from . import state as st
+from . import state
 from .body_rotation import rotate_bodies, rotate_spheres, write_shapes
 from .body_tile import BEFORE, LOAD, MORE, PATH, ROWS
 from .jit import inlined, kernel
@@ -25,9 +25,9 @@ from .state import (
     INVERSE_MOMENTS,
     PART,
     QUATERNION,
-    RELIST,
+    RENEWAL,
     SHAPE,
-    alive,
+    flush_tiny,
 )
 from .vectors import squared_length
 
@@ -36,10 +36,10 @@ from .vectors import squared_length
 FELL, MOVED_FAR, BELOW_FLOOR = 1, 2, 4
 
 # First rows of the scratch tile.
-POSITION = ROWS + st.POSITION * LANES
+POSITION = ROWS + state.POSITION * LANES
 HEIGHT = POSITION + 2 * LANES
-VELOCITY = ROWS + st.VELOCITY * LANES
-INVERSE_MASS = ROWS + st.INVERSE_MASS * LANES
+VELOCITY = ROWS + state.VELOCITY * LANES
+INVERSE_MASS = ROWS + state.INVERSE_MASS * LANES
 
 
 @kernel
@@ -66,9 +66,9 @@ def move_centres(scratch, gx, gy, gz, dt):
         kick = dt * inverse_mass  # change of velocity per force
         vx, vy, vz = lane_vector(scratch, VELOCITY, lane)
         fx, fy, fz = lane_vector(scratch, LOAD, lane)
-        vx = alive(vx + kick * fx + is_present * dt * gx)
-        vy = alive(vy + kick * fy + is_present * dt * gy)
-        vz = alive(vz + kick * fz + is_present * dt * gz)
+        vx = flush_tiny(vx + kick * fx + is_present * dt * gx)
+        vy = flush_tiny(vy + kick * fy + is_present * dt * gy)
+        vz = flush_tiny(vz + kick * fz + is_present * dt * gz)
         write_vector(scratch, VELOCITY, lane, vx, vy, vz)
         scratch[BEFORE + lane] = scratch[HEIGHT + lane]
         # the new velocity moves the centre
@@ -77,11 +77,13 @@ def move_centres(scratch, gx, gy, gz, dt):
 
 
 @kernel
-def count_events(scratch, motion, displacement, base, exit_height, floor_height):
+def add_paths_and_count_events(
+    scratch, motion, displacement, base, exit_height, floor_height
+):
     """Add the paths of a tile's bodies to their displacements, and count events.
 
     An event is a fall through the exit height, a motion by half a skin, or a fall below
-    the floor, see `find_events`. The loop has no branches, so it is vector code; events
+    the floor, see `find_body_events`. The loop has no branches, so it is vector code; events
     are rare.
 
     Parameters
@@ -109,10 +111,10 @@ def count_events(scratch, motion, displacement, base, exit_height, floor_height)
         new_displacement = displacement[base + lane] + scratch[PATH + lane]
         displacement[base + lane] = new_displacement
         z = scratch[HEIGHT + lane]
-        # the conditions of `find_events`, for all lanes at once
+        # the conditions of `find_body_events`, for all lanes at once
         has_fallen = (scratch[BEFORE + lane] >= exit_height) & (z < exit_height)
         is_present = scratch[INVERSE_MASS + lane] > 0.0
-        has_moved_far = new_displacement >= motion[RELIST + lane]
+        has_moved_far = new_displacement >= motion[RENEWAL + lane]
         is_below_floor = z < floor_height
         has_event = is_present & (has_moved_far | has_fallen | is_below_floor)
         n_events += 1 if has_event else 0
@@ -143,7 +145,7 @@ def longest_path(scratch):
 
 
 @inlined
-def find_events(bodies, physics, scratch, motion, lane, i):
+def find_body_events(bodies, physics, scratch, motion, lane, i):
     """Return the events of body i as bits FELL, MOVED_FAR and BELOW_FLOOR; 0 for none.
 
     A body falls in the step in which its centre goes from above the exit height to
@@ -171,15 +173,15 @@ def find_events(bodies, physics, scratch, motion, lane, i):
     event = 0
     if scratch[BEFORE + lane] >= physics.exit_height and z < physics.exit_height:
         event |= FELL
-    if bodies.displacement[i] >= motion[RELIST + lane]:
+    if bodies.displacement[i] >= motion[RENEWAL + lane]:
         event |= MOVED_FAR
     if z < physics.floor_height:
         event |= BELOW_FLOOR
-    return event if bodies.presence[i] == st.PRESENT else 0
+    return event if bodies.presence[i] == state.PRESENT else 0
 
 
 @kernel
-def act_on_events(bodies, grid, counts, begin, n_events, time):
+def handle_events(bodies, grid, counts, begin, n_events, time):
     """Handle the events of bodies in this step.
 
     A body that fell gets an exit time. One below the floor is gone. Those that moved
@@ -206,8 +208,8 @@ def act_on_events(bodies, grid, counts, begin, n_events, time):
         if event & FELL:
             bodies.exit_time[i] = time
         if event & BELOW_FLOOR:
-            bodies.presence[i] = st.GONE
-            counts[st.N_GONE] += 1
+            bodies.presence[i] = state.GONE
+            counts[state.N_GONE] += 1
         # a body that is gone loses its neighbours by the same way
         if event & (MOVED_FAR | BELOW_FLOOR):
             mark_moved(grid, counts, i)
@@ -231,21 +233,21 @@ def sum_loads(bodies, tile_number, scratch):
         k]`, and `body_tile` names the rows.
     """
     base = tile_number * LANES
-    for place in range(st.LOAD_COLUMNS * LANES):
+    for place in range(state.LOAD_COLUMNS * LANES):
         scratch[LOAD + place] = 0.0
     for share in range(bodies.load.shape[0]):
         if bodies.touched[share, tile_number]:
             bodies.touched[share, tile_number] = 0
             load = bodies.load[share]
             # copy the share to the rows MORE, and add these to the sum
-            gather(load, st.LOAD_COLUMNS, bodies.every, base, scratch, MORE)
-            for place in range(st.LOAD_COLUMNS * LANES):
+            gather(load, state.LOAD_COLUMNS, bodies.indices, base, scratch, MORE)
+            for place in range(state.LOAD_COLUMNS * LANES):
                 scratch[LOAD + place] += scratch[MORE + place]
             load[base : base + LANES] = 0.0
 
 
 @inlined
-def move_only_load(bodies, tile_number, scratch):
+def move_single_load(bodies, tile_number, scratch):
     """Move the only share of a tile's loads to the rows LOAD.
 
     Parameters
@@ -260,12 +262,12 @@ def move_only_load(bodies, tile_number, scratch):
     """
     base = tile_number * LANES
     load = bodies.load[0]
-    gather(load, st.LOAD_COLUMNS, bodies.every, base, scratch, LOAD)
+    gather(load, state.LOAD_COLUMNS, bodies.indices, base, scratch, LOAD)
     load[base : base + LANES] = 0.0
 
 
 @inlined
-def fetch_next(bodies, tile_number):
+def prefetch_tile_ahead(bodies, tile_number):
     """Ask for the data of the tile after the next one: its rows, loads and motion.
 
     In a large simulation they are not in the cache. When the step comes to that tile,
@@ -293,9 +295,9 @@ def fetch_next(bodies, tile_number):
         if bodies.touched[share, next_tile]:
             for i in range(base, base + LANES):
                 prefetch(bodies.load[share], i, 0)
-    # of a tile at rest, only the row RELIST of the motion is read
-    first = QUATERNION if is_turning else RELIST
-    end = st.RADIUS + LANES if is_turning else INVERSE_MOMENTS
+    # of a tile at rest, only the row RENEWAL of the motion is read
+    first = QUATERNION if is_turning else RENEWAL
+    end = state.RADIUS + LANES if is_turning else INVERSE_MOMENTS
     for place in range(first, end, WIDTH):
         prefetch(bodies.motion, next_tile, place)
 
@@ -321,7 +323,7 @@ def scatter_rows(bodies, base, scratch, columns):
             lanes_to_rows(
                 bodies.rows,
                 column,
-                bodies.every,
+                bodies.indices,
                 base + lane,
                 scratch,
                 ROWS + column * LANES + lane,
@@ -334,7 +336,7 @@ def integrate(bodies, counts, physics, scratch, begin, end):
     """Advance bodies `begin` to `end` by one step, and clear their loads.
 
     Where the loads have several shares, the longest path of each tile is written to
-    `bodies.longest` and subtracted from `bodies.wall_margin`.
+    `bodies.longest_path` and subtracted from `bodies.wall_margin`.
 
     Parameters
     ----------
@@ -362,7 +364,7 @@ def integrate(bodies, counts, physics, scratch, begin, end):
     gx, gy, gz = vector_at(physics.gravity, 0)
     frame_x, frame_y, frame_z = vector_at(physics.rolling_frame, 0)
     columns = bodies.rows.shape[1]
-    last = min(counts[st.N_BODIES], end)
+    last = min(counts[state.N_BODIES], end)
     n_shares = bodies.load.shape[0]
     n_events = 0
     for base in range(begin, last, LANES):
@@ -372,14 +374,14 @@ def integrate(bodies, counts, physics, scratch, begin, end):
         # Of a tile in which nothing turned, only the first eight columns are read and
         # written: position, velocity, inverse mass.
         n_read = WIDTH if is_resting else columns
-        gather(bodies.rows, n_read, bodies.every, base, scratch, ROWS)
+        gather(bodies.rows, n_read, bodies.indices, base, scratch, ROWS)
         if n_shares > 1:
-            fetch_next(bodies, tile)
+            prefetch_tile_ahead(bodies, tile)
             sum_loads(bodies, tile, scratch)
         else:
-            move_only_load(bodies, tile, scratch)
+            move_single_load(bodies, tile, scratch)
         move_centres(scratch, gx, gy, gz, dt)
-        if physics.parts == st.SPHERES:
+        if physics.parts == state.SPHERES:
             is_turning = rotate_spheres(
                 scratch, motion, dt, is_resting, frame_x, frame_y, frame_z
             )
@@ -398,7 +400,7 @@ def integrate(bodies, counts, physics, scratch, begin, end):
         bodies.resting[tile] = 0 if is_turning else 1
         n_written = columns if is_turning else n_read
         scatter_rows(bodies, base, scratch, n_written)
-        n_in_tile = count_events(
+        n_in_tile = add_paths_and_count_events(
             scratch,
             motion,
             bodies.displacement,
@@ -409,20 +411,22 @@ def integrate(bodies, counts, physics, scratch, begin, end):
         # few tiles have events, so the others skip the loop over the lanes
         if n_in_tile > 0:
             for lane in range(min(LANES, last - base)):
-                event = find_events(bodies, physics, scratch, motion, lane, base + lane)
+                event = find_body_events(
+                    bodies, physics, scratch, motion, lane, base + lane
+                )
                 if event:
                     bodies.event[base + lane] = event
                     bodies.events[begin + n_events] = base + lane
                     n_events += 1
         if n_shares > 1:
             longest = longest_path(scratch)
-            bodies.longest[tile] = longest
+            bodies.longest_path[tile] = longest
             bodies.wall_margin[tile] -= longest
     return n_events
 
 
 @kernel
-def place_shape(bodies, i, parts, scratch):
+def write_body_shape(bodies, i, parts, scratch):
     """Write inverse inertia and shape of body i to its row, as it is oriented now.
 
     No body moves, and no other row changes. It is called when a body is added.
@@ -442,12 +446,12 @@ def place_shape(bodies, i, parts, scratch):
     """
     motion = bodies.motion[i // LANES]
     lane = i % LANES
-    if parts == st.SPHERES:
-        bodies.rows[i, st.SPHERE_RADIUS] = motion[st.RADIUS + lane]
+    if parts == state.SPHERES:
+        bodies.rows[i, state.SPHERE_RADIUS] = motion[state.RADIUS + lane]
         return
     write_shapes(scratch, motion, parts)
     # the columns of the inverse inertia, then those of the shape
-    for column in range(st.INVERSE_INERTIA, SHAPE + max(PART * parts, 4)):
+    for column in range(state.INVERSE_INERTIA, SHAPE + max(PART * parts, 4)):
         bodies.rows[i, column] = scratch[ROWS + column * LANES + lane]
 
 
@@ -465,9 +469,9 @@ def stop_body(bodies, i):
         Index of the body.
     """
     row = bodies.rows[i]
-    set_vector(row, st.VELOCITY, 0.0, 0.0, 0.0)
-    set_vector(row, st.ANGULAR_VELOCITY, 0.0, 0.0, 0.0)
-    row[st.INVERSE_MASS] = 0.0
+    set_vector(row, state.VELOCITY, 0.0, 0.0, 0.0)
+    set_vector(row, state.ANGULAR_VELOCITY, 0.0, 0.0, 0.0)
+    row[state.INVERSE_MASS] = 0.0
     write_vector(bodies.motion[i // LANES], ANGULAR_MOMENTUM, i % LANES, 0.0, 0.0, 0.0)
     # no wall is searched again
     bodies.wall_check[i] = math.inf

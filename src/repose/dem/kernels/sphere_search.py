@@ -6,37 +6,36 @@ of each of its spheres. There are two kinds of check.
 
 * A full search computes the gaps of all pairs of spheres. After it, the entry *watches*
   the nearest pairs that do not touch, each with a limit of its own. All other pairs
-  share the limit `near_rest`: the displacements at this search plus their smallest gap.
-* Until `near_rest` is reached, a check computes the gaps of only those watched pairs
+  share the limit `unwatched_limit`: the displacements at this search plus their smallest gap.
+* Until `unwatched_limit` is reached, a check computes the gaps of only those watched pairs
 that
   have reached their own limits.
 
 A pair of spheres whose contact ends is watched, too. Where no slot is free for it, it
-lowers `near_rest` instead.
+lowers `unwatched_limit` instead.
 
 Reads `Bodies.rows`, `Bodies.displacement` and `Clumps`. Writes the contacts and entries
 of `SpherePairs`, `counts`, and `scratch` (`Scratch.spheres`).
 
 `scratch` is a flat array. The spheres of a body are four rows of MOST_SPHERES
 numbers (x, y, z, radius); sphere k of body A has
-scratch[PLACES_A + row * MOST_SPHERES + k].
+scratch[SPHERES_A + row * MOST_SPHERES + k].
 """
 
 import math
 
 import numpy as np
 
-from . import clump_tile as ct
-from . import state as st
+from . import clump_tile, state
 from .clumps import (
-    SLOTS,
+    MOST_WATCHED,
     SPHERE_RADIUS_ROW,
     add_entry,
     add_sphere_contact,
     drop_entry,
     drop_sphere_contact,
     is_set,
-    largest_size,
+    largest_sphere_count,
 )
 from .jit import inlined, kernel
 from .neighbours import find_next_due
@@ -44,23 +43,23 @@ from .rows import vector_at
 from .state import MOST_SPHERES, POSITION, SHAPE, bounding_radius
 
 # Pairs that are watched after a full search; the other slots are for contacts that end.
-WATCHED = SLOTS - 4
+WATCHED_AFTER_SEARCH = MOST_WATCHED - 4
 # Places in the scratch: the spheres of A and those of B, four rows each.
-PLACES_A = 0
-PLACES_B = 4 * MOST_SPHERES
+SPHERES_A = 0
+SPHERES_B = 4 * MOST_SPHERES
 # Of one sphere of A and each sphere of B: the squared distance of their centres, and by
 # how much it exceeds that of a pair whose gap is calculated.
-SQUARES = 8 * MOST_SPHERES
+SQUARED_DISTANCES = 8 * MOST_SPHERES
 EXCESS = 9 * MOST_SPHERES
 # The smallest gaps, in increasing order, and the spheres of A and B that have them.
 GAPS = 10 * MOST_SPHERES
-GAPS_SPHERE_A = GAPS + st.SMALLEST_GAPS
-GAPS_SPHERE_B = GAPS + 2 * st.SMALLEST_GAPS
-LARGEST_GAP = GAPS + WATCHED  # place of the largest of the smallest gaps
+GAPS_SPHERE_A = GAPS + state.SMALLEST_GAPS
+GAPS_SPHERE_B = GAPS + 2 * state.SMALLEST_GAPS
+LARGEST_GAP = GAPS + WATCHED_AFTER_SEARCH  # place of the largest of the smallest gaps
 
 
 @inlined
-def place_spheres(row, spheres, n_spheres, scale, x0, y0, z0, scratch, first):
+def write_sphere_positions(row, spheres, n_spheres, scale, x0, y0, z0, scratch, first):
     """Write centres and radii of all spheres of a clump to scratch, in world axes.
 
     Parameters
@@ -78,7 +77,7 @@ def place_spheres(row, spheres, n_spheres, scale, x0, y0, z0, scratch, first):
     scratch : array
         Four rows of MOST_SPHERES numbers (x, y, z, radius) are written [m].
     first : int
-        Place of the first row: PLACES_A or PLACES_B.
+        Place of the first row: SPHERES_A or SPHERES_B.
     """
     # The quaternion (qw, qx, qy, qz) turns the spheres' centres into the world.
     qw = row[SHAPE]
@@ -86,7 +85,7 @@ def place_spheres(row, spheres, n_spheres, scale, x0, y0, z0, scratch, first):
     body_x, body_y, body_z = vector_at(row, POSITION)
     dx, dy, dz = body_x - x0, body_y - y0, body_z - z0
     for k in range(n_spheres):
-        turned_x, turned_y, turned_z = ct.rotated_vector(
+        turned_x, turned_y, turned_z = clump_tile.rotated_vector(
             qw, qx, qy, qz, spheres[0, k], spheres[1, k], spheres[2, k]
         )
         scratch[first + k] = dx + scale * turned_x
@@ -96,10 +95,10 @@ def place_spheres(row, spheres, n_spheres, scale, x0, y0, z0, scratch, first):
 
 
 @inlined
-def placed_centre(scratch, first, k):
-    """Return the centre of a sphere that `place_spheres` wrote [m].
+def read_sphere_centre(scratch, first, k):
+    """Return the centre of a sphere that `write_sphere_positions` wrote [m].
 
-    `first` is PLACES_A or PLACES_B, k the number of the sphere in its body.
+    `first` is SPHERES_A or SPHERES_B, k the number of the sphere in its body.
     """
     return (
         scratch[first + k],
@@ -109,16 +108,16 @@ def placed_centre(scratch, first, k):
 
 
 @inlined
-def placed_radius(scratch, first, k):
-    """Return the radius of a sphere that `place_spheres` wrote [m].
+def read_sphere_radius(scratch, first, k):
+    """Return the radius of a sphere that `write_sphere_positions` wrote [m].
 
-    `first` is PLACES_A or PLACES_B, k the number of the sphere in its body.
+    `first` is SPHERES_A or SPHERES_B, k the number of the sphere in its body.
     """
     return scratch[first + 3 * MOST_SPHERES + k]
 
 
 @inlined
-def compare_distances(scratch, a, n_spheres, limit):
+def count_near_spheres(scratch, a, n_spheres, limit):
     """Find which spheres of clump B have a gap below a limit to one sphere of clump A.
 
     No roots are needed: squared distances are compared.
@@ -126,8 +125,8 @@ def compare_distances(scratch, a, n_spheres, limit):
     Parameters
     ----------
     scratch : array
-        The spheres of both clumps, see `place_spheres`. For each sphere of B, the
-        squared distance of the centres is written to the row SQUARES, and to the row
+        The spheres of both clumps, see `write_sphere_positions`. For each sphere of B, the
+        squared distance of the centres is written to the row SQUARED_DISTANCES, and to the row
         EXCESS by how much it exceeds that of a pair with the gap `limit`.
     a : int
         Number of the sphere of A.
@@ -141,32 +140,32 @@ def compare_distances(scratch, a, n_spheres, limit):
     int
         Number of spheres of B whose gap to the sphere a is below the limit.
     """
-    x, y, z = placed_centre(scratch, PLACES_A, a)
-    reach = placed_radius(scratch, PLACES_A, a) + limit
+    x, y, z = read_sphere_centre(scratch, SPHERES_A, a)
+    reach = read_sphere_radius(scratch, SPHERES_A, a) + limit
     n_near = 0
     for b in range(n_spheres):
-        bx, by, bz = placed_centre(scratch, PLACES_B, b)
+        bx, by, bz = read_sphere_centre(scratch, SPHERES_B, b)
         dx = bx - x
         dy = by - y
         dz = bz - z
         # the distance of two centres whose spheres have the gap `limit`
-        distance = reach + placed_radius(scratch, PLACES_B, b)
+        distance = reach + read_sphere_radius(scratch, SPHERES_B, b)
         square = dx * dx + dy * dy + dz * dz
         excess = square - distance * distance
-        scratch[SQUARES + b] = square
+        scratch[SQUARED_DISTANCES + b] = square
         scratch[EXCESS + b] = excess
         n_near += 1 if excess < 0.0 else 0
     return n_near
 
 
 @inlined
-def keep_gap(scratch, gap, a, b):
+def insert_gap(scratch, gap, a, b):
     """Insert a gap into the sorted smallest gaps, in place of the largest of them.
 
     Parameters
     ----------
     scratch : array
-        The WATCHED + 1 smallest gaps [m] so far are in the row GAPS, in increasing
+        The WATCHED_AFTER_SEARCH + 1 smallest gaps [m] so far are in the row GAPS, in increasing
         order, and the spheres of A and B that have them in the rows GAPS_SPHERE_A,
         GAPS_SPHERE_B.
     gap : float
@@ -174,7 +173,7 @@ def keep_gap(scratch, gap, a, b):
     a, b : int
         Numbers of the spheres of A and B that have it.
     """
-    place = WATCHED
+    place = WATCHED_AFTER_SEARCH
     # move the larger gaps one place up
     while place > 0 and scratch[GAPS + place - 1] > gap:
         scratch[GAPS + place] = scratch[GAPS + place - 1]
@@ -187,7 +186,7 @@ def keep_gap(scratch, gap, a, b):
 
 
 @inlined
-def watch_nearest(bodies, pairs, entry, i, j, skin, scratch):
+def watch_nearest_spheres(bodies, pairs, entry, i, j, skin, scratch):
     """Let an entry watch the pairs of spheres with the smallest gaps.
 
     This follows a full search.
@@ -207,18 +206,18 @@ def watch_nearest(bodies, pairs, entry, i, j, skin, scratch):
     skin : float
         Gaps of this size or more are not watched [m].
     scratch : array
-        Has the smallest gaps, see `keep_gap`.
+        Has the smallest gaps, see `insert_gap`.
     """
     displacements = bodies.displacement[i] + bodies.displacement[j]
     slot = 0
-    while slot < WATCHED and scratch[GAPS + slot] < skin:
+    while slot < WATCHED_AFTER_SEARCH and scratch[GAPS + slot] < skin:
         pairs.watched[entry, slot, 0] = np.uint8(scratch[GAPS_SPHERE_A + slot])
         pairs.watched[entry, slot, 1] = np.uint8(scratch[GAPS_SPHERE_B + slot])
         pairs.watched_limit[entry, slot] = displacements + scratch[GAPS + slot]
         slot += 1
     pairs.n_watched[entry] = slot
     pairs.near_limit[entry] = displacements + scratch[GAPS]
-    pairs.near_rest[entry] = displacements + scratch[LARGEST_GAP]
+    pairs.unwatched_limit[entry] = displacements + scratch[LARGEST_GAP]
 
 
 @kernel
@@ -255,14 +254,14 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch
         smaller [m].
     """
     rows = bodies.rows
-    skin = grid.lengths[st.SKIN]
+    skin = grid.lengths[state.SKIN]
     shape_a = clumps.shape[i]
     shape_b = clumps.shape[j]
     n_a = clumps.sizes[shape_a]
     n_b = clumps.sizes[shape_b]
     # Places relative to the centre of A lose fewer digits than those in the world.
     x, y, z = vector_at(rows[i], POSITION)
-    place_spheres(
+    write_sphere_positions(
         rows[i],
         clumps.spheres[shape_a],
         n_a,
@@ -271,9 +270,9 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch
         y,
         z,
         scratch,
-        PLACES_A,
+        SPHERES_A,
     )
-    place_spheres(
+    write_sphere_positions(
         rows[j],
         clumps.spheres[shape_b],
         n_b,
@@ -282,41 +281,41 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch
         y,
         z,
         scratch,
-        PLACES_B,
+        SPHERES_B,
     )
     bx, by, bz = vector_at(rows[j], POSITION)
     bx, by, bz = bx - x, by - y, bz - z  # the centre of B
     radius_b = bounding_radius(bodies, j)
-    largest = largest_size(clumps)
-    for k in range(WATCHED + 1):
+    largest = largest_sphere_count(clumps)
+    for k in range(WATCHED_AFTER_SEARCH + 1):
         scratch[GAPS + k] = skin
     for a in range(n_a):
         # Only gaps below the largest of the smallest ones matter.
         limit = scratch[LARGEST_GAP]
-        ax, ay, az = placed_centre(scratch, PLACES_A, a)
+        ax, ay, az = read_sphere_centre(scratch, SPHERES_A, a)
         # a sphere of A that is far from the bounding sphere of B is skipped
         dx, dy, dz = ax - bx, ay - by, az - bz
-        radius_a = placed_radius(scratch, PLACES_A, a)
+        radius_a = read_sphere_radius(scratch, SPHERES_A, a)
         reach = radius_a + radius_b + limit
         if (
             dx * dx + dy * dy + dz * dz >= reach * reach
-            or compare_distances(scratch, a, n_b, limit) == 0
+            or count_near_spheres(scratch, a, n_b, limit) == 0
         ):
             continue
         for b in range(n_b):
             # spheres with larger gaps, and those that are in contact already, are
             # skipped
             if scratch[EXCESS + b] >= 0.0 or (
-                entry >= 0 and is_set(pairs.known[entry], a * largest + b)
+                entry >= 0 and is_set(pairs.touching_bits[entry], a * largest + b)
             ):
                 continue
-            gap = math.sqrt(scratch[SQUARES + b]) - (
-                radius_a + placed_radius(scratch, PLACES_B, b)
+            gap = math.sqrt(scratch[SQUARED_DISTANCES + b]) - (
+                radius_a + read_sphere_radius(scratch, SPHERES_B, b)
             )
             # spheres that are apart: keep the gap if it is among the smallest
             if gap > 0.0:
                 if gap < scratch[LARGEST_GAP]:
-                    keep_gap(scratch, gap, a, b)
+                    insert_gap(scratch, gap, a, b)
                 continue
             if entry < 0:
                 entry = add_entry(pairs, counts, grid, i, j)
@@ -325,7 +324,7 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch
     if entry < 0 and scratch[GAPS] < skin:
         entry = add_entry(pairs, counts, grid, i, j)
     if entry >= 0:
-        watch_nearest(bodies, pairs, entry, i, j, skin, scratch)
+        watch_nearest_spheres(bodies, pairs, entry, i, j, skin, scratch)
     return scratch[GAPS]
 
 
@@ -351,7 +350,7 @@ def sphere_in_world(bodies, clumps, i, k):
     qw = row[SHAPE]
     qx, qy, qz = vector_at(row, SHAPE + 1)
     body_x, body_y, body_z = vector_at(row, POSITION)
-    turned_x, turned_y, turned_z = ct.rotated_vector(
+    turned_x, turned_y, turned_z = clump_tile.rotated_vector(
         qw, qx, qy, qz, spheres[0, k], spheres[1, k], spheres[2, k]
     )
     return (
@@ -384,7 +383,7 @@ def sphere_gap(bodies, clumps, i, j, a, b):
 
 
 @inlined
-def forget_watched(pairs, entry, k):
+def drop_watched_pair(pairs, entry, k):
     """Remove a pair of spheres from those that an entry watches.
 
     The last watched pair moves to its place.
@@ -406,7 +405,7 @@ def forget_watched(pairs, entry, k):
 
 
 @inlined
-def check_watched(bodies, pairs, counts, clumps, entry, i, j):
+def check_watched_pairs(bodies, pairs, counts, clumps, entry, i, j):
     """Check the watched pairs of spheres of one entry that are due.
 
     Pairs that touch become contacts, the others get new limits. A pair is due when the
@@ -431,7 +430,7 @@ def check_watched(bodies, pairs, counts, clumps, entry, i, j):
         Place of the entry, and its two bodies.
     """
     displacements = bodies.displacement[i] + bodies.displacement[j]
-    next_check = pairs.near_rest[entry]
+    next_check = pairs.unwatched_limit[entry]
     slot = 0
     while slot < pairs.n_watched[entry]:
         limit = pairs.watched_limit[entry, slot]
@@ -442,7 +441,7 @@ def check_watched(bodies, pairs, counts, clumps, entry, i, j):
             if gap <= 0.0:
                 add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b)
                 # another pair is at this slot now, so the slot does not grow
-                forget_watched(pairs, entry, slot)
+                drop_watched_pair(pairs, entry, slot)
                 continue
             limit = displacements + gap
             pairs.watched_limit[entry, slot] = limit
@@ -479,20 +478,20 @@ def update_near_clumps(bodies, pairs, counts, grid, clumps, scratch, ghost):
     first = pairs.near_first
     second = pairs.near_second
     limit = pairs.near_limit
-    n_entries = counts[st.N_NEAR]
+    n_entries = counts[state.N_NEAR]
     entry = find_next_due(bodies.displacement, first, second, limit, 0, n_entries)
     while entry < n_entries:
         i = np.int64(first[entry])
         j = np.int64(second[entry])
         displacements = bodies.displacement[i] + bodies.displacement[j]
         # Until the limit of all other pairs of spheres, only watched pairs are checked.
-        if displacements < pairs.near_rest[entry]:
-            check_watched(bodies, pairs, counts, clumps, entry, i, j)
+        if displacements < pairs.unwatched_limit[entry]:
+            check_watched_pairs(bodies, pairs, counts, clumps, entry, i, j)
         else:
             gap = search_all_spheres(
                 bodies, pairs, counts, grid, clumps, entry, i, j, scratch
             )
-            if gap >= grid.lengths[st.SKIN] and pairs.live[entry] == 0:
+            if gap >= grid.lengths[state.SKIN] and pairs.n_contacts[entry] == 0:
                 drop_entry(pairs, counts, grid, entry, ghost)
         entry = find_next_due(
             bodies.displacement, first, second, limit, entry + 1, n_entries
@@ -500,7 +499,7 @@ def update_near_clumps(bodies, pairs, counts, grid, clumps, scratch, ghost):
 
 
 @inlined
-def list_clumps(bodies, pairs, counts, grid, clumps, i, j, scratch):
+def add_clump_pair_if_near(bodies, pairs, counts, grid, clumps, i, j, scratch):
     """Make an entry of two clumps that have none, where they are nearer than the skin.
 
     Their bounding spheres are compared first.
@@ -527,7 +526,7 @@ def list_clumps(bodies, pairs, counts, grid, clumps, i, j, scratch):
     bx, by, bz = vector_at(bodies.rows[j], POSITION)
     dx, dy, dz = bx - ax, by - ay, bz - az
     radii = bounding_radius(bodies, i) + bounding_radius(bodies, j)
-    reach = radii + grid.lengths[st.SKIN]
+    reach = radii + grid.lengths[state.SKIN]
     if dx * dx + dy * dy + dz * dz < reach * reach:
         # -1: there is no entry yet
         search_all_spheres(bodies, pairs, counts, grid, clumps, -1, i, j, scratch)
@@ -571,11 +570,11 @@ def retire_spheres(bodies, pairs, counts, clumps, n_ended, ghost):
         pairs.near_limit[entry] = min(pairs.near_limit[entry], limit)
         # Watch them, or, where no slot is free, let the next full search come earlier.
         slot = pairs.n_watched[entry]
-        if slot < SLOTS:
+        if slot < MOST_WATCHED:
             pairs.watched[entry, slot, 0] = pairs.spheres[contact, 0]
             pairs.watched[entry, slot, 1] = pairs.spheres[contact, 1]
             pairs.watched_limit[entry, slot] = limit
             pairs.n_watched[entry] = slot + 1
         else:
-            pairs.near_rest[entry] = min(pairs.near_rest[entry], limit)
+            pairs.unwatched_limit[entry] = min(pairs.unwatched_limit[entry], limit)
         drop_sphere_contact(pairs, counts, clumps, contact, ghost)

@@ -18,7 +18,7 @@ BLOCK = 256  # near pairs of a large simulation that are checked together
 MOST_GROUPS = 60  # groups of bodies; each group is one bit of an int64
 # Velocities and springs below this size are set to zero [SI units]. The square of this
 # number is not denormal yet.
-DEAD = 1e-100
+TINY = 1e-100
 # Sums of path lengths over some thousand steps are exact to this distance [m].
 ROUNDING = 1e-12
 
@@ -53,11 +53,11 @@ DASHPOTS = 7  # sum of tangential dashpots times the squares of their arms
 LOAD_COLUMNS = 8
 
 # ---- Rows of a tile of `Bodies.motion` ----------------------------------------------
-# Data that only the motion of a body needs. For a tile at rest, a step reads only RELIST.
+# Data that only the motion of a body needs. For a tile at rest, a step reads only RENEWAL.
 _motion = Rows()
 QUATERNION = _motion.take(4)  # (w, x, y, z), from the body's axes to the world's
 ANGULAR_MOMENTUM = _motion.take(3)
-RELIST = _motion.take()  # displacement at which the neighbours are listed anew
+RENEWAL = _motion.take()  # displacement at which the neighbours are listed anew
 INVERSE_MOMENTS = _motion.take(3)  # 1 / principal moments of inertia
 SQUARES = _motion.take(3 * MOST_PARTS)  # squared semi-axes of each part
 RADIUS = _motion.take()  # bounding radius
@@ -76,7 +76,7 @@ PAIR_STATE = _pair.end
 _wall = Rows(_pair.end)
 AZIMUTH = OFFSET = _wall.take()
 MIDDLE = GAP = _wall.take(3)
-RADIUS2 = _wall.take()
+SQUARED_RADIUS = _wall.take()
 WALL_STATE = _wall.end
 
 # ---- Places in `counts` -------------------------------------------------------------
@@ -140,14 +140,14 @@ class Bodies(NamedTuple):
     displacement: Any  # (N,): how far any point of the body may have moved until now
     wall_check: Any  # (N,): displacement of body and walls at the next check of walls
     presence: Any  # (N,): ABSENT, PRESENT or GONE
-    passed: Any  # (N,): 1 once the body is below the curved walls
+    below_curved_walls: Any  # (N,): 1 once the body is below the curved walls
     exit_time: Any  # (N,): when it fell through the exit height [s]; NaN before
-    every: Any  # (N,): 0, 1, 2, ...: the index with which `simd` reads a whole tile
+    indices: Any  # (N,): 0, 1, 2, ...: the index with which `simd` reads a whole tile
     resting: Any  # (T,): 1 where no body of the tile turned in the last step
-    kind: Any  # (N,): number of the material
+    material: Any  # (N,): number of the material
     event: Any  # (N,): bits of the events of a body, see `rigid`
     events: Any  # (N,): the bodies with events
-    longest: Any  # (T,): longest path of the tile's bodies in the last step
+    longest_path: Any  # (T,): longest path of the tile's bodies in the last step
     wall_margin: Any  # (T,): the way left until a body of the tile is due for walls
 
 
@@ -199,11 +199,11 @@ class WallContacts(NamedTuple):
     ended: Any  # (contacts,): contacts that ended in this step
     # (W, N), smooth bodies: the largest overlap with which a contact may begin. It is
     # infinite unless the body is past the wall, see `walls`.
-    deepest: Any
+    allowed_overlap: Any
     # (W, N), clumps: which spheres of a body touch the wall, and which are past it, as
     # bits. Those of meshes are written anew in every step. Empty tuples for smooth bodies.
-    known: Any
-    past: Any
+    touching_bits: Any
+    past_bits: Any
 
 
 class Walls(NamedTuple):
@@ -216,7 +216,7 @@ class Walls(NamedTuple):
     displaced: Any  # (C + M,): 1 where the frame is not the world's
     motion: Any  # (walls, 9): velocity, angular velocity, pivot
     moves: Any  # (walls,): 1 where the wall moves
-    material: Any  # (walls,): number of the material, as `Bodies.kind`
+    material: Any  # (walls,): number of the material, as `Bodies.material`
     approach: Any  # (3,): see WALL_PATH, WALL_SPEED, WALLS_MOVE
     loads: Any  # (walls, 6): force and torque about the origin; (0, 6) if not asked for
 
@@ -246,10 +246,10 @@ class Shared(NamedTuple):
     """What the threads of a simulation share, see `parallel`."""
 
     counters: Any  # (BARRIER_SIZE,): counters of the barrier
-    orders: Any  # (1,): 1 when all threads have to stop
+    flags: Any  # (1,): 1 when all threads have to stop
     begins: Any  # (SHARES,): first item of each share
-    numbers: Any  # (SHARES,): number of items that a share found
-    due: Any  # near pairs that touch, each share's from its begin on
+    n_found: Any  # (SHARES,): number of items that a share found
+    touching: Any  # near pairs that touch, each share's from its begin on
 
 
 class Scratch(NamedTuple):
@@ -273,16 +273,16 @@ SCRATCH = _SPHERES_BEGIN + 10 * MOST_SPHERES + 3 * SMALLEST_GAPS
 
 
 @inlined
-def alive(value):
-    """Return a velocity, spring or path, or 0.0 where its size is below DEAD.
+def flush_tiny(value):
+    """Return a velocity, spring or path, or 0.0 where its size is below TINY.
 
     Decay leads to denormal numbers, with which processors are slow.
     """
-    return 0.0 if abs(value) < DEAD else value
+    return 0.0 if abs(value) < TINY else value
 
 
 @inlined
-def scratch_of(numbers):
+def split_scratch(numbers):
     """Return the `Scratch` whose arrays are views of one array of SCRATCH numbers.
 
     Kernels allocate nothing, so Python makes this array for each thread.
@@ -312,12 +312,12 @@ def share_column(parts):
     return SPHERE_RADIUS + 1 if parts == SPHERES else SHAPE + max(PART * parts, 4)
 
 
-def row_end(parts):
+def count_columns(parts):
     """Return the number of columns of `Bodies.rows` in use; `parts` as in `Physics`."""
     return share_column(parts) + 1
 
 
-def zeros(*shape):
+def aligned_zeros(*shape):
     """Return an array of zeros that begins at a cache line, of the given shape.
 
     A vector that straddles two cache lines costs twice.
@@ -329,7 +329,7 @@ def zeros(*shape):
     return padded[skip : skip + size].reshape(shape)
 
 
-def each(names, shape, kind, value=0):
+def equal_arrays(names, shape, kind, value=0):
     """Make several equal arrays; return a dict of them by name.
 
     Parameters
@@ -375,36 +375,38 @@ def new_bodies(n, parts, shares=1):
     n_tiles = n // LANES + 1
     n_places = LANES * n_tiles
     # a row has whole cache lines
-    columns = CACHE_LINE * -(-row_end(parts) // CACHE_LINE)
+    columns = CACHE_LINE * -(-count_columns(parts) // CACHE_LINE)
     # a small shape of all bodies; their mass is 0
-    rows = zeros(n_places, columns)
+    rows = aligned_zeros(n_places, columns)
     if parts == SPHERES:
         rows[:, SPHERE_RADIUS] = 1e-3
     else:
         diagonal = [SHAPE, SHAPE + 3, SHAPE + 5]  # xx, yy, zz
         rows[:, diagonal] = 1e-6
     rows[:, share_column(parts)] = 1.0
-    motion = zeros(n_tiles, MOTION_ROWS * LANES)
+    motion = aligned_zeros(n_tiles, MOTION_ROWS * LANES)
     motion[:, QUATERNION : QUATERNION + LANES] = 1.0  # w of (w, x, y, z)
     motion[:, RADIUS : RADIUS + LANES] = 1e-3
     motion[:, SQUARES : SQUARES + 3 * LANES] = 1e-6
     return Bodies(
         rows=rows,
-        load=zeros(shares, n_places, LOAD_COLUMNS),
+        load=aligned_zeros(shares, n_places, LOAD_COLUMNS),
         touched=np.zeros((shares, n_tiles), np.uint8),
         motion=motion,
-        displacement=zeros(n_places),
+        displacement=aligned_zeros(n_places),
         wall_check=np.full(n_places, np.inf),
-        **each("presence passed kind event", n_places, np.uint8),
+        **equal_arrays(
+            "presence below_curved_walls material event", n_places, np.uint8
+        ),
         exit_time=np.full(n_places, np.nan),
-        every=np.arange(n_places, dtype=np.uint32),
+        indices=np.arange(n_places, dtype=np.uint32),
         resting=np.zeros(n_tiles, np.uint8),
         events=np.zeros(n_places, np.int64),
-        **each("longest wall_margin", n_tiles, float),
+        **equal_arrays("longest_path wall_margin", n_tiles, float),
     )
 
 
-def lanes_of(motion, row, columns, n):
+def copy_motion(motion, row, columns, n):
     """Copy a quantity of the first n bodies from `Bodies.motion` to a table.
 
     Parameters
@@ -455,10 +457,10 @@ def new_grid(n, lower, upper, cell):
         shape[shape.argmax()] = np.ceil(0.5 * shape.max())
     shape = shape.astype(np.int64)
     return Grid(
-        **each("cell following preceding chain mark", n, np.int64, -1),
+        **equal_arrays("cell following preceding chain mark", n, np.int64, -1),
         head=np.full(int(shape.prod()), -1, np.int64),
         moved=np.zeros(n, np.uint8),
-        **each("moved_list touching near", n, np.int64),
+        **equal_arrays("moved_list touching near", n, np.int64),
         shape=shape,
         origin=lower.copy(),
         lengths=np.array([cell, 0.0, 0.0]),
@@ -483,7 +485,7 @@ def new_contacts(n, rows):
     ndarray (tiles, rows * LANES)
         The tiles.
     """
-    data = zeros(-(-n // LANES), rows * LANES)
+    data = aligned_zeros(-(-n // LANES), rows * LANES)
     normal_z = NORMAL + 2 * LANES
     data[:, normal_z : normal_z + LANES] = 1.0
     return data
@@ -498,7 +500,7 @@ def contact_rows(data, n):
     return data.reshape(-1, rows, LANES).transpose(0, 2, 1).reshape(-1, rows)[:n]
 
 
-def whole_tiles(n):
+def round_up_to_tiles(n):
     """Return a number of contacts, rounded up to whole tiles of LANES contacts."""
     return LANES * -(-n // LANES)
 
@@ -520,18 +522,18 @@ def new_pairs(n_contacts, n_near, ghost, n_state):
     Pairs
         The lists.
     """
-    n_contacts = whole_tiles(n_contacts)
+    n_contacts = round_up_to_tiles(n_contacts)
     return Pairs(
-        **each("first second", n_contacts, np.uint32, ghost),
+        **equal_arrays("first second", n_contacts, np.uint32, ghost),
         data=new_contacts(n_contacts, PAIR_STATE // LANES + n_state),
-        **each("near_first near_second", n_near, np.uint32),
+        **equal_arrays("near_first near_second", n_near, np.uint32),
         near_limit=np.zeros(n_near),
         near_normal=np.zeros((n_near, 3)),
         near_check=np.zeros(n_near // BLOCK + 1),
         near_groups=np.zeros(n_near // BLOCK + 1, np.int64),
         ended=np.zeros(n_contacts, np.int64),
         gap=np.zeros(n_contacts),
-        **each("partner link", 2 * n_contacts, np.int64),
+        **equal_arrays("partner link", 2 * n_contacts, np.int64),
     )
 
 
@@ -556,20 +558,20 @@ def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost, rows, of_clumps):
     WallContacts
         The list.
     """
-    n_contacts = whole_tiles(n_contacts)
+    n_contacts = round_up_to_tiles(n_contacts)
     data = new_contacts(n_contacts, rows)
     # a plane without an edge, until a contact with a disc begins
-    data[:, RADIUS2 : RADIUS2 + LANES] = np.inf
+    data[:, SQUARED_RADIUS : SQUARED_RADIUS + LANES] = np.inf
     if of_clumps:
-        bits = each("known past", (n_walls, n_bodies), np.uint64)
+        bits = equal_arrays("touching_bits past_bits", (n_walls, n_bodies), np.uint64)
     else:
-        bits = {"known": (), "past": ()}
+        bits = {"touching_bits": (), "past_bits": ()}
     return WallContacts(
         body=np.full(n_contacts, ghost, np.uint32),
-        **each("wall feature", n_contacts, np.uint32),
+        **equal_arrays("wall feature", n_contacts, np.uint32),
         data=data,
         limit=np.full((n_walls, n_bodies), -1.0),
         ended=np.zeros(n_contacts, np.int64),
-        deepest=np.full((n_walls, n_bodies), np.inf),
+        allowed_overlap=np.full((n_walls, n_bodies), np.inf),
         **bits,
     )

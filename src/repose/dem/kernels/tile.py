@@ -470,7 +470,7 @@ def is_on_disc(contacts, lane, x, y, z, nx, ny, nz):
     Parameters
     ----------
     contacts : array
-        Tile of contacts with planes; its rows MIDDLE and RADIUS2 are the disc's middle
+        Tile of contacts with planes; its rows MIDDLE and SQUARED_RADIUS are the disc's middle
         [m] and squared radius [m2], infinite for a plane without an edge.
     lane : int
         Lane of the contact in its tile, 0 to LANES - 1.
@@ -484,7 +484,7 @@ def is_on_disc(contacts, lane, x, y, z, nx, ny, nz):
     height = dot(dx, dy, dz, nx, ny, nz)
     # the squared distance from the middle in the plane, by Pythagoras
     square = squared_length(dx, dy, dz) - height * height
-    return square <= contacts[st.RADIUS2 + lane]
+    return square <= contacts[st.SQUARED_RADIUS + lane]
 
 
 @inlined
@@ -501,7 +501,7 @@ def write_plane_geometry(scratch, contacts, parts):
         k]`, and `tile` names the rows.
     contacts : array
         Tile of the contacts: the plane's normal (row NORMAL, into the wall), its OFFSET
-        along the normal, and its disc (MIDDLE, RADIUS2).
+        along the normal, and its disc (MIDDLE, SQUARED_RADIUS).
     parts : int
         Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     """

@@ -48,15 +48,15 @@ from .state import (
 # Concave walls flatter than the body: the relative curvature keeps at least this share
 # of the body's own.
 LEAST_RELATIVE_CURVATURE = 0.1
-NEAREST = 1e-30  # distance of two points that still have a direction [m]
+LEAST_DISTANCE = 1e-30  # distance of two points that still have a direction [m]
 SMALLEST_CIRCLE = 1e-6  # of a cone at a contact; its tip has no curvature [m]
 # Steps of theta [rad]: the longest one, and the one uphill where Newton's method has no
 # maximum to go to.
 LONGEST_TURN = 0.2
 UPHILL_TURN = 0.05
-FLAT = 1e-7  # second derivatives below this size say nothing
+LEAST_SECOND_DERIVATIVE = 1e-7  # second derivatives below this size say nothing
 MOST_ITERATIONS = 40
-CONVERGED = 1e-9  # step at which a search ends [rad]
+STEP_TOLERANCE = 1e-9  # step at which a search ends [rad]
 
 
 @inlined
@@ -77,7 +77,7 @@ def effective_radius(q_uu, q_uw, q_ww, wall_u, wall_w):
 
 
 @inlined
-def limited_turn(turn):
+def limit_turn(turn):
     """Cut a step of an angle [rad] to LONGEST_TURN, whatever its sign."""
     return min(max(turn, -LONGEST_TURN), LONGEST_TURN)
 
@@ -108,7 +108,7 @@ def cone_axes(cone, theta):
 
 
 @inlined
-def cone_slope(row, parts, cone, theta):
+def cone_derivatives(row, parts, cone, theta):
     """Return the first and second derivative of the overlap of a body and a cone.
 
     The overlap phi is a function of an angle about the cone's axis.
@@ -158,10 +158,14 @@ def climb_cone(row, parts, cone, theta):
     theta : float
         The angle about the cone's axis before the step [rad].
     """
-    slope, bend = cone_slope(row, parts, cone, theta)
+    slope, bend = cone_derivatives(row, parts, cone, theta)
     # where phi is not concave, or nearly flat, a short step uphill
-    turn = -slope / bend if bend < -FLAT else math.copysign(UPHILL_TURN, slope)
-    return theta + limited_turn(turn)
+    turn = (
+        -slope / bend
+        if bend < -LEAST_SECOND_DERIVATIVE
+        else math.copysign(UPHILL_TURN, slope)
+    )
+    return theta + limit_turn(turn)
 
 
 @kernel
@@ -210,7 +214,7 @@ def write_cone_contact(row, parts, cone, theta, geometry):
 
 
 @inlined
-def ring_newton(row, parts, ring, theta, nx, ny, nz):
+def make_ring_step(row, parts, ring, theta, nx, ny, nz):
     """Make one Newton step for the distance of a body to the circle of a ring edge.
 
     The unknowns are the angle theta of the nearest point of the circle and the normal
@@ -271,11 +275,11 @@ def ring_newton(row, parts, ring, theta, nx, ny, nz):
     k_w = (a_uu * mixed_w - q_uw * mixed_u) / det
     reduced_bend = bend + mixed_u * k_u + mixed_w * k_w
     reduced_slope = slope + gradient_u * k_u + gradient_w * k_w
-    if reduced_bend > FLAT:
+    if reduced_bend > LEAST_SECOND_DERIVATIVE:
         turn = -reduced_slope / reduced_bend
     else:
         turn = -math.copysign(UPHILL_TURN, reduced_slope)
-    turn = limited_turn(turn)
+    turn = limit_turn(turn)
     # The step of n that belongs to this step of theta.
     gradient_u = gradient_u + mixed_u * turn
     gradient_w = gradient_w + mixed_w * turn
@@ -389,7 +393,7 @@ def solve_cone(row, parts, cone, theta):
     for _ in range(MOST_ITERATIONS):
         turn = climb_cone(row, parts, cone, theta) - theta
         theta += turn
-        if abs(turn) < CONVERGED:
+        if abs(turn) < STEP_TOLERANCE:
             break
     return theta
 
@@ -398,29 +402,29 @@ def solve_cone(row, parts, cone, theta):
 def solve_ring(row, parts, ring, theta, nx, ny, nz):
     """Solve for the nearest point of a ring's circle from a start; return theta and n.
 
-    The arguments are those of `ring_newton`.
+    The arguments are those of `make_ring_step`.
     """
     for _ in range(MOST_ITERATIONS):
-        theta, nx, ny, nz, step = ring_newton(row, parts, ring, theta, nx, ny, nz)
-        if step < CONVERGED:
+        theta, nx, ny, nz, step = make_ring_step(row, parts, ring, theta, nx, ny, nz)
+        if step < STEP_TOLERANCE:
             break
     return theta, nx, ny, nz
 
 
 @inlined
-def azimuth_of(x, y):
+def polar_coordinates(x, y):
     """Return the distance of a place from the axis [m], and cos and sin of its azimuth.
 
     (x, y) is the place as seen along the axis. On the axis the azimuth is 0.
     """
     distance = math.sqrt(x * x + y * y)
-    inverse = 1.0 / max(distance, NEAREST)
-    cos, sin = (x * inverse, y * inverse) if distance > NEAREST else (1.0, 0.0)
+    inverse = 1.0 / max(distance, LEAST_DISTANCE)
+    cos, sin = (x * inverse, y * inverse) if distance > LEAST_DISTANCE else (1.0, 0.0)
     return distance, cos, sin
 
 
 @inlined
-def write_sphere_on_cone(x, y, z, radius, cone, geometry):
+def write_sphere_cone_contact(x, y, z, radius, cone, geometry):
     """Fill `geometry` for a sphere and a cone, in closed form.
 
     Parameters
@@ -440,7 +444,7 @@ def write_sphere_on_cone(x, y, z, radius, cone, geometry):
         negative between them.
     """
     # in the half plane through the axis and the sphere
-    distance, cos, sin = azimuth_of(x, y)
+    distance, cos, sin = polar_coordinates(x, y)
     normal_r = cone[CONE_NORMAL_R]
     normal_z = cone[CONE_NORMAL_Z]
     gap = cone[CONE_OFFSET] - normal_r * distance - normal_z * z - radius
@@ -456,7 +460,7 @@ def write_sphere_on_cone(x, y, z, radius, cone, geometry):
 
 
 @inlined
-def write_sphere_on_ring(x, y, z, radius, ring, geometry):
+def write_sphere_ring_contact(x, y, z, radius, ring, geometry):
     """Fill `geometry` for a sphere and a ring edge, in closed form.
 
     Parameters
@@ -476,11 +480,11 @@ def write_sphere_on_ring(x, y, z, radius, ring, geometry):
         it.
     """
     # In the half plane through the axis and the sphere: from its centre to the circle.
-    distance, cos, sin = azimuth_of(x, y)
+    distance, cos, sin = polar_coordinates(x, y)
     dr = ring[RING_RADIUS] - distance
     dz = ring[RING_HEIGHT] - z
     to_circle = math.sqrt(dr * dr + dz * dz)
-    inverse = 1.0 / max(to_circle, NEAREST)
+    inverse = 1.0 / max(to_circle, LEAST_DISTANCE)
     nr, nz = dr * inverse, dz * inverse  # the normal
     # the curvatures of the edge at this normal, then R* and the gap
     wall_u, wall_w = ring_curvatures(ring, nr)

@@ -12,17 +12,23 @@ the lists and limits of `WallContacts`, `counts`, and scratch arrays.
 
 import math
 
-from . import state as st
-from .clump_walls import find_spheres_at_mesh, find_spheres_at_wall, place_clump
+from . import state
+from .clump_walls import (
+    find_sphere_mesh_contacts,
+    find_sphere_wall_contacts,
+    write_clump_spheres,
+)
 from .jit import inlined, kernel
-from .meshes import find_body_at_mesh
+from .meshes import find_body_mesh_contacts
 from .rows import LANES
 from .state import bounding_radius
-from .walls import search_curved, search_plane
+from .walls import search_curved_wall, search_plane
 
 
 @inlined
-def find_on_plane(bodies, flat, curved, clumps, walls, counts, parts, wall, i, scratch):
+def find_plane_contacts(
+    bodies, flat, curved, clumps, walls, counts, parts, wall, i, scratch
+):
     """Find new contacts of body i with a plane.
 
     Parameters
@@ -60,10 +66,10 @@ def find_on_plane(bodies, flat, curved, clumps, walls, counts, parts, wall, i, s
         return search_plane(
             bodies, flat, curved, counts, parts, plane, wall, i, geometry
         )
-    return find_spheres_at_wall(
+    return find_sphere_wall_contacts(
         bodies,
         flat,
-        st.N_PLANE,
+        state.N_PLANE,
         clumps,
         walls,
         counts,
@@ -75,7 +81,7 @@ def find_on_plane(bodies, flat, curved, clumps, walls, counts, parts, wall, i, s
 
 
 @inlined
-def find_on_curved(
+def find_curved_wall_contacts(
     bodies, curved, clumps, walls, counts, parts, wall, i, path, scratch
 ):
     """Find new contacts of body i with a cone, tube or ring.
@@ -110,13 +116,13 @@ def find_on_curved(
         How far the body may move before the next search [m].
     """
     if len(clumps) == 0:
-        return search_curved(
+        return search_curved_wall(
             bodies, curved, walls, counts, parts, wall, i, path, scratch
         )
-    return find_spheres_at_wall(
+    return find_sphere_wall_contacts(
         bodies,
         curved,
-        st.N_CURVED,
+        state.N_CURVED,
         clumps,
         walls,
         counts,
@@ -128,7 +134,7 @@ def find_on_curved(
 
 
 @kernel
-def search_walls(
+def search_due_walls(
     bodies, flat, curved, clumps, walls, counts, parts, i, path, lowest, scratch
 ):
     """Find new contacts of body i with those planes and curved walls that are due.
@@ -169,26 +175,26 @@ def search_walls(
     """
     # all searches of this body use the places of its spheres
     if len(clumps) > 0:
-        place_clump(bodies, clumps, i, scratch.spheres)
+        write_clump_spheres(bodies, clumps, i, scratch.spheres)
     next_search = math.inf
     # planes that are due; each gets a new limit
     for wall in range(walls.planes.shape[0]):
         if path >= flat.limit[wall, i]:
-            free_distance = find_on_plane(
+            free_distance = find_plane_contacts(
                 bodies, flat, curved, clumps, walls, counts, parts, wall, i, scratch
             )
             flat.limit[wall, i] = path + free_distance
         next_search = min(next_search, flat.limit[wall, i])
     # the highest point of the body at most
-    top = bodies.rows[i, st.POSITION + 2] + bounding_radius(bodies, i)
+    top = bodies.rows[i, state.POSITION + 2] + bounding_radius(bodies, i)
     if top < lowest:
-        bodies.passed[i] = 1
-    if bodies.passed[i]:
+        bodies.below_curved_walls[i] = 1
+    if bodies.below_curved_walls[i]:
         return next_search
     # curved walls that are due
     for wall in range(walls.cones.shape[0] + walls.rings.shape[0]):
         if path >= curved.limit[wall, i]:
-            free_distance = find_on_curved(
+            free_distance = find_curved_wall_contacts(
                 bodies, curved, clumps, walls, counts, parts, wall, i, path, scratch
             )
             curved.limit[wall, i] = path + free_distance
@@ -197,7 +203,7 @@ def search_walls(
 
 
 @inlined
-def search_bodies(
+def search_due_bodies(
     bodies, flat, curved, clumps, walls, counts, parts, lowest, scratch, begin, end
 ):
     """Search the walls for those bodies of a range that are due.
@@ -226,12 +232,12 @@ def search_bodies(
     begin, end : int
         First body of the range, and its end.
     """
-    approach = walls.approach[st.WALL_PATH]
+    approach = walls.approach[state.WALL_PATH]
     for i in range(begin, end):
         # body and wall may have come nearer by this path in all
         path = bodies.displacement[i] + approach
         if path >= bodies.wall_check[i]:
-            bodies.wall_check[i] = search_walls(
+            bodies.wall_check[i] = search_due_walls(
                 bodies,
                 flat,
                 curved,
@@ -247,7 +253,7 @@ def search_bodies(
 
 
 @inlined
-def smallest_margin(bodies, approach, begin, end):
+def smallest_wall_margin(bodies, approach, begin, end):
     """Return the least way left until one of some bodies is due for walls [m].
 
     Parameters
@@ -267,7 +273,9 @@ def smallest_margin(bodies, approach, begin, end):
 
 
 @kernel
-def update_walls(bodies, flat, curved, clumps, walls, counts, parts, lowest, scratch):
+def find_new_wall_contacts(
+    bodies, flat, curved, clumps, walls, counts, parts, lowest, scratch
+):
     """Find new contacts with planes, cones, tubes and rings, of bodies that are due.
 
     In a large simulation whose walls stand still, a tile of LANES bodies is skipped
@@ -296,20 +304,20 @@ def update_walls(bodies, flat, curved, clumps, walls, counts, parts, lowest, scr
     scratch : Scratch
         Working memory of this thread (`state.Scratch`); it is overwritten.
     """
-    n = counts[st.N_BODIES]
+    n = counts[state.N_BODIES]
     # A large simulation has several shares of the loads.
-    if bodies.load.shape[0] == 1 or walls.approach[st.WALLS_MOVE] > 0.0:
-        search_bodies(
+    if bodies.load.shape[0] == 1 or walls.approach[state.WALLS_MOVE] > 0.0:
+        search_due_bodies(
             bodies, flat, curved, clumps, walls, counts, parts, lowest, scratch, 0, n
         )
         return
     # One tile of bodies after another; `base` is the number of its first body.
     for base in range(0, n, LANES):
         tile = base // LANES
-        if bodies.wall_margin[tile] > st.ROUNDING:
+        if bodies.wall_margin[tile] > state.ROUNDING:
             continue
         end = min(base + LANES, n)
-        search_bodies(
+        search_due_bodies(
             bodies,
             flat,
             curved,
@@ -323,12 +331,12 @@ def update_walls(bodies, flat, curved, clumps, walls, counts, parts, lowest, scr
             end,
         )
         # how far the bodies of this tile may move until one of them is due again
-        approach = walls.approach[st.WALL_PATH]
-        bodies.wall_margin[tile] = smallest_margin(bodies, approach, base, end)
+        approach = walls.approach[state.WALL_PATH]
+        bodies.wall_margin[tile] = smallest_wall_margin(bodies, approach, base, end)
 
 
 @inlined
-def find_on_mesh(
+def find_mesh_contacts(
     bodies, meshed, clumps, walls, meshes, counts, parts, mesh, i, scratch
 ):
     """Find new contacts of body i with a mesh.
@@ -366,7 +374,7 @@ def find_on_mesh(
     other_geometry = scratch.other_geometry
     local_row = scratch.local_row
     if len(clumps) == 0:
-        return find_body_at_mesh(
+        return find_body_mesh_contacts(
             bodies,
             meshed,
             walls,
@@ -379,7 +387,7 @@ def find_on_mesh(
             other_geometry,
             local_row,
         )
-    return find_spheres_at_mesh(
+    return find_sphere_mesh_contacts(
         bodies,
         meshed,
         clumps,
@@ -396,7 +404,9 @@ def find_on_mesh(
 
 
 @kernel
-def update_meshes(bodies, meshed, clumps, walls, meshes, counts, parts, scratch):
+def find_new_mesh_contacts(
+    bodies, meshed, clumps, walls, meshes, counts, parts, scratch
+):
     """Find new contacts with meshes, of all present bodies that are due.
 
     A mesh is due when the path of a body has reached `WallContacts.limit`.
@@ -421,14 +431,14 @@ def update_meshes(bodies, meshed, clumps, walls, meshes, counts, parts, scratch)
     scratch : Scratch
         Working memory of this thread (`state.Scratch`); it is overwritten.
     """
-    approach = walls.approach[st.WALL_PATH]
+    approach = walls.approach[state.WALL_PATH]
     for mesh in range(meshes.box.shape[0]):
-        for i in range(counts[st.N_BODIES]):
+        for i in range(counts[state.N_BODIES]):
             # body and mesh may have come nearer by this path in all
             path = bodies.displacement[i] + approach
-            if path < meshed.limit[mesh, i] or bodies.presence[i] != st.PRESENT:
+            if path < meshed.limit[mesh, i] or bodies.presence[i] != state.PRESENT:
                 continue
-            free_distance = find_on_mesh(
+            free_distance = find_mesh_contacts(
                 bodies, meshed, clumps, walls, meshes, counts, parts, mesh, i, scratch
             )
             meshed.limit[mesh, i] = path + free_distance

@@ -1,6 +1,6 @@
 """Contacts of smooth bodies with planes, cones and rings: how they begin and go on.
 
-`search_plane` and `search_curved` look for new contacts of a body; `follow_wall` keeps
+`search_plane` and `search_curved_wall` look for new contacts of a body; `follow_wall_contact` keeps
 a contact with a cone or ring up to date from step to step (see `wall_contact`). Search
 and force ask for the same point of the body, the touching point, whether it lies on the
 wall.
@@ -8,7 +8,7 @@ wall.
 A contact begins where a body in front of the wall reaches it. A body that overlaps the
 wall's surface beyond the wall's end, or from behind, is "past the wall": a contact that
 began with this overlap would throw it. So it has no contact until it has been clear of
-the surface. `WallContacts.deepest` is the largest overlap with which a contact may
+the surface. `WallContacts.allowed_overlap` is the largest overlap with which a contact may
 begin. It is infinite, but for a body past a curved wall it is the overlap at the other
 wall from which the body slides onto this one. For a body past a plane it is 0.0; from a
 curved wall it slides onto the plane with the overlap that it has there at most.
@@ -21,8 +21,7 @@ import math
 
 import numpy as np
 
-from . import contact_geometry as cg
-from . import state as st
+from . import contact_geometry, state
 from .frames import (
     contact_to_world,
     into_frame,
@@ -33,41 +32,41 @@ from .frames import (
 from .geometry import extent, support_terms, tangents
 from .jit import inlined, kernel
 from .lists import move_contact, put_contact
-from .neighbours import take_place
+from .neighbours import reserve_place
 from .rows import LANES, set_vector, vector_at
 from .state import bounding_radius
 from .wall_contact import (
     climb_cone,
-    ring_newton,
+    make_ring_step,
     solve_cone,
     solve_ring,
     write_cone_contact,
     write_ring_contact,
-    write_sphere_on_cone,
-    write_sphere_on_ring,
+    write_sphere_cone_contact,
+    write_sphere_ring_contact,
 )
 
-COSINES = np.cos(2.0 * np.pi * np.arange(st.STARTS) / st.STARTS)
-SINES = np.sin(2.0 * np.pi * np.arange(st.STARTS) / st.STARTS)
+COSINES = np.cos(2.0 * np.pi * np.arange(state.STARTS) / state.STARTS)
+SINES = np.sin(2.0 * np.pi * np.arange(state.STARTS) / state.STARTS)
 # A body that overlaps a curved wall or mesh by more than this share of its bounding
 # radius came from outside, and no contact begins.
-DEEPEST_NEW = 0.3
+LARGEST_NEW_OVERLAP = 0.3
 # Two contacts of one body with one wall closer than this about the axis [rad] are the
 # same contact.
 SAME_AZIMUTH = 0.12
 # A body is searched again after it moved by these shares of its radius, at the latest:
 # where it overlaps a wall's continuation beyond the wall's end, and where its contact is
 # known (a second contact grows out of the first).
-NEXT_LOOK_BEYOND = 0.01
-NEXT_LOOK_KNOWN = 0.1
+NEXT_SEARCH_BEYOND_END = 0.01
+NEXT_SEARCH_IN_CONTACT = 0.1
 # Steps of a solver for a contact that is followed from step to step.
 FOLLOWING_STEPS = 2
 FAR = 1e300  # a distance that no body moves [m]
-X, Y, Z = st.POSITION, st.POSITION + 1, st.POSITION + 2  # columns of a body
+X, Y, Z = state.POSITION, state.POSITION + 1, state.POSITION + 2  # columns of a body
 
 
 @inlined
-def towards_ring(row, ring, start):
+def direction_to_ring(row, ring, start):
     """Return direction and distance from a body's centre to a point of a ring's circle.
 
     Parameters
@@ -77,17 +76,17 @@ def towards_ring(row, ring, start):
     ring : array (RING_COLUMNS,)
         The ring: a row of `Walls.rings`.
     start : int
-        Number of the point, of st.STARTS at equal angles about the axis.
+        Number of the point, of state.STARTS at equal angles about the axis.
 
     Returns
     -------
     nx, ny, nz, distance : float
         Unit vector, and the distance [m].
     """
-    x, y, z = vector_at(row, st.POSITION)
-    dx = ring[st.RING_RADIUS] * COSINES[start] - x
-    dy = ring[st.RING_RADIUS] * SINES[start] - y
-    dz = ring[st.RING_HEIGHT] - z
+    x, y, z = vector_at(row, state.POSITION)
+    dx = ring[state.RING_RADIUS] * COSINES[start] - x
+    dy = ring[state.RING_RADIUS] * SINES[start] - y
+    dz = ring[state.RING_HEIGHT] - z
     distance = math.sqrt(dx * dx + dy * dy + dz * dz)
     return dx / distance, dy / distance, dz / distance, distance
 
@@ -101,16 +100,16 @@ def angle_between(a, b):
 
 
 @inlined
-def azimuth(data, k):
+def contact_azimuth(data, k):
     """Return the azimuth of contact k with a curved wall, about the wall's axis [rad].
 
     `data` is `WallContacts.data`.
     """
-    return data[k // LANES, st.AZIMUTH + k % LANES]
+    return data[k // LANES, state.AZIMUTH + k % LANES]
 
 
 @inlined
-def is_known(contacts, n, body, wall, theta):
+def has_contact_near(contacts, n, body, wall, theta):
     """Return whether a body has a contact with a curved wall near an azimuth.
 
     Parameters
@@ -128,7 +127,7 @@ def is_known(contacts, n, body, wall, theta):
         if (
             contacts.body[k] == body
             and contacts.wall[k] == wall
-            and angle_between(azimuth(contacts.data, k), theta) < SAME_AZIMUTH
+            and angle_between(contact_azimuth(contacts.data, k), theta) < SAME_AZIMUTH
         ):
             return True
     return False
@@ -146,7 +145,7 @@ def add_wall_contact(contacts, counts, length_slot, body, wall, geometry):
         Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
         indices.
     length_slot : int
-        Index in `counts` of the length of this list, such as st.N_PLANE.
+        Index in `counts` of the length of this list, such as state.N_PLANE.
     body, wall : int
         Numbers of the body and of the wall.
     geometry : array (8,)
@@ -157,11 +156,11 @@ def add_wall_contact(contacts, counts, length_slot, body, wall, geometry):
     int
         Number of the contact, or -1 where there is no room.
     """
-    k = take_place(counts, length_slot, contacts.body.shape[0])
+    k = reserve_place(counts, length_slot, contacts.body.shape[0])
     if k >= 0:
         contacts.body[k] = body
         contacts.wall[k] = wall
-        nx, ny, nz = cg.normal_of(geometry)
+        nx, ny, nz = contact_geometry.normal_of(geometry)
         put_contact(contacts.data, k, nx, ny, nz)
     return k
 
@@ -181,7 +180,7 @@ def drop_wall_contact(contacts, counts, length_slot, k, ghost):
         Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
         indices.
     length_slot : int
-        Index in `counts` of the length of this list, such as st.N_PLANE.
+        Index in `counts` of the length of this list, such as state.N_PLANE.
     k : int
         Index of the contact in its list.
     ghost : int
@@ -198,11 +197,11 @@ def drop_wall_contact(contacts, counts, length_slot, k, ghost):
     # its old place holds the ghost, on a plane without an edge
     contacts.body[last] = ghost
     put_contact(contacts.data, last, 0.0, 0.0, 1.0)
-    contacts.data[last // LANES, st.RADIUS2 + last % LANES] = math.inf
+    contacts.data[last // LANES, state.SQUARED_RADIUS + last % LANES] = math.inf
 
 
 @inlined
-def touches_others(contacts, n, body, ignored):
+def has_other_contact(contacts, n, body, ignored):
     """Return whether a body has any contact of a list but one.
 
     Parameters
@@ -223,7 +222,7 @@ def touches_others(contacts, n, body, ignored):
 
 
 @inlined
-def overlap_elsewhere(contacts, n, body, wall):
+def overlap_with_other_walls(contacts, n, body, wall):
     """Return the deepest overlap of a body with curved walls but one [m], or 0.0.
 
     Parameters
@@ -241,13 +240,13 @@ def overlap_elsewhere(contacts, n, body, wall):
     for k in range(n):
         if contacts.body[k] == body and contacts.wall[k] != wall:
             # curved walls keep the gap of each contact
-            gap = contacts.data[k // LANES, st.GAP + k % LANES]
+            gap = contacts.data[k // LANES, state.GAP + k % LANES]
             depth = max(depth, -gap)
     return depth
 
 
 @inlined
-def note_slide_off(bodies, contacts, walls, n, k, depth):
+def record_slide_off(bodies, contacts, walls, n, k, depth):
     """Note that contact k with a curved wall slid over the wall's end.
 
     Writes `deepest` and `limit` of the contact's body, see `state.WallContacts`.
@@ -271,23 +270,25 @@ def note_slide_off(bodies, contacts, walls, n, k, depth):
     wall = contacts.wall[k]
     i = contacts.body[k]
     # a wall is due for a search when its limit is not above this path
-    path_so_far = bodies.displacement[i] + walls.approach[st.WALL_PATH]
+    path_so_far = bodies.displacement[i] + walls.approach[state.WALL_PATH]
     # Any wall may be the next one: its contact may begin with this overlap, and all
     # walls but this one are searched now.
-    for other in range(contacts.deepest.shape[0]):
-        contacts.deepest[other, i] = max(contacts.deepest[other, i], depth)
+    for other in range(contacts.allowed_overlap.shape[0]):
+        contacts.allowed_overlap[other, i] = max(
+            contacts.allowed_overlap[other, i], depth
+        )
         if other != wall:
             contacts.limit[other, i] = min(contacts.limit[other, i], path_so_far)
     # a body that touches another wall is not past this one
-    if not touches_others(contacts, n, i, k):
-        contacts.deepest[wall, i] = depth
+    if not has_other_contact(contacts, n, i, k):
+        contacts.allowed_overlap[wall, i] = depth
         # A second contact may have grown out of this one since the last search; the next
         # search counts the way from there.
-        contacts.limit[wall, i] -= NEXT_LOOK_KNOWN * bounding_radius(bodies, i)
+        contacts.limit[wall, i] -= NEXT_SEARCH_IN_CONTACT * bounding_radius(bodies, i)
 
 
 @inlined
-def add_if_new(
+def add_contact_if_new(
     contacts,
     counts,
     walls,
@@ -334,27 +335,29 @@ def add_if_new(
     float
         How far the body may move before the next search [m].
     """
-    n = counts[st.N_CURVED]
-    gap = geometry[cg.GAP]
+    n = counts[state.N_CURVED]
+    gap = geometry[contact_geometry.GAP]
     # no overlap: the body cannot touch before it has moved by the gap
     if gap > 0.0:
         return gap
     # A body that is past the wall may slide onto it from another one.
     if deepest < math.inf:
-        deepest = max(deepest, overlap_elsewhere(contacts, n, body, wall))
-    if not is_on_wall or gap < -min(DEEPEST_NEW * radius, deepest + distance_moved):
+        deepest = max(deepest, overlap_with_other_walls(contacts, n, body, wall))
+    if not is_on_wall or gap < -min(
+        LARGEST_NEW_OVERLAP * radius, deepest + distance_moved
+    ):
         # the body is past the wall, or stays past it
-        if deepest == math.inf and not touches_others(contacts, n, body, -1):
+        if deepest == math.inf and not has_other_contact(contacts, n, body, -1):
             deepest = 0.0
-        contacts.deepest[wall, body] = deepest
-        return NEXT_LOOK_BEYOND * radius
+        contacts.allowed_overlap[wall, body] = deepest
+        return NEXT_SEARCH_BEYOND_END * radius
     # a new contact, whose spring is relaxed
-    if not is_known(contacts, n, body, wall, theta):
+    if not has_contact_near(contacts, n, body, wall, theta):
         normal_to_world(walls, wall, geometry)
-        k = add_wall_contact(contacts, counts, st.N_CURVED, body, wall, geometry)
+        k = add_wall_contact(contacts, counts, state.N_CURVED, body, wall, geometry)
         if k >= 0:
-            contacts.data[k // LANES, st.AZIMUTH + k % LANES] = theta
-    return NEXT_LOOK_KNOWN * radius
+            contacts.data[k // LANES, state.AZIMUTH + k % LANES] = theta
+    return NEXT_SEARCH_IN_CONTACT * radius
 
 
 @kernel
@@ -392,7 +395,7 @@ def search_cone(
         Index of the body.
     radius, deepest, distance_moved : float
         Its bounding radius, the largest overlap with which a contact may begin, and how
-        far the body may have moved since its last search [m], see `add_if_new`.
+        far the body may have moved since its last search [m], see `add_contact_if_new`.
     profile : array (STARTS,)
         Scratch for the overlaps; is overwritten.
     geometry : array (8,)
@@ -404,28 +407,31 @@ def search_cone(
         How far the body may move before the next search [m].
     """
     cone = walls.cones[wall]
-    spacing = 2.0 * math.pi / st.STARTS
+    spacing = 2.0 * math.pi / state.STARTS
     # The overlap phi at equal angles about the axis. Numbers of `row` and `cone` are read
     # in the loop: moved out of it, they change last bits, see `jit`.
-    for start in range(st.STARTS):
-        nx = cone[st.CONE_NORMAL_R] * COSINES[start]
-        ny = cone[st.CONE_NORMAL_R] * SINES[start]
+    for start in range(state.STARTS):
+        nx = cone[state.CONE_NORMAL_R] * COSINES[start]
+        ny = cone[state.CONE_NORMAL_R] * SINES[start]
         profile[start] = (
             nx * row[X]
             + ny * row[Y]
-            + cone[st.CONE_NORMAL_Z] * row[Z]
-            + extent(row, parts, nx, ny, cone[st.CONE_NORMAL_Z])
-            - cone[st.CONE_OFFSET]
+            + cone[state.CONE_NORMAL_Z] * row[Z]
+            + extent(row, parts, nx, ny, cone[state.CONE_NORMAL_Z])
+            - cone[state.CONE_OFFSET]
         )
     least_distance = FAR
-    for start in range(st.STARTS):
+    for start in range(state.STARTS):
         overlap = profile[start]
         # profile[-1] is the last start: the angles close to a circle
-        if overlap < profile[start - 1] or overlap < profile[(start + 1) % st.STARTS]:
+        if (
+            overlap < profile[start - 1]
+            or overlap < profile[(start + 1) % state.STARTS]
+        ):
             continue
         theta = solve_cone(row, parts, cone, start * spacing)
         is_on_wall = write_cone_contact(row, parts, cone, theta, geometry)
-        free_distance = add_if_new(
+        free_distance = add_contact_if_new(
             contacts,
             counts,
             walls,
@@ -477,7 +483,7 @@ def search_ring(
         Index of the body.
     radius, deepest, distance_moved : float
         Its bounding radius, the largest overlap with which a contact may begin, and how
-        far the body may have moved since its last search [m], see `add_if_new`.
+        far the body may have moved since its last search [m], see `add_contact_if_new`.
     profile : array (STARTS,)
         Scratch for the distances; is overwritten.
     geometry : array (8,)
@@ -490,32 +496,32 @@ def search_ring(
     """
     ring = walls.rings[wall - walls.cones.shape[0]]
     # Leave early where the body's bounding sphere does not reach the ring.
-    x, y, z = vector_at(row, st.POSITION)
-    axial = abs(z - ring[st.RING_HEIGHT])
-    radial = abs(math.sqrt(x * x + y * y) - ring[st.RING_RADIUS])
+    x, y, z = vector_at(row, state.POSITION)
+    axial = abs(z - ring[state.RING_HEIGHT])
+    radial = abs(math.sqrt(x * x + y * y) - ring[state.RING_RADIUS])
     clearance = math.sqrt(axial * axial + radial * radial)
-    clearance = clearance - ring[st.RING_EDGE_RADIUS] - radius
+    clearance = clearance - ring[state.RING_EDGE_RADIUS] - radius
     if clearance > 0.0:
         return clearance
-    spacing = 2.0 * math.pi / st.STARTS
+    spacing = 2.0 * math.pi / state.STARTS
     # The distance from points of the circle at equal angles about the axis.
-    for start in range(st.STARTS):
-        nx, ny, nz, distance = towards_ring(row, ring, start)
+    for start in range(state.STARTS):
+        nx, ny, nz, distance = direction_to_ring(row, ring, start)
         profile[start] = distance - extent(row, parts, nx, ny, nz)
     least_distance = FAR
-    for start in range(st.STARTS):
+    for start in range(state.STARTS):
         distance_here = profile[start]
         # the starts close to a circle: profile[-1] is the last one
         if (
             distance_here > profile[start - 1]
-            or distance_here > profile[(start + 1) % st.STARTS]
+            or distance_here > profile[(start + 1) % state.STARTS]
         ):
             continue
         # from this start to the nearest point of the circle
-        nx, ny, nz, _distance = towards_ring(row, ring, start)
+        nx, ny, nz, _distance = direction_to_ring(row, ring, start)
         theta, nx, ny, nz = solve_ring(row, parts, ring, start * spacing, nx, ny, nz)
         is_open = write_ring_contact(row, parts, ring, theta, nx, ny, nz, geometry)
-        free_distance = add_if_new(
+        free_distance = add_contact_if_new(
             contacts,
             counts,
             walls,
@@ -533,7 +539,7 @@ def search_ring(
 
 
 @inlined
-def touching_distance(row, parts, nx, ny, nz, dx, dy, dz):
+def distance_from_disc_axis(row, parts, nx, ny, nz, dx, dy, dz):
     """Return the distance of a body's touching point from the axis of a disc [m].
 
     The touching point is the body's outermost point along the normal. The force takes
@@ -591,39 +597,39 @@ def search_plane(bodies, contacts, curved, counts, parts, plane, wall, i, geomet
         search is due.
     """
     row = bodies.rows[i]
-    nx, ny, nz = vector_at(plane, st.PLANE_NORMAL)
-    point_x, point_y, point_z = vector_at(plane, st.PLANE_POINT)
-    x, y, z = vector_at(row, st.POSITION)
+    nx, ny, nz = vector_at(plane, state.PLANE_NORMAL)
+    point_x, point_y, point_z = vector_at(plane, state.PLANE_POINT)
+    x, y, z = vector_at(row, state.POSITION)
     # (dx, dy, dz) is the way from the body's centre to the point of the plane
     dx, dy, dz = point_x - x, point_y - y, point_z - z
     height = nx * dx + ny * dy + nz * dz  # of the centre in front of the plane
     gap = height - extent(row, parts, nx, ny, nz)
     if gap > 0.0:
-        contacts.deepest[wall, i] = math.inf
+        contacts.allowed_overlap[wall, i] = math.inf
         return gap
-    distance = touching_distance(row, parts, nx, ny, nz, dx, dy, dz)
-    is_on_disc = distance <= plane[st.PLANE_RADIUS]
+    distance = distance_from_disc_axis(row, parts, nx, ny, nz, dx, dy, dz)
+    is_on_disc = distance <= plane[state.PLANE_RADIUS]
     # The touching point is beyond the edge of the disc, or the centre is behind it: the
     # body is past the wall.
     if height < 0.0 or not is_on_disc:
-        contacts.deepest[wall, i] = 0.0
-    if contacts.deepest[wall, i] == 0.0:
+        contacts.allowed_overlap[wall, i] = 0.0
+    if contacts.allowed_overlap[wall, i] == 0.0:
         # It stays past the wall, unless it slides onto the disc from a curved wall that
         # ends there: the rim about a lid. There it overlaps the rim more than the disc.
-        depth = overlap_elsewhere(curved, counts[st.N_CURVED], i, -1)
+        depth = overlap_with_other_walls(curved, counts[state.N_CURVED], i, -1)
         if height < 0.0 or not is_on_disc or -gap > depth:
             return -gap
-        contacts.deepest[wall, i] = math.inf
+        contacts.allowed_overlap[wall, i] = math.inf
     # a new contact; it keeps a copy of the plane
-    set_vector(geometry, cg.NORMAL, nx, ny, nz)
-    k = add_wall_contact(contacts, counts, st.N_PLANE, i, wall, geometry)
+    set_vector(geometry, contact_geometry.NORMAL, nx, ny, nz)
+    k = add_wall_contact(contacts, counts, state.N_PLANE, i, wall, geometry)
     if k >= 0:
         write_plane(contacts.data[k // LANES], k % LANES, plane)
     return FAR
 
 
 @inlined
-def row_seen_from_wall(walls, frame, row, parts, local_row):
+def row_in_wall_frame(walls, frame, row, parts, local_row):
     """Return the row of a body in the frame of a curved wall or mesh.
 
     Where the frame is the world's it is `row` itself, else `local_row`, which is
@@ -649,7 +655,7 @@ def row_seen_from_wall(walls, frame, row, parts, local_row):
 
 
 @inlined
-def write_sphere_on_frame_wall(x, y, z, radius, walls, wall, geometry):
+def write_sphere_contact_in_frame(x, y, z, radius, walls, wall, geometry):
     """Fill `geometry` for a sphere and a cone or ring, in the frame of the wall.
 
     Parameters
@@ -671,12 +677,14 @@ def write_sphere_on_frame_wall(x, y, z, radius, walls, wall, geometry):
     """
     n_cones = walls.cones.shape[0]
     if wall < n_cones:
-        return write_sphere_on_cone(x, y, z, radius, walls.cones[wall], geometry)
-    return write_sphere_on_ring(x, y, z, radius, walls.rings[wall - n_cones], geometry)
+        return write_sphere_cone_contact(x, y, z, radius, walls.cones[wall], geometry)
+    return write_sphere_ring_contact(
+        x, y, z, radius, walls.rings[wall - n_cones], geometry
+    )
 
 
 @inlined
-def write_sphere_row_on_wall(row, walls, wall, geometry):
+def write_sphere_body_contact(row, walls, wall, geometry):
     """Fill `geometry` for a body that is a sphere; return whether it is on the wall.
 
     Parameters
@@ -691,9 +699,11 @@ def write_sphere_row_on_wall(row, walls, wall, geometry):
         Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
         (`contact_geometry`).
     """
-    x, y, z = vector_at(row, st.POSITION)
-    radius = row[st.SPHERE_RADIUS]
-    distance_beyond = write_sphere_on_frame_wall(x, y, z, radius, walls, wall, geometry)
+    x, y, z = vector_at(row, state.POSITION)
+    radius = row[state.SPHERE_RADIUS]
+    distance_beyond = write_sphere_contact_in_frame(
+        x, y, z, radius, walls, wall, geometry
+    )
     return distance_beyond <= 0.0
 
 
@@ -715,7 +725,7 @@ def search_sphere(
         Index of the body.
     radius, deepest, distance_moved : float
         Its radius, the largest overlap with which a contact may begin, and how far it
-        may have moved since its last search [m], see `add_if_new`.
+        may have moved since its last search [m], see `add_contact_if_new`.
     geometry : array (8,)
         Working memory for one contact (`contact_geometry`); it is overwritten.
 
@@ -725,10 +735,10 @@ def search_sphere(
         How far the body may move before the next search [m]; while the contact lasts,
         no search is due.
     """
-    is_on_wall = write_sphere_row_on_wall(row, walls, wall, geometry)
-    if geometry[cg.GAP] > 0.0:
-        return geometry[cg.GAP]
-    free_distance = add_if_new(
+    is_on_wall = write_sphere_body_contact(row, walls, wall, geometry)
+    if geometry[contact_geometry.GAP] > 0.0:
+        return geometry[contact_geometry.GAP]
+    free_distance = add_contact_if_new(
         contacts,
         counts,
         walls,
@@ -742,12 +752,14 @@ def search_sphere(
         geometry,
     )
     return (
-        FAR if is_known(contacts, counts[st.N_CURVED], i, wall, 0.0) else free_distance
+        FAR
+        if has_contact_near(contacts, counts[state.N_CURVED], i, wall, 0.0)
+        else free_distance
     )
 
 
 @inlined
-def search_curved(bodies, curved, walls, counts, parts, wall, i, path, scratch):
+def search_curved_wall(bodies, curved, walls, counts, parts, wall, i, path, scratch):
     """Search for contacts of smooth body i with a cone or ring.
 
     Parameters
@@ -782,12 +794,12 @@ def search_curved(bodies, curved, walls, counts, parts, wall, i, path, scratch):
     radius = bounding_radius(bodies, i)
     # The overlap with which a contact may begin now. It grows by the way since the last
     # search: a body that is past a wall is searched whenever it moved by
-    # NEXT_LOOK_BEYOND.
-    deepest = curved.deepest[wall, i]
-    distance_moved = path - curved.limit[wall, i] + NEXT_LOOK_BEYOND * radius
-    curved.deepest[wall, i] = math.inf
-    row = row_seen_from_wall(walls, wall, bodies.rows[i], parts, scratch.local_row)
-    if parts == st.SPHERES:
+    # NEXT_SEARCH_BEYOND_END.
+    deepest = curved.allowed_overlap[wall, i]
+    distance_moved = path - curved.limit[wall, i] + NEXT_SEARCH_BEYOND_END * radius
+    curved.allowed_overlap[wall, i] = math.inf
+    row = row_in_wall_frame(walls, wall, bodies.rows[i], parts, scratch.local_row)
+    if parts == state.SPHERES:
         return search_sphere(
             row,
             curved,
@@ -832,7 +844,7 @@ def search_curved(bodies, curved, walls, counts, parts, wall, i, path, scratch):
 
 
 @inlined
-def follow_wall(parts, row, walls, wall, history, lane, geometry, local_row):
+def follow_wall_contact(parts, row, walls, wall, history, lane, geometry, local_row):
     """Follow a contact of a smooth body with a cone or ring by one time step.
 
     The solver starts from the last azimuth and normal. A body moves so little in a step
@@ -860,10 +872,10 @@ def follow_wall(parts, row, walls, wall, history, lane, geometry, local_row):
         Whether the contact lies on the wall.
     """
     n_cones = walls.cones.shape[0]
-    theta = history[st.AZIMUTH + lane]
-    row = row_seen_from_wall(walls, wall, row, parts, local_row)
-    if parts == st.SPHERES:
-        is_on_wall = write_sphere_row_on_wall(row, walls, wall, geometry)
+    theta = history[state.AZIMUTH + lane]
+    row = row_in_wall_frame(walls, wall, row, parts, local_row)
+    if parts == state.SPHERES:
+        is_on_wall = write_sphere_body_contact(row, walls, wall, geometry)
     elif wall < n_cones:
         cone = walls.cones[wall]
         for _ in range(FOLLOWING_STEPS):
@@ -872,13 +884,15 @@ def follow_wall(parts, row, walls, wall, history, lane, geometry, local_row):
     else:
         ring = walls.rings[wall - n_cones]
         # read number by number, as `lane_vector` changes last bits here, see `jit`
-        first = st.NORMAL + lane
+        first = state.NORMAL + lane
         nx, ny, nz = history[first], history[first + LANES], history[first + 2 * LANES]
         if walls.displaced[wall]:
             nx, ny, nz = into_frame(walls.frames[wall], nx, ny, nz)
         for _ in range(FOLLOWING_STEPS):
-            theta, nx, ny, nz, _step = ring_newton(row, parts, ring, theta, nx, ny, nz)
+            theta, nx, ny, nz, _step = make_ring_step(
+                row, parts, ring, theta, nx, ny, nz
+            )
         is_on_wall = write_ring_contact(row, parts, ring, theta, nx, ny, nz, geometry)
-    history[st.AZIMUTH + lane] = theta
+    history[state.AZIMUTH + lane] = theta
     contact_to_world(walls, wall, geometry)
     return is_on_wall

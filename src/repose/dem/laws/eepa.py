@@ -265,7 +265,9 @@ def plastic_forces(
         unloading = stiffening * (loading - pressed)
         scratch[FLOOR + lane] = adhesive_share * loading
         scratch[FORCE + lane] = max(unloading, -adhesive_share * loading)
-        history[plastic + lane] = st.alive(plastic_overlap) if overlap > 0.0 else 0.0
+        history[plastic + lane] = (
+            st.flush_tiny(plastic_overlap) if overlap > 0.0 else 0.0
+        )
 
 
 @inlined

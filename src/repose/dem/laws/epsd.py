@@ -246,7 +246,9 @@ def resist(
         limit = friction * push * arm
         cut = touching * min(1.0, limit / math.sqrt(x * x + y * y + z * z + TINY))
         x, y, z = cut * x, cut * y, cut * z
-        write_vector(history, rolled, lane, st.alive(x), st.alive(y), st.alive(z))
+        write_vector(
+            history, rolled, lane, st.flush_tiny(x), st.flush_tiny(y), st.flush_tiny(z)
+        )
 
         # Add its dashpot, and cut the sum.
         inertia_stiffness = SPHERE_ABOUT_CONTACT * stiffness / (mobility + TINY)
@@ -258,7 +260,7 @@ def resist(
         stiffness = scratch[TWISTING_STIFFNESS + lane] * circle * circle * circle
         limit = touching * scratch[TWISTING_FRICTION + lane] * push * circle
         twist = max(-limit, min(limit, history[twisted + lane] + stiffness * dt * spin))
-        history[twisted + lane] = st.alive(twist)
+        history[twisted + lane] = st.flush_tiny(twist)
         inertia_stiffness = SPHERE_ABOUT_CENTRE * stiffness / (mobility + TINY)
         twist += 2.0 * ETA * math.sqrt(inertia_stiffness) * spin
         twist = max(-limit, min(limit, twist))

@@ -106,9 +106,11 @@ def slip(
         # The spring loses its part along the normal and grows by the path of this step.
         ex, ey, ez = lane_vector(history, spring, lane)
         en = ex * nx + ey * ny + ez * nz
-        history[spring + lane] = st.alive(touching * (ex - en * nx + vx * dt))
-        history[spring + LANES + lane] = st.alive(touching * (ey - en * ny + vy * dt))
-        history[spring + 2 * LANES + lane] = st.alive(
+        history[spring + lane] = st.flush_tiny(touching * (ex - en * nx + vx * dt))
+        history[spring + LANES + lane] = st.flush_tiny(
+            touching * (ey - en * ny + vy * dt)
+        )
+        history[spring + 2 * LANES + lane] = st.flush_tiny(
             touching * (ez - en * nz + vz * dt)
         )
 
