@@ -9,7 +9,7 @@ instead of being followed. Contacts with meshes are followed as those of smooth 
 way to a contact of any of the body's spheres that do not touch.
 
 Reads `Bodies.rows`, `Clumps` and the walls. Writes the lists of `WallContacts` (body,
-wall, feature, data), its bits `known` and `past`, its `limit`, `counts`,
+wall, feature, data), its bits `touching_bits` and `past_bits`, its `limit`, `counts`,
 `Clumps.mesh_sphere`, and scratch arrays.
 """
 
@@ -79,8 +79,8 @@ def write_sphere_plane_contact(x, y, z, radius, plane, geometry):
     height = nx * dx + ny * dy + nz * dz
     write_sphere_contact(geometry, nx, ny, nz, height - radius, radius, radius)
     # the part in the plane, by Pythagoras
-    square = max(dx * dx + dy * dy + dz * dz - height * height, 0.0)
-    return math.sqrt(square) - plane[PLANE_RADIUS]
+    squared_distance = max(dx * dx + dy * dy + dz * dz - height * height, 0.0)
+    return math.sqrt(squared_distance) - plane[PLANE_RADIUS]
 
 
 @inlined
@@ -90,9 +90,9 @@ def point_in_wall_frame(walls, frame, x, y, z):
     Parameters
     ----------
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     frame : int
-        Number of the frame in `Walls.frames`.
+        Index of the frame in `Walls.frames`.
     x, y, z : float
         The place [m].
     """
@@ -108,9 +108,9 @@ def write_sphere_contact_in_world(walls, wall, x, y, z, radius, geometry):
     Parameters
     ----------
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     wall : int
-        Number of the wall: cones and tubes first, then rings.
+        Index of the wall: cones and tubes first, then rings.
     x, y, z, radius : float
         Centre of the sphere in the world, and its radius [m].
     geometry : array (8,)
@@ -143,7 +143,7 @@ def write_contact_sphere(contacts, clumps, k, i, sphere):
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     k, i, sphere : int
-        Numbers of the contact, of the body, and of the sphere in the body.
+        Indices of the contact, of the body, and of the sphere in the body.
     """
     tile = contacts.data[k // LANES]
     lane = k % LANES
@@ -156,7 +156,7 @@ def write_contact_sphere(contacts, clumps, k, i, sphere):
 
 @inlined
 def add_sphere_wall_contact(
-    contacts, counts, length_slot, clumps, i, wall, sphere, geometry
+    contacts, counts, length_index, clumps, i, wall, sphere, geometry
 ):
     """Append the contact of a sphere of body i with a plane, cone or ring.
 
@@ -165,23 +165,23 @@ def add_sphere_wall_contact(
     contacts : WallContacts
         The list of contacts with walls of one kind.
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
-    length_slot : int
-        Place in `counts` of the length of this list: state.N_PLANE or state.N_CURVED.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
+    length_index : int
+        Index in `counts` of the length of this list: state.N_PLANE or state.N_CURVED.
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     i, wall, sphere : int
-        Numbers of the body, of the wall, and of the sphere in the body.
+        Indices of the body, of the wall, and of the sphere in the body.
     geometry : array (8,)
         The contact (`contact_geometry`), in world axes.
 
     Returns
     -------
     int
-        Number of the contact, or -1 where there is no room.
+        Index of the contact, or -1 if there is no room.
     """
-    k = add_wall_contact(contacts, counts, length_slot, i, wall, geometry)
+    k = add_wall_contact(contacts, counts, length_index, i, wall, geometry)
     if k >= 0:
         contacts.feature[k] = sphere
         write_contact_sphere(contacts, clumps, k, i, sphere)
@@ -191,13 +191,13 @@ def add_sphere_wall_contact(
 
 
 @inlined
-def forget_sphere_contact(contacts, clumps, counts, length_slot, k):
+def forget_sphere_contact(contacts, clumps, counts, length_index, k):
     """Note that the sphere of contact k no longer touches the wall.
 
     The contact is removed next.
 
-    Of contacts with meshes, only the sphere of the last contact moves to place k: their
-    bits are written anew in every step.
+    Of contacts with meshes, only the sphere of the last contact moves to index k: their
+    bits are written again in every step.
 
     Parameters
     ----------
@@ -206,15 +206,15 @@ def forget_sphere_contact(contacts, clumps, counts, length_slot, k):
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
-    length_slot : int
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
+    length_index : int
         Index in `counts` of the length of this list, such as state.N_PLANE.
     k : int
         Index of the contact in its list.
     """
-    if length_slot == state.N_MESHED:
-        clumps.mesh_sphere[k] = clumps.mesh_sphere[counts[length_slot] - 1]
+    if length_index == state.N_MESHED:
+        clumps.mesh_sphere[k] = clumps.mesh_sphere[counts[length_index] - 1]
     else:
         # clear the bit of this sphere
         bit = np.uint64(1) << np.uint64(contacts.feature[k])
@@ -222,7 +222,7 @@ def forget_sphere_contact(contacts, clumps, counts, length_slot, k):
 
 
 @inlined
-def find_free_distance(gap, distance_beyond, radius, past, sphere, is_leaning):
+def find_free_distance(gap, distance_beyond, radius, past_bits, sphere, is_leaning):
     """Return how far a sphere may move before it can touch a wall [m]; 0.0: it touches.
 
     A sphere that overlaps the surface beyond the wall's end, or with its centre behind
@@ -237,39 +237,39 @@ def find_free_distance(gap, distance_beyond, radius, past, sphere, is_leaning):
         How far the sphere is beyond the end of the wall [m].
     radius : float
         Radius of the sphere [m].
-    past : array (1,)
+    past_bits : array (1,)
         The spheres of the body that are past the wall, as bits; updated.
     sphere : int
-        Number of the sphere.
+        Index of the sphere.
     is_leaning : bool
         Whether the body touches a wall of this kind.
     """
     # a sphere that is clear of the surface
     if gap > 0.0:
-        clear_bit(past, sphere)
+        clear_bit(past_bits, sphere)
         return gap
     # how far it is beyond the wall's end, or its centre behind the surface
     distance_outside = max(distance_beyond, -gap - radius)
     if distance_outside > 0.0 and not is_leaning:
-        set_bit(past, sphere)
+        set_bit(past_bits, sphere)
     # one that is past the wall has to be clear of the surface first
-    return -gap if is_set(past, sphere) else max(distance_outside, 0.0)
+    return -gap if is_set(past_bits, sphere) else max(distance_outside, 0.0)
 
 
 @inlined
-def find_touching_spheres(known, i):
+def find_touching_spheres(touching_bits, i):
     """Return which spheres of body i touch any wall of one kind, as bits.
 
     Parameters
     ----------
-    known : array of uint64 (walls, bodies)
+    touching_bits : array of uint64 (walls, bodies)
         `WallContacts.touching_bits`: of each wall and body, the spheres that touch, as bits.
     i : int
         Index of the body.
     """
     bits = np.uint64(0)
-    for wall in range(known.shape[0]):
-        bits |= known[wall, i]
+    for wall in range(touching_bits.shape[0]):
+        bits |= touching_bits[wall, i]
     return bits
 
 
@@ -287,7 +287,7 @@ def record_sphere_slide_off(bodies, contacts, walls, k):
     contacts : WallContacts
         The list of contacts with walls of one kind.
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     k : int
         Index of the contact in its list.
     """
@@ -296,9 +296,9 @@ def record_sphere_slide_off(bodies, contacts, walls, k):
     sphere = contacts.feature[k]
     for wall in range(contacts.limit.shape[0]):
         # a view of one word, since bits are set in a row of words
-        past = contacts.past_bits[wall, i : i + 1]
-        if is_set(past, sphere):
-            clear_bit(past, sphere)
+        past_bits = contacts.past_bits[wall, i : i + 1]
+        if is_set(past_bits, sphere):
+            clear_bit(past_bits, sphere)
             # the limit is the present displacement: the search is due
             contacts.limit[wall, i] = (
                 bodies.displacement[i] + walls.approach[state.WALL_PATH]
@@ -307,7 +307,16 @@ def record_sphere_slide_off(bodies, contacts, walls, k):
 
 @kernel
 def find_sphere_wall_contacts(
-    bodies, contacts, length_slot, clumps, walls, counts, wall, i, places, geometry
+    bodies,
+    contacts,
+    length_index,
+    clumps,
+    walls,
+    counts,
+    wall,
+    i,
+    sphere_scratch,
+    geometry,
 ):
     """Find the spheres of body i that begin to touch a plane, cone or ring.
 
@@ -319,20 +328,20 @@ def find_sphere_wall_contacts(
         State of all bodies, and the loads on them (`state.Bodies`).
     contacts : WallContacts
         The list of contacts with walls of one kind.
-    length_slot : int
-        Place in `counts` of the length of this list: state.N_PLANE or state.N_CURVED.
+    length_index : int
+        Index in `counts` of the length of this list: state.N_PLANE or state.N_CURVED.
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     wall : int
-        Number of the wall among those of its kind.
+        Index of the wall among those of its kind.
     i : int
         Index of the body.
-    places : array
+    sphere_scratch : array
         The spheres of the body in the world, see `write_clump_spheres`.
     geometry : array (8,)
         Working memory for one contact (`contact_geometry`); it is overwritten.
@@ -343,7 +352,7 @@ def find_sphere_wall_contacts(
         How far the body may move before the next search [m].
     """
     least_distance = math.inf
-    if length_slot == state.N_CURVED:
+    if length_index == state.N_CURVED:
         touching_bits = find_touching_spheres(contacts.touching_bits, i)
     else:
         touching_bits = np.uint64(0)
@@ -355,9 +364,9 @@ def find_sphere_wall_contacts(
         # (`i : i + 1` are views of one word, since bits are set in a row of words)
         if is_set(contacts.touching_bits[wall, i : i + 1], sphere):
             continue
-        x, y, z = read_sphere_centre(places, SPHERES_A, sphere)
-        radius = read_sphere_radius(places, SPHERES_A, sphere)
-        if length_slot == state.N_CURVED:
+        x, y, z = read_sphere_centre(sphere_scratch, SPHERES_A, sphere)
+        radius = read_sphere_radius(sphere_scratch, SPHERES_A, sphere)
+        if length_index == state.N_CURVED:
             distance_beyond = write_sphere_contact_in_world(
                 walls, wall, x, y, z, radius, geometry
             )
@@ -366,15 +375,15 @@ def find_sphere_wall_contacts(
                 x, y, z, radius, walls.planes[wall], geometry
             )
         # which spheres of the body are past this wall, as bits
-        past = contacts.past_bits[wall, i : i + 1]
+        past_bits = contacts.past_bits[wall, i : i + 1]
         if (touching_bits >> np.uint64(sphere)) & np.uint64(1) != np.uint64(0):
             # the sphere touches another wall, which hands it over
-            clear_bit(past, sphere)
+            clear_bit(past_bits, sphere)
         free_distance = find_free_distance(
             geometry[contact_geometry.GAP],
             distance_beyond,
             radius,
-            past,
+            past_bits,
             sphere,
             is_leaning,
         )
@@ -382,16 +391,16 @@ def find_sphere_wall_contacts(
             least_distance = min(least_distance, free_distance)
             continue
         k = add_sphere_wall_contact(
-            contacts, counts, length_slot, clumps, i, wall, sphere, geometry
+            contacts, counts, length_index, clumps, i, wall, sphere, geometry
         )
         # a contact with a plane keeps a copy of the plane
-        if length_slot == state.N_PLANE and k >= 0:
+        if length_index == state.N_PLANE and k >= 0:
             write_plane(contacts.data[k // LANES], k % LANES, walls.planes[wall])
     return least_distance
 
 
 @inlined
-def write_clump_spheres(bodies, clumps, i, places):
+def write_clump_spheres(bodies, clumps, i, sphere_scratch):
     """Write centres and radii of the spheres of body i, in world axes, to scratch.
 
     Parameters
@@ -402,7 +411,7 @@ def write_clump_spheres(bodies, clumps, i, places):
         The spheres of the clumps (`clumps.Clumps`).
     i : int
         Index of the body.
-    places : array
+    sphere_scratch : array
         The scratch array `Scratch.spheres`; its rows SPHERES_A are written.
     """
     shape = clumps.shape[i]
@@ -410,7 +419,7 @@ def write_clump_spheres(bodies, clumps, i, places):
     spheres = clumps.spheres[shape]
     size = clumps.sizes[shape]
     write_sphere_positions(
-        row, spheres, size, clumps.scale[i], 0.0, 0.0, 0.0, places, SPHERES_A
+        row, spheres, size, clumps.scale[i], 0.0, 0.0, 0.0, sphere_scratch, SPHERES_A
     )
 
 
@@ -423,9 +432,9 @@ def write_sphere_as_body(walls, frame, x, y, z, radius, local_row):
     Parameters
     ----------
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     frame : int
-        Number of the frame in `Walls.frames`.
+        Index of the frame in `Walls.frames`.
     x, y, z, radius : float
         Centre of the sphere in the world, and its radius [m].
     local_row : array
@@ -434,9 +443,9 @@ def write_sphere_as_body(walls, frame, x, y, z, radius, local_row):
     x, y, z = point_in_wall_frame(walls, frame, x, y, z)
     set_vector(local_row, state.POSITION, x, y, z)
     # the matrix of a sphere: its squared radius on the diagonal
-    square = radius * radius
-    set_vector(local_row, SHAPE, square, 0.0, 0.0)
-    set_vector(local_row, SHAPE + 3, square, 0.0, square)
+    squared_radius = radius * radius
+    set_vector(local_row, SHAPE, squared_radius, 0.0, 0.0)
+    set_vector(local_row, SHAPE + 3, squared_radius, 0.0, squared_radius)
 
 
 @inlined
@@ -473,7 +482,7 @@ def follow_sphere_contact(
     meshes,
     meshed,
     clumps,
-    n,
+    n_contacts,
     k,
     end_gap,
     geometry,
@@ -490,14 +499,14 @@ def follow_sphere_contact(
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes
         The features of all meshes (`features.Meshes`).
     meshed : WallContacts
         The contacts with meshes.
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
-    n, k : int
+    n_contacts, k : int
         Number of contacts in the list, and index of this contact.
     end_gap : float
         The contact ends if its gap exceeds this [m].
@@ -511,7 +520,7 @@ def follow_sphere_contact(
     Returns
     -------
     bool
-        Whether the contact lasts.
+        Whether the contact continues.
     """
     contacts = contacts_by_sphere(meshed, clumps)
     frame = mesh_frame(walls, meshed.wall[k])
@@ -534,7 +543,7 @@ def follow_sphere_contact(
         frame,
         meshes,
         contacts,
-        n,
+        n_contacts,
         k,
         end_gap,
         geometry,
@@ -555,7 +564,7 @@ def find_sphere_mesh_contacts(
     counts,
     mesh,
     i,
-    places,
+    sphere_scratch,
     geometry,
     other_geometry,
     local_row,
@@ -571,18 +580,18 @@ def find_sphere_mesh_contacts(
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes
         The features of all meshes (`features.Meshes`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     mesh, i : int
-        Index of the mesh among the meshes, and index of the body.
-    places : array
-        The scratch array `Scratch.spheres`; is overwritten.
+        Indices of the mesh and of the body.
+    sphere_scratch : array
+        The scratch array `Scratch.spheres`; it is overwritten.
     geometry, other_geometry : array (8,)
-        Scratch for two contacts (`contact_geometry`); is overwritten.
+        Working memory for two contacts (`contact_geometry`); it is overwritten.
     local_row : array
         Working memory for the row of a body in the frame of a wall; it is overwritten.
 
@@ -591,11 +600,11 @@ def find_sphere_mesh_contacts(
     float
         How far the body may move before the next search [m].
     """
-    n = counts[state.N_MESHED]
+    n_contacts = counts[state.N_MESHED]
     contacts = contacts_by_sphere(meshed, clumps)
     # Bring the body's contacts to their present features, so that the search does not
     # find them as new.
-    for k in range(n):
+    for k in range(n_contacts):
         if meshed.body[k] == i and meshed.wall[k] == mesh:
             follow_sphere_contact(
                 bodies,
@@ -603,7 +612,7 @@ def find_sphere_mesh_contacts(
                 meshes,
                 meshed,
                 clumps,
-                n,
+                n_contacts,
                 k,
                 0.0,
                 geometry,
@@ -612,12 +621,12 @@ def find_sphere_mesh_contacts(
             )
             nx, ny, nz = normal_of(geometry)
             write_vector(meshed.data[k // LANES], state.NORMAL, k % LANES, nx, ny, nz)
-    write_clump_spheres(bodies, clumps, i, places)
+    write_clump_spheres(bodies, clumps, i, sphere_scratch)
     frame = mesh_frame(walls, mesh)
     least_distance = math.inf
     for sphere in range(clumps.sizes[clumps.shape[i]]):
-        x, y, z = read_sphere_centre(places, SPHERES_A, sphere)
-        radius = read_sphere_radius(places, SPHERES_A, sphere)
+        x, y, z = read_sphere_centre(sphere_scratch, SPHERES_A, sphere)
+        radius = read_sphere_radius(sphere_scratch, SPHERES_A, sphere)
         # the sphere in the frame of the mesh, as a body of one ellipsoid
         write_sphere_as_body(walls, frame, x, y, z, radius, local_row)
         # contacts from this place on are those of this sphere

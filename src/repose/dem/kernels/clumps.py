@@ -122,7 +122,7 @@ def new_sphere_pairs(n_contacts, n_entries, most_spheres, ghost, n_state):
     """
     n_contacts = state.round_up_to_tiles(n_contacts)
     # words with a bit for each pair of spheres
-    words = -(-most_spheres * most_spheres // WORD_BITS)
+    n_words = -(-most_spheres * most_spheres // WORD_BITS)
     return SpherePairs(
         **state.equal_arrays("first second", n_contacts, np.uint32, ghost),
         entry=np.zeros(n_contacts, np.uint32),
@@ -133,7 +133,7 @@ def new_sphere_pairs(n_contacts, n_entries, most_spheres, ghost, n_state):
         **state.equal_arrays("near_first near_second", n_entries, np.uint32, ghost),
         **state.equal_arrays("near_limit unwatched_limit", n_entries, float, np.inf),
         **state.equal_arrays("n_contacts n_watched free", n_entries, np.int64),
-        touching_bits=np.zeros((n_entries, words), np.uint64),
+        touching_bits=np.zeros((n_entries, n_words), np.uint64),
         watched=np.zeros((n_entries, MOST_WATCHED, 2), np.uint8),
         watched_limit=np.zeros((n_entries, MOST_WATCHED)),
         **state.equal_arrays("partner link", 2 * n_entries, np.int64),
@@ -199,16 +199,16 @@ def add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b):
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     entry : int
-        Place of the entry of the two bodies.
+        Index of the entry of the two bodies.
     i, j : int
         Indices of the two bodies.
     a, b : int
-        Numbers of the spheres in their bodies.
+        Indices of the spheres in their bodies.
     """
     k = reserve_place(counts, state.N_PAIRS, pairs.first.shape[0])
     if k < 0:
@@ -243,7 +243,7 @@ def add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b):
 def drop_sphere_contact(pairs, counts, clumps, k, ghost):
     """Remove contact k of two spheres from its entry and from the list.
 
-    The last contact moves to its place. The place that becomes free holds two ghosts.
+    The last contact moves to its place. The element that becomes free holds two ghosts.
     These are in the same place, but without radii they do not overlap, and without a
     law's state they do not cohere.
 
@@ -252,14 +252,14 @@ def drop_sphere_contact(pairs, counts, clumps, k, ghost):
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     k : int
-        Place of the contact in the list.
+        Index of the contact in the list.
     ghost : int
-        Index of the ghost, a body without mass that never moves. Unused places of the
+        Index of the ghost: a body without mass that never moves. Unused elements of the
         lists hold this index.
     """
     # the entry has one contact fewer
@@ -268,7 +268,7 @@ def drop_sphere_contact(pairs, counts, clumps, k, ghost):
     a = np.int64(pairs.spheres[k, 0])
     b = np.int64(pairs.spheres[k, 1])
     clear_bit(pairs.touching_bits[entry], pair_bit(clumps, a, b))
-    # the last contact moves to place k
+    # the last contact moves to index k
     last = counts[state.N_PAIRS] - 1
     counts[state.N_PAIRS] = last
     write_pair(pairs.first, pairs.second, k, pairs.first[last], pairs.second[last])
@@ -290,8 +290,8 @@ def add_entry(pairs, counts, grid, i, j):
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     i, j : int
@@ -300,7 +300,7 @@ def add_entry(pairs, counts, grid, i, j):
     Returns
     -------
     int
-        Place of the entry, or -1 where there is no room.
+        Index of the entry, or -1 if there is no room.
     """
     # take a hole, if there is one
     if counts[state.N_FREE] > 0:
@@ -324,14 +324,14 @@ def drop_entry(pairs, counts, grid, entry, ghost):
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     entry : int
-        Place of the entry.
+        Index of the entry.
     ghost : int
-        Index of the ghost, a body without mass that never moves. Unused places of the
+        Index of the ghost: a body without mass that never moves. Unused elements of the
         lists hold this index.
     """
     change_pair_counts(grid.near, pairs.near_first[entry], pairs.near_second[entry], -1)
@@ -354,18 +354,18 @@ def chain_entries(pairs, counts, grid, ghost):
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     ghost : int
-        Index of the ghost, a body without mass that never moves. Unused places of the
+        Index of the ghost: a body without mass that never moves. Unused elements of the
         lists hold this index.
     """
     n_links = count_pairs_of_moved(grid.near, grid, counts)
-    n_found = 0
+    n_used = 0
     entry = counts[state.N_NEAR] - 1
-    while n_found < n_links:
+    while n_used < n_links:
         i = pairs.near_first[np.uint64(entry)]
         j = pairs.near_second[np.uint64(entry)]
         entry -= 1
@@ -373,8 +373,8 @@ def chain_entries(pairs, counts, grid, ghost):
         if i == ghost:
             continue
         # one link if i is in the list of moved bodies, and one if j is
-        n_found = chain_partner(pairs, grid, n_found, i, j)
-        n_found = chain_partner(pairs, grid, n_found, j, i)
+        n_used = chain_partner(pairs, grid, n_used, i, j)
+        n_used = chain_partner(pairs, grid, n_used, j, i)
 
 
 @kernel
@@ -388,14 +388,14 @@ def drop_entries_of_gone(bodies, pairs, counts, grid, clumps, ghost):
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     ghost : int
-        Index of the ghost, a body without mass that never moves. Unused places of the
+        Index of the ghost: a body without mass that never moves. Unused elements of the
         lists hold this index.
     """
     presence = bodies.presence

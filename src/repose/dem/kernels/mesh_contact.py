@@ -2,7 +2,7 @@
 
 The gap of a body, or minus its overlap, is the largest value of
 
-    f(n) = n.(place - centre) - h(n) - edge radius
+    f(n) = n.(point - centre) - h(n) - edge radius
 
 over the normals n of a feature (see `features`): one normal for a face, an arc about an
 edge, a patch of the sphere at a vertex. These sets fit together without gap or overlap.
@@ -41,13 +41,13 @@ from .rows import vector_at
 from .state import POSITION
 from .wall_contact import UPHILL_TURN, effective_radius, limit_turn
 
-# A contact that is handed over to a feature may lie this far outside it [m]. Without
-# this, rounding could lose it between two features.
+# A contact that moves to another feature may lie this far outside the feature [m].
+# Otherwise a contact could end by rounding between two features.
 SLACK = 1e-8
 # The curvature of an edge grows from zero at its faces' normals to its full value over
 # this angle [rad], so that R* does not jump where a body rolls from a face to an edge.
 BLEND_ANGLE = 0.2
-OUTSIDE = -1e300  # distance inside a feature where there is no contact with it
+OUTSIDE = -1e300  # distance inside a feature that a body does not touch
 EDGE_ITERATIONS = 40
 EDGE_TOLERANCE = 1e-10  # step at which the search about an edge ends [rad]
 VERTEX_ITERATIONS = 60
@@ -55,14 +55,14 @@ VERTEX_TOLERANCE = 1e-20  # squared step at which the search at a vertex ends
 
 # The value of f at an angle about an edge, its first and second derivative, and how far
 # along the edge the body's outermost point lies [m].
-EdgeValues = namedtuple("EdgeValues", "f slope bend along")
+EdgeValues = namedtuple("EdgeValues", "gap slope second_derivative distance_along")
 
 
 @inlined
 def ascent_step(gradient_u, gradient_w, q_uu, q_uw, q_ww, f):
-    """Return the step of a normal towards the maximum of f [rad].
+    """Return the step of a normal towards the largest gap f of a body and a vertex [rad].
 
-    f is the gap of a body and a vertex along the normal. The step is one of Newton's
+    f is the gap along the normal. The step is one of Newton's
     method on the unit sphere, or a scaled gradient step where the Hessian -(Q + f I) is
     not definite. A step longer than LONGEST_STEP is cut.
 
@@ -72,7 +72,7 @@ def ascent_step(gradient_u, gradient_w, q_uu, q_uw, q_ww, f):
         Gradient of f along the tangents u and w [m].
     q_uu, q_uw, q_ww : float
         Curvature matrix Q of the body in these tangents [m].
-    f : float
+    gap : float
         Value of f [m].
 
     Returns
@@ -83,14 +83,16 @@ def ascent_step(gradient_u, gradient_w, q_uu, q_uw, q_ww, f):
     # the matrix A = Q + f I
     a_uu = q_uu + f
     a_ww = q_ww + f
-    det = a_uu * a_ww - q_uw * q_uw
+    determinant = a_uu * a_ww - q_uw * q_uw
     trace = q_uu + q_ww
     is_definite = (
-        (a_uu > 0.0) and (a_ww > 0.0) and (det > LEAST_DETERMINANT * trace * trace)
+        (a_uu > 0.0)
+        and (a_ww > 0.0)
+        and (determinant > LEAST_DETERMINANT * trace * trace)
     )
     if is_definite:
-        step_u = (a_ww * gradient_u - q_uw * gradient_w) / det
-        step_w = (a_uu * gradient_w - q_uw * gradient_u) / det
+        step_u = (a_ww * gradient_u - q_uw * gradient_w) / determinant
+        step_w = (a_uu * gradient_w - q_uw * gradient_u) / determinant
     else:
         step_u = gradient_u / trace
         step_w = gradient_w / trace
@@ -115,8 +117,8 @@ def blended_curvature(angle, radius):
     radius : float
         Radius of the edge [m].
     """
-    share = min(max(angle, 0.0) / BLEND_ANGLE, 1.0)
-    return share * share * (3.0 - 2.0 * share) / radius
+    fraction = min(max(angle, 0.0) / BLEND_ANGLE, 1.0)
+    return fraction * fraction * (3.0 - 2.0 * fraction) / radius
 
 
 @kernel
@@ -126,12 +128,12 @@ def write_face_contact(row, parts, face, geometry):
     Parameters
     ----------
     row, parts : array, int
-        Row of the body in the frame of the mesh, laid out as in `Bodies.rows`; and its
-        number of ellipsoids, or SPHERES.
+        Row of the body in the frame of the mesh, with the columns of `Bodies.rows`, and
+        the body's number of ellipsoids, or SPHERES for a sphere.
     face : array
         The row of the face in `Meshes.data`.
     geometry : array (8,)
-        Is written (`contact_geometry`).
+        Overwritten by the contact (`contact_geometry`).
 
     Returns
     -------
@@ -141,13 +143,27 @@ def write_face_contact(row, parts, face, geometry):
     nx, ny, nz = vector_at(face, FACE_NORMAL)
     x, y, z = vector_at(row, POSITION)
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
-    h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
+    support, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
-    gap = face[FACE_OFFSET] - (nx * x + ny * y + nz * z + h)
+    gap = face[FACE_OFFSET] - (nx * x + ny * y + nz * z + support)
     radius = math.sqrt(q_uu * q_ww - q_uw * q_uw)
     write_contact(
-        geometry, nx, ny, nz, gap, radius, h, along_u, along_w, ux, uy, uz, wx, wy, wz
+        geometry,
+        nx,
+        ny,
+        nz,
+        gap,
+        radius,
+        support,
+        along_u,
+        along_w,
+        ux,
+        uy,
+        uz,
+        wx,
+        wy,
+        wz,
     )
     # The distance of the contact point p from the nearest side of the triangle.
     arm_x, arm_y, arm_z = arm_of(geometry)
@@ -158,7 +174,7 @@ def write_face_contact(row, parts, face, geometry):
         # the normal of the side, in the plane of the face and into the triangle
         side_x, side_y, side_z = vector_at(face, first)
         depth = side_x * point_x + side_y * point_y + side_z * point_z - face[first + 3]
-        # a point exactly on a side belongs to one of the two faces only
+        # a point exactly on a side belongs to only one of the two faces
         if depth == 0.0 and face[STRICT + side] > 0.0:
             depth = -1e-300
         inside_distance = min(inside_distance, depth)
@@ -198,8 +214,8 @@ def edge_support(row, parts, edge, nx, ny, nz, ux, uy, uz):
     Parameters
     ----------
     row, parts : array, int
-        Row of the body in the frame of the mesh, laid out as in `Bodies.rows`; and its
-        number of ellipsoids, or SPHERES.
+        Row of the body in the frame of the mesh, with the columns of `Bodies.rows`, and
+        the body's number of ellipsoids, or SPHERES for a sphere.
     edge : array (COLUMNS,)
         The edge: a row of `Meshes.data`, whose columns `features` names.
     nx, ny, nz, ux, uy, uz : float
@@ -208,48 +224,49 @@ def edge_support(row, parts, edge, nx, ny, nz, ux, uy, uz):
     Returns
     -------
     values : EdgeValues
-        The gap along n, its first and second derivative by the angle, and the place
-        along the edge.
-    h, along_u, along_w, q_uu, q_uw, q_ww : float
+        The gap along n, its first and second derivative by the angle, and the
+        distance along the edge.
+    support, along_u, along_w, q_uu, q_uw, q_ww : float
         Support terms of the body, see `geometry.support_terms`; w is along the edge
         [m].
     """
     wx, wy, wz = vector_at(edge, EDGE_ALONG)
-    h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
+    support, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
     start_x, start_y, start_z = vector_at(edge, PLACE)
     x, y, z = vector_at(row, POSITION)
-    # (dx, dy, dz) is the way from the body's centre to the start of the edge
+    # (dx, dy, dz) is the vector from the body's centre to the start of the edge
     dx, dy, dz = start_x - x, start_y - y, start_z - z
-    # f and its derivatives by the angle, and the place along the edge
-    level = nx * dx + ny * dy + nz * dz - h
+    # the gap to the edge without its rounding, its derivative by the angle, and the
+    # distance along the edge
+    sharp_gap = nx * dx + ny * dy + nz * dz - support
     slope = ux * dx + uy * dy + uz * dz - along_u
-    place_along = along_w - (wx * dx + wy * dy + wz * dz)
+    distance_along = along_w - (wx * dx + wy * dy + wz * dz)
     values = EdgeValues(
-        level - edge[RADIUS_COLUMN], slope, -(level + q_uu), place_along
+        sharp_gap - edge[RADIUS_COLUMN], slope, -(sharp_gap + q_uu), distance_along
     )
-    return values, h, along_u, along_w, q_uu, q_uw, q_ww
+    return values, support, along_u, along_w, q_uu, q_uw, q_ww
 
 
 @inlined
 def edge_values(row, parts, edge, angle):
     """Return the gap of a body and an edge at an angle, and its derivatives.
 
-    The result is of `EdgeValues`.
+    The result is an `EdgeValues`.
 
     Parameters
     ----------
     row, parts : array, int
-        Row of the body in the frame of the mesh, laid out as in `Bodies.rows`; and its
-        number of ellipsoids, or SPHERES.
+        Row of the body in the frame of the mesh, with the columns of `Bodies.rows`, and
+        the body's number of ellipsoids, or SPHERES for a sphere.
     edge : array (COLUMNS,)
         The edge: a row of `Meshes.data`, whose columns `features` names.
     angle : float
         Angle of the normal from that of the first face [rad].
     """
     nx, ny, nz, ux, uy, uz = edge_axes(edge, angle)
-    values, _h, _along_u, _along_w, _q_uu, _q_uw, _q_ww = edge_support(
+    values, _support, _along_u, _along_w, _q_uu, _q_uw, _q_ww = edge_support(
         row, parts, edge, nx, ny, nz, ux, uy, uz
     )
     return values
@@ -262,8 +279,8 @@ def write_edge_contact(row, parts, edge, angle, geometry):
     Parameters
     ----------
     row, parts : array, int
-        Row of the body in the frame of the mesh, laid out as in `Bodies.rows`; and its
-        number of ellipsoids, or SPHERES.
+        Row of the body in the frame of the mesh, with the columns of `Bodies.rows`, and
+        the body's number of ellipsoids, or SPHERES for a sphere.
     edge : array (COLUMNS,)
         The edge: a row of `Meshes.data`, whose columns `features` names.
     angle : float
@@ -279,10 +296,10 @@ def write_edge_contact(row, parts, edge, angle, geometry):
     """
     nx, ny, nz, ux, uy, uz = edge_axes(edge, angle)
     wx, wy, wz = vector_at(edge, EDGE_ALONG)
-    values, h, along_u, along_w, q_uu, q_uw, q_ww = edge_support(
+    values, support, along_u, along_w, q_uu, q_uw, q_ww = edge_support(
         row, parts, edge, nx, ny, nz, ux, uy, uz
     )
-    # the nearer one of both faces' normals: from there the edge's curvature grows
+    # the curvature grows with the angle from the nearer normal of both faces
     to_face = min(angle, edge[EDGE_ANGLE] - angle)
     edge_curvature = blended_curvature(to_face, edge[RADIUS_COLUMN])
     radius = effective_radius(q_uu, q_uw, q_ww, edge_curvature, 0.0)
@@ -291,9 +308,9 @@ def write_edge_contact(row, parts, edge, angle, geometry):
         nx,
         ny,
         nz,
-        values.f,
+        values.gap,
         radius,
-        h,
+        support,
         along_u,
         along_w,
         ux,
@@ -303,17 +320,21 @@ def write_edge_contact(row, parts, edge, angle, geometry):
         wy,
         wz,
     )
-    return values.along
+    return values.distance_along
 
 
 @inlined
-def edge_angle_step(slope, bend):
+def edge_angle_step(slope, second_derivative):
     """Return the next step of an angle about an edge towards the maximum of f [rad].
 
     It is a Newton step, or a short step uphill where f is not concave. `slope` and
-    `bend` are the first and second derivative of f by the angle [m].
+    `second_derivative` are the first and second derivative of f by the angle [m].
     """
-    return -slope / bend if bend < 0.0 else math.copysign(UPHILL_TURN, slope)
+    return (
+        -slope / second_derivative
+        if second_derivative < 0.0
+        else math.copysign(UPHILL_TURN, slope)
+    )
 
 
 @inlined
@@ -323,7 +344,7 @@ def climb_edge(row, parts, edge, angle):
     The arguments are those of `edge_values`.
     """
     values = edge_values(row, parts, edge, angle)
-    turn = edge_angle_step(values.slope, values.bend)
+    turn = edge_angle_step(values.slope, values.second_derivative)
     return angle + limit_turn(turn)
 
 
@@ -336,8 +357,8 @@ def solve_edge(row, parts, edge, geometry):
     Parameters
     ----------
     row, parts : array, int
-        Row of the body in the frame of the mesh, laid out as in `Bodies.rows`; and its
-        number of ellipsoids, or SPHERES.
+        Row of the body in the frame of the mesh, with the columns of `Bodies.rows`, and
+        the body's number of ellipsoids, or SPHERES for a sphere.
     edge : array (COLUMNS,)
         The edge: a row of `Meshes.data`, whose columns `features` names.
     geometry : array (8,)
@@ -359,11 +380,12 @@ def solve_edge(row, parts, edge, geometry):
     # f and its slope at the normals of both faces
     first = edge_values(row, parts, edge, low)
     last = edge_values(row, parts, edge, high)
-    best = max(first.f, last.f)
+    best = max(first.gap, last.gap)
     inside_distance = min(first.slope, -last.slope)
     if inside_distance < -SLACK:
         return 0.0, OUTSIDE, best
-    # Where f rises at the first normal and falls at the last one, a maximum lies between.
+    # If f rises at the first normal and falls at the last one, a maximum lies between.
+    # Otherwise it is at one of both ends.
     if first.slope > 0.0 and last.slope < 0.0:
         angle = 0.5 * high
     elif first.slope <= 0.0:
@@ -378,17 +400,17 @@ def solve_edge(row, parts, edge, geometry):
             low = angle
         else:
             high = angle
-        # Newton's method, or a bisection where its step leaves the interval
-        turn = edge_angle_step(values.slope, values.bend)
+        # Newton's method, or bisection if the step would leave the interval
+        turn = edge_angle_step(values.slope, values.second_derivative)
         if not low <= angle + turn <= high:
             turn = 0.5 * (low + high) - angle
         angle += turn
         if abs(turn) < EDGE_TOLERANCE:
             break
-    # the contact there, which has to lie between the ends of the edge
-    place_along = write_edge_contact(row, parts, edge, angle, geometry)
+    # the contact at this angle has to lie between the ends of the edge
+    distance_along = write_edge_contact(row, parts, edge, angle, geometry)
     inside_distance = min(
-        inside_distance, min(place_along, edge[EDGE_LENGTH] - place_along)
+        inside_distance, min(distance_along, edge[EDGE_LENGTH] - distance_along)
     )
     return angle, inside_distance, max(best, geometry[contact_geometry.GAP])
 
@@ -403,8 +425,8 @@ def vertex_gap_and_step(row, parts, vertex, nx, ny, nz):
     Parameters
     ----------
     row, parts : array, int
-        Row of the body in the frame of the mesh, laid out as in `Bodies.rows`; and its
-        number of ellipsoids, or SPHERES.
+        Row of the body in the frame of the mesh, with the columns of `Bodies.rows`, and
+        the body's number of ellipsoids, or SPHERES for a sphere.
     vertex : array
         The row of the vertex in `Meshes.data`.
     nx, ny, nz : float
@@ -412,25 +434,25 @@ def vertex_gap_and_step(row, parts, vertex, nx, ny, nz):
 
     Returns
     -------
-    f : float
+    gap : float
         The gap [m].
     step_u, step_w : float
         The step along the two vectors of `geometry.tangents` [rad].
     """
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
-    h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
+    support, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
     vertex_x, vertex_y, vertex_z = vector_at(vertex, PLACE)
     x, y, z = vector_at(row, POSITION)
-    # (dx, dy, dz) is the way from the body's centre to the vertex
+    # (dx, dy, dz) is the vector from the body's centre to the vertex
     dx, dy, dz = vertex_x - x, vertex_y - y, vertex_z - z
     # the distance of the vertex from the body along n, and its gradient
-    level = nx * dx + ny * dy + nz * dz - h
+    sharp_gap = nx * dx + ny * dy + nz * dz - support
     gradient_u = dx * ux + dy * uy + dz * uz - along_u
     gradient_w = dx * wx + dy * wy + dz * wz - along_w
-    step_u, step_w = ascent_step(gradient_u, gradient_w, q_uu, q_uw, q_ww, level)
-    return level - vertex[RADIUS_COLUMN], step_u, step_w
+    step_u, step_w = ascent_step(gradient_u, gradient_w, q_uu, q_uw, q_ww, sharp_gap)
+    return sharp_gap - vertex[RADIUS_COLUMN], step_u, step_w
 
 
 @kernel
@@ -440,8 +462,8 @@ def write_vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
     Parameters
     ----------
     row, parts : array, int
-        Row of the body in the frame of the mesh, laid out as in `Bodies.rows`; and its
-        number of ellipsoids, or SPHERES.
+        Row of the body in the frame of the mesh, with the columns of `Bodies.rows`, and
+        the body's number of ellipsoids, or SPHERES for a sphere.
     meshes, feature : Meshes, int
         The features, and the number of the vertex.
     nx, ny, nz : float
@@ -457,28 +479,28 @@ def write_vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
         its edges. It is negative where the normal is not between those of all faces.
     """
     vertex = meshes.data[feature]
-    # The edge to which the normal is nearest.
+    # Find the edge to which the normal is nearest.
     smallest_sine = 1e300
     ux, uy, uz = 1.0, 0.0, 0.0
     for k in range(meshes.span[feature, 0], meshes.span[feature, 1]):
-        rx, ry, rz = vector_at(meshes.rays[k], 0)
-        sine = nx * rx + ny * ry + nz * rz
+        ray_x, ray_y, ray_z = vector_at(meshes.rays[k], 0)
+        sine = nx * ray_x + ny * ray_y + nz * ray_z
         if sine < smallest_sine:
             smallest_sine = sine
-            ux, uy, uz = rx, ry, rz
-    # The face to whose normal it is nearest.
+            ux, uy, uz = ray_x, ray_y, ray_z
+    # Find the face whose normal is nearest.
     nearest_cosine = -1.0
     for k in range(meshes.corners[feature, 0], meshes.corners[feature, 1]):
-        fx, fy, fz = vector_at(meshes.normals[k], 0)
-        nearest_cosine = max(nearest_cosine, nx * fx + ny * fy + nz * fz)
-    # Tangents: u along the nearest edge. Along it the curvature begins at zero, as on
-    # the edge itself.
+        face_x, face_y, face_z = vector_at(meshes.normals[k], 0)
+        nearest_cosine = max(nearest_cosine, nx * face_x + ny * face_y + nz * face_z)
+    # The tangent u lies along the nearest edge: the curvature along it begins at zero, as
+    # on the edge itself. A lower bound avoids a division by zero where u is normal.
     along_n = nx * ux + ny * uy + nz * uz
     ux, uy, uz = ux - along_n * nx, uy - along_n * ny, uz - along_n * nz
-    inverse = 1.0 / math.sqrt(max(ux * ux + uy * uy + uz * uz, 1e-30))
-    ux, uy, uz = ux * inverse, uy * inverse, uz * inverse
+    inverse_length = 1.0 / math.sqrt(max(ux * ux + uy * uy + uz * uz, 1e-30))
+    ux, uy, uz = ux * inverse_length, uy * inverse_length, uz * inverse_length
     wx, wy, wz = ny * uz - nz * uy, nz * ux - nx * uz, nx * uy - ny * ux
-    h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
+    support, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
     edge_radius = vertex[RADIUS_COLUMN]
@@ -488,17 +510,31 @@ def write_vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
         nx * (vertex_x - x)
         + ny * (vertex_y - y)
         + nz * (vertex_z - z)
-        - h
+        - support
         - edge_radius
     )
     # the curvatures along u and across it, by the angles from the nearest face and edge
     to_face = math.acos(min(max(nearest_cosine, -1.0), 1.0))
     to_edge = math.asin(min(max(smallest_sine, 0.0), 1.0))
-    wall_w = blended_curvature(to_face, edge_radius)
-    wall_u = min(wall_w, blended_curvature(to_edge, edge_radius))
-    radius = effective_radius(q_uu, q_uw, q_ww, wall_u, wall_w)
+    wall_curvature_w = blended_curvature(to_face, edge_radius)
+    wall_curvature_u = min(wall_curvature_w, blended_curvature(to_edge, edge_radius))
+    radius = effective_radius(q_uu, q_uw, q_ww, wall_curvature_u, wall_curvature_w)
     write_contact(
-        geometry, nx, ny, nz, gap, radius, h, along_u, along_w, ux, uy, uz, wx, wy, wz
+        geometry,
+        nx,
+        ny,
+        nz,
+        gap,
+        radius,
+        support,
+        along_u,
+        along_w,
+        ux,
+        uy,
+        uz,
+        wx,
+        wy,
+        wz,
     )
     return smallest_sine
 
@@ -512,8 +548,8 @@ def solve_vertex(row, parts, meshes, feature, geometry):
     Parameters
     ----------
     row, parts : array, int
-        Row of the body in the frame of the mesh, laid out as in `Bodies.rows`; and its
-        number of ellipsoids, or SPHERES.
+        Row of the body in the frame of the mesh, with the columns of `Bodies.rows`, and
+        the body's number of ellipsoids, or SPHERES for a sphere.
     meshes, feature : Meshes, int
         The features, and the number of the vertex.
     geometry : array (8,)
@@ -527,13 +563,13 @@ def solve_vertex(row, parts, meshes, feature, geometry):
         `write_vertex_contact`.
     """
     vertex = meshes.data[feature]
-    # (x, y, z) is the way from the body's centre to the vertex
+    # (x, y, z) is the vector from the body's centre to the vertex
     vertex_x, vertex_y, vertex_z = vector_at(vertex, PLACE)
     centre_x, centre_y, centre_z = vector_at(row, POSITION)
     x, y, z = vertex_x - centre_x, vertex_y - centre_y, vertex_z - centre_z
-    # Start from the direction of the vertex, or from the best of its faces' normals.
-    inverse = 1.0 / max(math.sqrt(x * x + y * y + z * z), 1e-300)
-    best_x, best_y, best_z = x * inverse, y * inverse, z * inverse
+    # Start from the direction of the vertex, or from the face normal of the largest gap.
+    inverse_length = 1.0 / max(math.sqrt(x * x + y * y + z * z), 1e-300)
+    best_x, best_y, best_z = x * inverse_length, y * inverse_length, z * inverse_length
     best_gap = (
         x * best_x
         + y * best_y
@@ -546,7 +582,7 @@ def solve_vertex(row, parts, meshes, feature, geometry):
         if gap > best_gap:
             best_gap = gap
             best_x, best_y, best_z = nx, ny, nz
-    # Climb from there. A step that makes f smaller is halved and tried again.
+    # Make Newton steps from there. Halve a step that makes the gap smaller.
     best_gap, step_u, step_w = vertex_gap_and_step(
         row, parts, vertex, best_x, best_y, best_z
     )
@@ -574,8 +610,8 @@ def solve_feature(row, parts, meshes, feature, radius, geometry):
     Parameters
     ----------
     row, parts : array, int
-        Row of the body in the frame of the mesh, laid out as in `Bodies.rows`; and its
-        number of ellipsoids, or SPHERES.
+        Row of the body in the frame of the mesh, with the columns of `Bodies.rows`, and
+        the body's number of ellipsoids, or SPHERES for a sphere.
     meshes, feature : Meshes, int
         The features, and the number of this one.
     radius : float
@@ -602,15 +638,19 @@ def solve_feature(row, parts, meshes, feature, radius, geometry):
         )
         return 0.0, inside_distance, free_distance
     is_edge = meshes.kind[feature] == EDGE
-    # Leave early where the body's bounding sphere does not reach the feature. (x, y, z)
-    # is the way from the body's centre to the nearest point of the feature.
+    # Return early if the body's bounding sphere does not reach the feature. (x, y, z)
+    # is the vector from the body's centre to the nearest point of the feature.
     place_x, place_y, place_z = vector_at(data, PLACE)
     centre_x, centre_y, centre_z = vector_at(row, POSITION)
     x, y, z = place_x - centre_x, place_y - centre_y, place_z - centre_z
     if is_edge:
         wx, wy, wz = vector_at(data, EDGE_ALONG)
-        place_along = min(max(-(x * wx + y * wy + z * wz), 0.0), data[EDGE_LENGTH])
-        x, y, z = x + place_along * wx, y + place_along * wy, z + place_along * wz
+        distance_along = min(max(-(x * wx + y * wy + z * wz), 0.0), data[EDGE_LENGTH])
+        x, y, z = (
+            x + distance_along * wx,
+            y + distance_along * wy,
+            z + distance_along * wz,
+        )
     distance = math.sqrt(x * x + y * y + z * z) - radius - data[RADIUS_COLUMN]
     geometry[contact_geometry.GAP] = distance
     if distance > 0.0:
@@ -620,6 +660,6 @@ def solve_feature(row, parts, meshes, feature, radius, geometry):
         if inside_distance == OUTSIDE:
             geometry[contact_geometry.GAP] = best
         return angle, inside_distance, best
-    # a sine times the radius is a length that compares with those of other features
+    # a sine times the radius is a length, like the distances inside other features
     sine = solve_vertex(row, parts, meshes, feature, geometry)
     return 0.0, sine * radius, geometry[contact_geometry.GAP]

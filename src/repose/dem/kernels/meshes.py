@@ -1,11 +1,11 @@
-"""Contacts of bodies with triangle meshes: how they begin and are followed in time.
+"""Search for contacts of bodies with triangle meshes, and follow them in time.
 
-A contact stays on one feature of the mesh (`features`) as long as it lies inside it. A
-contact that leaves its feature is handed over, with its spring, to the feature that the
-body touches now. The solvers are those of `mesh_contact`.
+A contact stays on one feature of the mesh (`features`) as long as it lies inside the
+feature. A contact that leaves its feature moves, with its spring, to the feature that
+the body touches now. `mesh_contact` has the solvers.
 
 A body is a smooth body, or the sphere of a clump (see `clump_walls`). `row` is its row
-in the frame of the mesh. `contacts` is the list of contacts with meshes, `n` its
+in the frame of the mesh. `contacts` is the list of contacts with meshes, `n_contacts` its
 length. Reads `Bodies.rows` and `Meshes`. Writes the lists of `WallContacts` (body,
 wall, feature, data), `counts`, and the marks `Meshes.seen` and `Meshes.stamp` of a
 search.
@@ -40,55 +40,55 @@ from .walls import (
     row_in_wall_frame,
 )
 
-# A search reaches this far beyond the body's box (share of its radius).
+# A search reaches this far beyond the body's box (fraction of the body's radius).
 SEARCH_MARGIN = 0.5
-# The next feature of a contact is sought this far about its place (share of the body's
+# The next feature of a contact is searched for this far about its place (share of the body's
 # radius), among features whose normal differs by less than the angle of this cosine.
 HAND_OVER_REACH = 0.05
 LEAST_NORMAL_COSINE = 0.9
 
 # The first and last cell of a block along each axis.
-CellBlock = namedtuple("CellBlock", "x0 x1 y0 y1 z0 z1")
+CellBlock = namedtuple("CellBlock", "first_x last_x first_y last_y first_z last_z")
 
 
 @inlined
 def meet_in_gentle_kink(meshes, face, other):
-    """Return whether a feature is a face that meets another in a gentle concave kink.
+    """Return whether a feature is a face that meets another one in a gentle concave kink.
 
-    Of such faces a body touches only the one that it overlaps most.
+    A body touches only that one of such faces that it overlaps most.
 
     Parameters
     ----------
     meshes : Meshes
         The features of all meshes (`features.Meshes`).
     face, other : int
-        Numbers of the two features.
+        Indices of the two features.
     """
     if meshes.kind[face] != FACE:
         return False
-    # the neighbours of a face are one part of a list
-    is_near = False
+    # the neighbours of a face follow each other in `Meshes.near`
+    is_neighbour = False
     for k in range(meshes.span[face, 0], meshes.span[face, 1]):
-        is_near = is_near or meshes.near[k] == other
-    return is_near
+        is_neighbour = is_neighbour or meshes.near[k] == other
+    return is_neighbour
 
 
 @inlined
-def has_contact_with_feature(contacts, meshes, n, body, feature, ignored):
-    """Return whether a body touches a feature or a gentle neighbour of it already.
+def has_contact_with_feature(contacts, meshes, n_contacts, body, feature, ignored):
+    """Return whether a body already touches a feature or its neighbour at a gentle kink.
 
     Parameters
     ----------
     contacts, meshes : WallContacts, Meshes
         The list of contacts with meshes, and the features.
-    n : int
+    n_contacts : int
         Number of contacts in the list.
     body, feature : int
-        Numbers of the body and of the feature.
+        Indices of the body and of the feature.
     ignored : int
-        Number of a contact that does not count, or -1.
+        Index of a contact that does not count, or -1.
     """
-    for k in range(n):
+    for k in range(n_contacts):
         if contacts.body[k] == body and k != ignored:
             other = contacts.feature[k]
             if other == feature or meet_in_gentle_kink(meshes, other, feature):
@@ -98,7 +98,7 @@ def has_contact_with_feature(contacts, meshes, n, body, feature, ignored):
 
 @inlined
 def cell_range(meshes, mesh, axis, low, high):
-    """Return the first and last cell of a mesh that an interval of one axis meets.
+    """Return the first and last cell of a mesh that an interval of one axis overlaps.
 
     Cells beyond the mesh's box are left out.
 
@@ -107,49 +107,50 @@ def cell_range(meshes, mesh, axis, low, high):
     meshes : Meshes
         The features of all meshes (`features.Meshes`).
     mesh, axis : int
-        Number of the mesh, and the axis: 0, 1 or 2.
+        Index of the mesh, and the axis: 0, 1 or 2.
     low, high : float
         Ends of the interval, in the frame of the mesh [m].
     """
-    edge = meshes.box[mesh, 6]
+    cell_edge = meshes.box[mesh, 6]
     lower = meshes.box[mesh, axis]
-    # cells are cubes with the same edge along all axes
-    first = math.floor((low - lower) / edge)
-    last = math.floor((high - lower) / edge)
+    # cells are cubes
+    first = math.floor((low - lower) / cell_edge)
+    last = math.floor((high - lower) / cell_edge)
     return max(first, 0), min(last, meshes.cells[mesh, axis] - 1)
 
 
 @inlined
-def cells_in_box(meshes, mesh, x, y, z, reach_x, reach_y, reach_z):
-    """Return the block of cells of a mesh that a box about a place meets.
+def cells_in_box(meshes, mesh, x, y, z, half_x, half_y, half_z):
+    """Return the block of cells of a mesh that a box around a point overlaps.
 
     Parameters
     ----------
     meshes : Meshes
         The features of all meshes (`features.Meshes`).
     mesh : int
-        Number of the mesh.
+        Index of the mesh.
     x, y, z : float
-        The place, in the frame of the mesh [m].
-    reach_x, reach_y, reach_z : float
-        Half the edges of the box [m].
+        The point, in the frame of the mesh [m].
+    half_x, half_y, half_z : float
+        Half the lengths of the box along the axes [m].
 
     Returns
     -------
     CellBlock
         The first and last cell along each axis.
     """
-    x0, x1 = cell_range(meshes, mesh, 0, x - reach_x, x + reach_x)
-    y0, y1 = cell_range(meshes, mesh, 1, y - reach_y, y + reach_y)
-    z0, z1 = cell_range(meshes, mesh, 2, z - reach_z, z + reach_z)
-    return CellBlock(x0, x1, y0, y1, z0, z1)
+    first_x, last_x = cell_range(meshes, mesh, 0, x - half_x, x + half_x)
+    first_y, last_y = cell_range(meshes, mesh, 1, y - half_y, y + half_y)
+    first_z, last_z = cell_range(meshes, mesh, 2, z - half_z, z + half_z)
+    return CellBlock(first_x, last_x, first_y, last_y, first_z, last_z)
 
 
 @inlined
 def cell_index(meshes, mesh, cell_x, cell_y, cell_z):
-    """Return the place in `Meshes.begin` of cell (x, y, z) of a mesh.
+    """Return the index in `Meshes.begin` of cell (cell_x, cell_y, cell_z) of a mesh.
 
-    `Meshes.begin` has the first feature of each cell, for all meshes one after another.
+    `Meshes.begin` has the index of the first feature of each cell. The cells of all
+    meshes follow each other.
     """
     first = meshes.cells[mesh, 3]
     return (
@@ -163,15 +164,15 @@ def cell_index(meshes, mesh, cell_x, cell_y, cell_z):
 def distance_from_box(row, parts, meshes, mesh):
     """Return a lower bound of the distance of a body from the box of a mesh [m].
 
-    It is 0.0 where the body's own box and that of the mesh overlap.
+    It is 0.0 if the body's box and that of the mesh overlap.
 
     Parameters
     ----------
     row, parts : array, int
-        Row of the body in the frame of the mesh, laid out as in `Bodies.rows`; and its
-        number of ellipsoids, or SPHERES.
+        Row of the body in the frame of the mesh, with the columns of `Bodies.rows`, and
+        the body's number of ellipsoids, or SPHERES for a sphere.
     meshes, mesh : Meshes, int
-        The features with the boxes of all meshes, and the number of the mesh.
+        The features with the boxes of all meshes, and the index of the mesh.
     """
     distance = 0.0
     for axis in range(3):
@@ -183,7 +184,7 @@ def distance_from_box(row, parts, meshes, mesh):
             1.0 if axis == 1 else 0.0,
             1.0 if axis == 2 else 0.0,
         )
-        # the gap between both boxes along this axis, on either side
+        # the gap between the two boxes along this axis, on either side of the mesh
         lower = meshes.box[mesh, axis]
         upper = meshes.box[mesh, 3 + axis]
         distance = max(distance, lower - row[axis] - reach)
@@ -195,7 +196,7 @@ def distance_from_box(row, parts, meshes, mesh):
 def add_feature_contact_if_new(
     row, contacts, counts, parts, walls, meshes, mesh, feature, i, radius, geometry
 ):
-    """Add the contact of body i with a feature of a mesh, if there is a new one.
+    """Add the contact of body i with a feature of a mesh if it is new.
 
     Parameters
     ----------
@@ -208,7 +209,7 @@ def add_feature_contact_if_new(
     walls, meshes : Walls, Meshes
         The walls, and the features of the meshes.
     mesh, feature, i : int
-        Numbers of the mesh, the feature and the body.
+        Indices of the mesh, the feature and the body.
     radius : float
         Bounding radius of the body [m]: the distance of its farthest point from its
         centre.
@@ -224,16 +225,16 @@ def add_feature_contact_if_new(
         row, parts, meshes, feature, radius, geometry
     )
     gap = geometry[contact_geometry.GAP]
-    # there is a gap
+    # the body does not touch the feature
     if free_distance > 0.0 and gap > 0.0:
         return free_distance
-    # the body touches another feature, if any
+    # the body may touch another feature, but not this one
     if inside_distance < 0.0:
         return max(free_distance, NEXT_SEARCH_BEYOND_END * radius)
     if gap < -LARGEST_NEW_OVERLAP * radius:
-        # the body is inside the mesh
+        # the body is inside the mesh, not at its surface
         return max(-gap - LARGEST_NEW_OVERLAP * radius, NEXT_SEARCH_BEYOND_END * radius)
-    # a new contact with a relaxed spring
+    # add a new contact, with a relaxed spring
     if not has_contact_with_feature(
         contacts, meshes, counts[state.N_MESHED], i, feature, -1
     ):
@@ -247,7 +248,7 @@ def add_feature_contact_if_new(
 
 @kernel
 def search_mesh(row, contacts, counts, parts, walls, meshes, mesh, i, radius, geometry):
-    """Search for contacts of body i with a mesh, in the cells about the body.
+    """Search for contacts of body i with a mesh, in the cells around the body.
 
     Parameters
     ----------
@@ -260,7 +261,7 @@ def search_mesh(row, contacts, counts, parts, walls, meshes, mesh, i, radius, ge
     walls, meshes : Walls, Meshes
         The walls, and the features of the meshes.
     mesh, i : int
-        Index of the mesh among the meshes, and index of the body.
+        Indices of the mesh and of the body.
     radius : float
         Bounding radius of the body [m]: the distance of its farthest point from its
         centre.
@@ -276,27 +277,28 @@ def search_mesh(row, contacts, counts, parts, walls, meshes, mesh, i, radius, ge
     if distance > 0.0:
         return distance
 
-    # The cells that a box about the body meets, which is SEARCH_MARGIN larger than the body.
+    # The cells that a box around the body overlaps, which is SEARCH_MARGIN larger than the body.
     free_distance = SEARCH_MARGIN * radius
-    reach_x = extent(row, parts, 1.0, 0.0, 0.0) + free_distance
-    reach_y = extent(row, parts, 0.0, 1.0, 0.0) + free_distance
-    reach_z = extent(row, parts, 0.0, 0.0, 1.0) + free_distance
+    half_x = extent(row, parts, 1.0, 0.0, 0.0) + free_distance
+    half_y = extent(row, parts, 0.0, 1.0, 0.0) + free_distance
+    half_z = extent(row, parts, 0.0, 0.0, 1.0) + free_distance
     x, y, z = vector_at(row, state.POSITION)
-    block = cells_in_box(meshes, mesh, x, y, z, reach_x, reach_y, reach_z)
+    block = cells_in_box(meshes, mesh, x, y, z, half_x, half_y, half_z)
 
-    # A feature lies in several cells. The stamp of this search marks it as seen.
+    # A feature may lie in several cells. The stamp of this search marks features that
+    # the search has seen.
     meshes.stamp[0] += 1
     stamp = meshes.stamp[0]
-    for cx in range(block.x0, block.x1 + 1):
-        for cy in range(block.y0, block.y1 + 1):
-            for cz in range(block.z0, block.z1 + 1):
-                cell = cell_index(meshes, mesh, cx, cy, cz)
-                for item in range(meshes.begin[cell], meshes.begin[cell + 1]):
-                    feature = meshes.items[item]
+    for cell_x in range(block.first_x, block.last_x + 1):
+        for cell_y in range(block.first_y, block.last_y + 1):
+            for cell_z in range(block.first_z, block.last_z + 1):
+                cell = cell_index(meshes, mesh, cell_x, cell_y, cell_z)
+                for index in range(meshes.begin[cell], meshes.begin[cell + 1]):
+                    feature = meshes.items[index]
                     if meshes.seen[feature] == stamp:
                         continue
                     meshes.seen[feature] = stamp
-                    feature_free = add_feature_contact_if_new(
+                    feature_distance = add_feature_contact_if_new(
                         row,
                         contacts,
                         counts,
@@ -309,31 +311,31 @@ def search_mesh(row, contacts, counts, parts, walls, meshes, mesh, i, radius, ge
                         radius,
                         geometry,
                     )
-                    free_distance = min(free_distance, feature_free)
+                    free_distance = min(free_distance, feature_distance)
     return free_distance
 
 
 @inlined
 def solve_last_feature(
-    row, parts, meshes, history, lane, feature, nx, ny, nz, geometry
+    row, parts, meshes, contact_tile, lane, feature, nx, ny, nz, geometry
 ):
     """Solve for the contact with the feature of the last step, from its last normal.
 
-    As in `walls.follow_wall_contact`, a fixed number of Newton steps is enough for the small
+    Like in `walls.follow_wall_contact`, a fixed number of Newton steps is enough for the small
     motion of one time step.
 
     Parameters
     ----------
     row, parts : array, int
-        Row of the body in the frame of the mesh, laid out as in `Bodies.rows`; and its
-        number of ellipsoids, or SPHERES.
+        Row of the body in the frame of the mesh, with the columns of `Bodies.rows`, and
+        the body's number of ellipsoids, or SPHERES for a sphere.
     meshes : Meshes
         The features of all meshes (`features.Meshes`).
-    history, lane : array, int
-        The contact's tile of `WallContacts.data` and its lane; the angle about an edge
-        is updated.
+    contact_tile, lane : array, int
+        The contact's tile of `WallContacts.data` and its lane. The angle about an edge
+        in the tile is updated.
     feature : int
-        Number of the feature.
+        Index of the feature.
     nx, ny, nz : float
         The last normal, in the frame of the mesh.
     geometry : array (8,)
@@ -343,64 +345,75 @@ def solve_last_feature(
     Returns
     -------
     float
-        How far inside the feature the contact lies; negative outside. It is a length
-        [m], of an edge the smaller of a length and an angle, of a vertex a sine.
+        How far inside the feature the contact lies; negative outside. For a face it is a
+        length [m], for an edge the smaller of a length [m] and an angle [rad], for a
+        vertex a sine. Only the sign is used.
     """
     data = meshes.data[feature]
     if meshes.kind[feature] == FACE:
         return write_face_contact(row, parts, data, geometry)
     if meshes.kind[feature] == EDGE:
         # climb along the arc of normals about the edge, from the last angle
-        angle = history[state.AZIMUTH + lane]
+        angle = contact_tile[state.AZIMUTH + lane]
         for _ in range(FOLLOWING_STEPS):
             angle = climb_edge(row, parts, data, angle)
-        history[state.AZIMUTH + lane] = angle
-        place_along = write_edge_contact(row, parts, data, angle, geometry)
+        contact_tile[state.AZIMUTH + lane] = angle
+        distance_along = write_edge_contact(row, parts, data, angle, geometry)
         # inside both the arc of normals and the two ends of the edge
         inside_arc = min(angle, data[EDGE_ANGLE] - angle)
-        inside_ends = min(place_along, data[EDGE_LENGTH] - place_along)
+        inside_ends = min(distance_along, data[EDGE_LENGTH] - distance_along)
         return min(inside_arc, inside_ends)
     # a vertex
     for _ in range(FOLLOWING_STEPS):
-        _f, step_u, step_w = vertex_gap_and_step(row, parts, data, nx, ny, nz)
+        _gap, step_u, step_w = vertex_gap_and_step(row, parts, data, nx, ny, nz)
         nx, ny, nz = step_normal(nx, ny, nz, step_u, step_w)
     return write_vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry)
 
 
 @kernel
 def hand_over_contact(
-    row, parts, meshes, contacts, n, k, radius, end_gap, geometry, other_geometry
+    row,
+    parts,
+    meshes,
+    contacts,
+    n_contacts,
+    k,
+    radius,
+    end_gap,
+    geometry,
+    other_geometry,
 ):
-    """Find the feature to which contact k has moved, and hand it over with its spring.
+    """Move contact k, with its spring, to the feature that the body touches now.
 
-    Among the features about the contact point that the body touches, this is the one
-    whose normal is nearest to the last normal.
+    Among the touched features around the contact point, this is the one whose normal is
+    nearest to the last normal. The function changes `contacts.feature` and the angle in
+    `contacts.data`.
 
     Parameters
     ----------
     row, parts : array, int
-        Row of the body in the frame of the mesh, laid out as in `Bodies.rows`; and its
-        number of ellipsoids, or SPHERES.
+        Row of the body in the frame of the mesh, with the columns of `Bodies.rows`, and
+        the body's number of ellipsoids, or SPHERES for a sphere.
     meshes, contacts : Meshes, WallContacts
         The features, and the list of contacts with meshes.
-    n, k : int
-        Number of contacts in the list, and index of this contact.
+    n_contacts, k : int
+        Number of contacts in the list, and index of this one.
     radius : float
         Bounding radius of the body [m]: the distance of its farthest point from its
         centre.
     end_gap : float
         The contact ends if its gap exceeds this [m].
     geometry : array (8,)
-        The contact with the old feature; the one with the new feature is written to it.
+        The contact with the old feature; overwritten by the contact with the new one.
     other_geometry : array (8,)
         Working memory for a second contact; it is overwritten.
 
     Returns
     -------
     bool
-        Whether there is such a feature. Then feature and angle of the contact are its.
+        Whether there is such a feature.
     """
-    # the cells about the contact point
+    # find the cells around the contact point
     mesh = contacts.wall[k]
     old_feature = contacts.feature[k]
     reach = HAND_OVER_REACH * radius
@@ -411,20 +424,20 @@ def hand_over_contact(
     nx, ny, nz = normal_of(geometry)
     best_cosine = LEAST_NORMAL_COSINE
     has_feature = False
-    for cx in range(block.x0, block.x1 + 1):
-        for cy in range(block.y0, block.y1 + 1):
-            for cz in range(block.z0, block.z1 + 1):
-                cell = cell_index(meshes, mesh, cx, cy, cz)
-                for item in range(meshes.begin[cell], meshes.begin[cell + 1]):
-                    feature = meshes.items[item]
+    for cell_x in range(block.first_x, block.last_x + 1):
+        for cell_y in range(block.first_y, block.last_y + 1):
+            for cell_z in range(block.first_z, block.last_z + 1):
+                cell = cell_index(meshes, mesh, cell_x, cell_y, cell_z)
+                for index in range(meshes.begin[cell], meshes.begin[cell + 1]):
+                    feature = meshes.items[index]
                     if feature == old_feature:
                         continue
                     angle, inside_distance, _free_distance = solve_feature(
                         row, parts, meshes, feature, radius, other_geometry
                     )
                     gap = other_geometry[contact_geometry.GAP]
-                    # a contact outside this feature, or one that has ended, or is far
-                    # inside the mesh
+                    # skip a contact outside this feature, one that has ended, and one
+                    # far inside the mesh
                     if (
                         inside_distance < -SLACK
                         or gap > end_gap
@@ -432,11 +445,11 @@ def hand_over_contact(
                     ):
                         continue
                     other_nx, other_ny, other_nz = normal_of(other_geometry)
-                    # keep the one whose normal is nearest to the last one, unless
-                    # another contact has it
+                    # keep the feature whose normal is nearest to the last normal, unless
+                    # another contact of the body has this feature
                     cosine = nx * other_nx + ny * other_ny + nz * other_nz
                     if cosine > best_cosine and not has_contact_with_feature(
-                        contacts, meshes, n, contacts.body[k], feature, k
+                        contacts, meshes, n_contacts, contacts.body[k], feature, k
                     ):
                         best_cosine = cosine
                         has_feature = True
@@ -448,16 +461,16 @@ def hand_over_contact(
 
 @inlined
 def keep_deepest_face(row, parts, meshes, contacts, k, geometry, other_geometry):
-    """Where faces meet in a gentle concave kink, keep the face of the largest overlap.
+    """Move contact k to a neighbouring face if the body overlaps that face more.
 
-    Contact k is with a face. Its feature and `geometry` are replaced by those of a
-    neighbour of this face that the body overlaps more.
+    The contact is with a face. The neighbours are the faces that meet this face in a
+    gentle concave kink. The function changes `contacts.feature` and `geometry`.
 
     Parameters
     ----------
     row, parts : array, int
-        Row of the body in the frame of the mesh, laid out as in `Bodies.rows`; and its
-        number of ellipsoids, or SPHERES.
+        Row of the body in the frame of the mesh, with the columns of `Bodies.rows`, and
+        the body's number of ellipsoids, or SPHERES for a sphere.
     meshes, contacts : Meshes, WallContacts
         The features, and the list of contacts with meshes.
     k : int
@@ -468,10 +481,10 @@ def keep_deepest_face(row, parts, meshes, contacts, k, geometry, other_geometry)
         Working memory for a second contact; it is overwritten.
     """
     face = contacts.feature[k]
-    for place in range(meshes.span[face, 0], meshes.span[face, 1]):
-        neighbour = meshes.near[place]
+    for index in range(meshes.span[face, 0], meshes.span[face, 1]):
+        neighbour = meshes.near[index]
         data = meshes.data[neighbour]
-        # the contact that the body would have with the neighbour
+        # calculate the contact that the body would have with the neighbour
         inside_distance = write_face_contact(row, parts, data, other_geometry)
         if (
             inside_distance >= 0.0
@@ -490,7 +503,7 @@ def follow_feature_contact(
     frame,
     meshes,
     contacts,
-    n,
+    n_contacts,
     k,
     end_gap,
     geometry,
@@ -507,11 +520,11 @@ def follow_feature_contact(
     parts : int
         Its number of ellipsoids, or SPHERES.
     walls, frame : Walls, int
-        The walls, and the number of the frame of the mesh.
+        The walls, and the index of the frame of the mesh.
     meshes, contacts : Meshes, WallContacts
         The features of the meshes, and the list of contacts with meshes.
-    n, k : int
-        Number of contacts in the list, and index of this contact.
+    n_contacts, k : int
+        Number of contacts in the list, and index of this one.
     end_gap : float
         The contact ends if its gap exceeds this [m].
     geometry : array (8,)
@@ -522,37 +535,46 @@ def follow_feature_contact(
     Returns
     -------
     bool
-        Whether the contact lasts.
+        Whether the contact continues.
     """
-    history = contacts.data[k // LANES]
+    contact_tile = contacts.data[k // LANES]
     lane = k % LANES
-    nx, ny, nz = lane_vector(history, state.NORMAL, lane)
+    nx, ny, nz = lane_vector(contact_tile, state.NORMAL, lane)
     if walls.displaced[frame]:
         nx, ny, nz = into_frame(walls.frames[frame], nx, ny, nz)
     inside_distance = solve_last_feature(
-        row, parts, meshes, history, lane, contacts.feature[k], nx, ny, nz, geometry
+        row,
+        parts,
+        meshes,
+        contact_tile,
+        lane,
+        contacts.feature[k],
+        nx,
+        ny,
+        nz,
+        geometry,
     )
-    is_touching = inside_distance >= 0.0
-    # A contact that has left its feature goes on with another one, if there is one.
-    if not is_touching:
-        is_touching = hand_over_contact(
+    has_feature = inside_distance >= 0.0
+    # a contact that has left its feature continues on another one, if there is one
+    if not has_feature:
+        has_feature = hand_over_contact(
             row,
             parts,
             meshes,
             contacts,
-            n,
+            n_contacts,
             k,
             radius,
             end_gap,
             geometry,
             other_geometry,
         )
-    # where faces meet in a gentle kink, only one of them has the contact
+    # if faces meet in a gentle kink, only one of them has the contact
     is_face = meshes.kind[contacts.feature[k]] == FACE
-    if is_touching and geometry[contact_geometry.GAP] < 0.0 and is_face:
+    if has_feature and geometry[contact_geometry.GAP] < 0.0 and is_face:
         keep_deepest_face(row, parts, meshes, contacts, k, geometry, other_geometry)
     contact_to_world(walls, frame, geometry)
-    return is_touching and geometry[contact_geometry.GAP] <= end_gap
+    return has_feature and geometry[contact_geometry.GAP] <= end_gap
 
 
 @inlined
@@ -562,7 +584,7 @@ def follow_mesh_contact(
     walls,
     meshes,
     contacts,
-    n,
+    n_contacts,
     k,
     end_gap,
     geometry,
@@ -578,13 +600,13 @@ def follow_mesh_contact(
     parts : int
         Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes
         The features of all meshes (`features.Meshes`).
     contacts : WallContacts
         The list of contacts with meshes.
-    n, k : int
-        Number of contacts in the list, and index of this contact.
+    n_contacts, k : int
+        Number of contacts in the list, and index of this one.
     end_gap : float
         The contact ends if its gap exceeds this [m].
     geometry : array (8,)
@@ -597,7 +619,7 @@ def follow_mesh_contact(
     Returns
     -------
     bool
-        Whether the contact lasts.
+        Whether the contact continues.
     """
     i = contacts.body[k]
     frame = mesh_frame(walls, contacts.wall[k])
@@ -611,7 +633,7 @@ def follow_mesh_contact(
         frame,
         meshes,
         contacts,
-        n,
+        n_contacts,
         k,
         end_gap,
         geometry,
@@ -633,9 +655,9 @@ def refresh_mesh_contacts(
     other_geometry,
     local_row,
 ):
-    """Bring the contacts of body i with a mesh to their present features and normals.
+    """Update features and normals of the contacts of body i with a mesh.
 
-    A search after this does not find them as new contacts.
+    After this, a search does not find these contacts again as new ones.
 
     Parameters
     ----------
@@ -644,23 +666,23 @@ def refresh_mesh_contacts(
     parts : int
         Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes
         The features of all meshes (`features.Meshes`).
     contacts : WallContacts
         The list of contacts with meshes.
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     mesh, i : int
-        Index of the mesh among the meshes, and index of the body.
+        Indices of the mesh and of the body.
     geometry, other_geometry : array (8,)
-        Scratch for two contacts; is overwritten.
+        Working memory for two contacts; it is overwritten.
     local_row : array
         Working memory for the row of a body in the frame of a wall; it is overwritten.
     """
-    n = counts[state.N_MESHED]
-    for k in range(n):
+    n_contacts = counts[state.N_MESHED]
+    for k in range(n_contacts):
         if contacts.body[k] == i and contacts.wall[k] == mesh:
             follow_mesh_contact(
                 bodies,
@@ -668,7 +690,7 @@ def refresh_mesh_contacts(
                 walls,
                 meshes,
                 contacts,
-                n,
+                n_contacts,
                 k,
                 0.0,
                 geometry,
@@ -702,18 +724,18 @@ def find_body_mesh_contacts(
     meshed : WallContacts
         The contacts with meshes.
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes
         The features of all meshes (`features.Meshes`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     parts : int
         Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     mesh, i : int
-        Index of the mesh among the meshes, and index of the body.
+        Indices of the mesh and of the body.
     geometry, other_geometry : array (8,)
-        Scratch for two contacts; is overwritten.
+        Working memory for two contacts; it is overwritten.
     local_row : array
         Working memory for the row of a body in the frame of a wall; it is overwritten.
 

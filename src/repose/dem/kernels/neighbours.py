@@ -5,10 +5,10 @@ have moved. A near pair has a limit: the gap at its last check plus both displac
 at that time. As long as the sum of the displacements is below the limit, the bodies
 cannot touch and are not checked.
 
-A pair with a gap of a skin or more is not listed. The pairs of a body are listed anew
+A pair with a gap of a skin or more is not listed. The pairs of a body are listed again
 when it has moved by half a skin since the last listing (it is then in
 `Grid.moved_list`). So two bodies of an unlisted pair together move by less than the
-skin before the pairs of one of them are listed anew.
+skin before the pairs of one of them are listed again.
 
 Reads `Bodies.rows` and `Bodies.displacement`. Writes all arrays of `Grid`, the lists of
 `Pairs`, `counts`, and the row RENEWAL of `Bodies.motion`. `renewal` calls most of this.
@@ -45,12 +45,16 @@ def find_cell(grid, x, y, z):
         The point [m].
     """
     edge = grid.lengths[state.CELL]
-    i = math.floor((x - grid.origin[0]) / edge)
-    j = math.floor((y - grid.origin[1]) / edge)
-    k = math.floor((z - grid.origin[2]) / edge)
+    cell_x = math.floor((x - grid.origin[0]) / edge)
+    cell_y = math.floor((y - grid.origin[1]) / edge)
+    cell_z = math.floor((z - grid.origin[2]) / edge)
     # a place outside the grid belongs to a cell of the repetition
-    i, j, k = i % grid.shape[0], j % grid.shape[1], k % grid.shape[2]
-    return (i * grid.shape[1] + j) * grid.shape[2] + k
+    cell_x, cell_y, cell_z = (
+        cell_x % grid.shape[0],
+        cell_y % grid.shape[1],
+        cell_z % grid.shape[2],
+    )
+    return (cell_x * grid.shape[1] + cell_y) * grid.shape[2] + cell_z
 
 
 @kernel
@@ -93,9 +97,9 @@ def insert_into_cell(grid, i, cell):
         Cells of the neighbour search; `grid.cell` of the body, and the list, are
         written.
     i : int
-        Number of the body, which is in no cell.
+        Index of the body, which is in no cell.
     cell : int
-        Number of the cell.
+        Index of the cell.
     """
     grid.cell[i] = cell
     grid.preceding[i] = -1
@@ -109,7 +113,7 @@ def insert_into_cell(grid, i, cell):
 def add_to_cell(grid, bodies, i):
     """Put body i, which is in no cell, into the cell of its position.
 
-    Also writes the displacement at which its neighbours are found anew: half a skin
+    Also writes the displacement at which its neighbours are found again: half a skin
     from now (row RENEWAL of `Bodies.motion`).
 
     Parameters
@@ -131,7 +135,7 @@ def add_to_cell(grid, bodies, i):
 
 @inlined
 def mark_moved(grid, counts, i):
-    """Add body i to the bodies whose neighbours are found anew at the next step.
+    """Add body i to the bodies whose neighbours are found again at the next step.
 
     `grid.moved` is 1 for the bodies of the list, so that each is in it once.
 
@@ -140,8 +144,8 @@ def mark_moved(grid, counts, i):
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     i : int
         Index of the body.
     """
@@ -152,20 +156,20 @@ def mark_moved(grid, counts, i):
 
 
 @inlined
-def change_pair_counts(counter, i, j, change):
+def change_pair_counts(pair_counts, i, j, change):
     """Change the numbers of pairs of two bodies by 1 or -1.
 
     Parameters
     ----------
-    counter : array of int (bodies,)
+    pair_counts : array of int (bodies,)
         Number of pairs of each body: `Grid.touching` or `Grid.near`.
     i, j : int
         The two bodies of a pair.
     change : int
         1 for a new pair, -1 for a removed one.
     """
-    counter[i] += change
-    counter[j] += change
+    pair_counts[i] += change
+    pair_counts[j] += change
 
 
 @inlined
@@ -176,8 +180,8 @@ def write_pair(first, second, k, i, j):
 
 
 @inlined
-def reserve_place(counts, length_slot, room):
-    """Take the next free place of a list and return it, or -1 where there is no room.
+def reserve_place(counts, length_index, capacity):
+    """Take the next free place of a list and return it, or -1 if there is no room.
 
     Where there is none, `counts[FULL]` is set, and Python makes the list longer.
 
@@ -185,16 +189,16 @@ def reserve_place(counts, length_slot, room):
     ----------
     counts : array of int
         Length of each list; that of this list grows by 1.
-    length_slot : int
-        Place in `counts` of this list's length, such as state.N_PAIRS.
-    room : int
+    length_index : int
+        Index in `counts` of this list's length, such as state.N_PAIRS.
+    capacity : int
         Length of the list's arrays.
     """
-    k = counts[length_slot]
-    if k >= room:
+    k = counts[length_index]
+    if k >= capacity:
         counts[state.FULL] = 1
         return -1
-    counts[length_slot] = k + 1
+    counts[length_index] = k + 1
     return k
 
 
@@ -207,17 +211,17 @@ def drop_near_pair(pairs, counts, grid, k):
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     k : int
-        Place of the pair in the list of near pairs.
+        Index of the pair in the list of near pairs.
     """
     last = counts[state.N_NEAR] - 1
     counts[state.N_NEAR] = last
     change_pair_counts(grid.near, pairs.near_first[k], pairs.near_second[k], -1)
-    # the last pair of the list moves to place k
+    # the last pair of the list moves to index k
     write_pair(
         pairs.near_first,
         pairs.near_second,
@@ -236,15 +240,15 @@ def add_near_pair(pairs, counts, grid, i, j, limit, nx, ny, nz):
     """Append a near pair (i, j).
 
     The pair is due for a check when the displacements of i and j add up to `limit`.
-    Where the list is full, nothing is added, and `counts[FULL]` is set.
+    If the list is full, the function adds nothing and sets `counts[FULL]`.
 
     Parameters
     ----------
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     i, j : int
@@ -269,15 +273,15 @@ def add_near_pair(pairs, counts, grid, i, j, limit, nx, ny, nz):
 def add_contact(pairs, counts, grid, i, j, normal):
     """Append a touching pair (i, j) with a relaxed spring.
 
-    Where the list is full, nothing is added, and `counts[FULL]` is set.
+    If the list is full, the function adds nothing and sets `counts[FULL]`.
 
     Parameters
     ----------
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     i, j : int
@@ -297,27 +301,27 @@ def add_contact(pairs, counts, grid, i, j, normal):
 def drop_contact(pairs, counts, grid, k, ghost):
     """Remove touching pair k from the list: the last pair moves to its place.
 
-    The place that becomes free holds two ghosts, so that a whole tile can be computed.
+    The element that becomes free holds two ghosts, so that a whole tile can be computed.
 
     Parameters
     ----------
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     k : int
-        Place of the pair in the list of touching pairs.
+        Index of the pair in the list of touching pairs.
     ghost : int
-        Index of the ghost, a body without mass that never moves. Unused places of the
+        Index of the ghost: a body without mass that never moves. Unused elements of the
         lists hold this index.
     """
     last = counts[state.N_PAIRS] - 1
     counts[state.N_PAIRS] = last
     change_pair_counts(grid.touching, pairs.first[k], pairs.second[k], -1)
-    # the last contact of the list moves to place k, and ghosts to the last place
+    # the last contact of the list moves to index k, and ghosts to the last place
     write_pair(pairs.first, pairs.second, k, pairs.first[last], pairs.second[last])
     move_contact(pairs.data, last, k)
     write_pair(pairs.first, pairs.second, last, ghost, ghost)
@@ -340,7 +344,7 @@ def solve_near_gap(bodies, pairs, grid, parts, k, normal):
     parts : int
         Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     k : int
-        Place of the pair in the list of near pairs.
+        Index of the pair in the list of near pairs.
     normal : array (3,)
         Working memory for a unit normal; it is overwritten.
     """
@@ -373,14 +377,14 @@ def check_near_pair(bodies, pairs, counts, grid, parts, k, normal):
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     parts : int
         Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     k : int
-        Place of the pair in the list of near pairs.
+        Index of the pair in the list of near pairs.
     normal : array (3,)
         Working memory for a unit normal; it is overwritten.
 
@@ -423,7 +427,7 @@ def find_next_due(displacement, first, second, limit, begin, end):
     Returns
     -------
     int
-        Place of the pair, or `end` where none is due.
+        Index of the pair, or `end` where none is due.
     """
     for k in range(begin, end):
         # an unsigned index: for a signed one numba checks for negative numbers, which
@@ -447,8 +451,8 @@ def update_near_pairs(bodies, pairs, counts, grid, parts, normal):
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     parts : int
@@ -472,24 +476,24 @@ def update_near_pairs(bodies, pairs, counts, grid, parts, normal):
 
 
 @inlined
-def count_pairs_of_moved(counter, grid, counts):
+def count_pairs_of_moved(pair_counts, grid, counts):
     """Count the pairs of the bodies of `Grid.moved_list`.
 
     A pair of two such bodies counts twice.
 
     Parameters
     ----------
-    counter : array of int (bodies,)
+    pair_counts : array of int (bodies,)
         Number of pairs of each body: `Grid.touching` or `Grid.near`.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     """
     n_pairs = 0
-    for place in range(counts[state.N_MOVED]):
-        n_pairs += counter[grid.moved_list[place]]
+    for index in range(counts[state.N_MOVED]):
+        n_pairs += pair_counts[grid.moved_list[index]]
     return n_pairs
 
 
@@ -505,20 +509,20 @@ def drop_near_pairs_of_moved(pairs, counts, grid):
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     """
     is_moved = grid.moved  # of each body whether it is in `Grid.moved_list`
-    n_left = count_pairs_of_moved(grid.near, grid, counts)
+    n_remaining = count_pairs_of_moved(grid.near, grid, counts)
     k = counts[state.N_NEAR] - 1
-    while n_left > 0:
+    while n_remaining > 0:
         pair = np.uint64(k)  # unsigned, see `find_next_due`
         # a pair of two such bodies counts twice
         n_moved = is_moved[pairs.near_first[pair]] + is_moved[pairs.near_second[pair]]
         if n_moved > 0:
-            n_left -= n_moved
+            n_remaining -= n_moved
             drop_near_pair(pairs, counts, grid, k)
         k -= 1
 
@@ -528,7 +532,7 @@ def chain_partner(pairs, grid, n_used, i, j):
     """Add body j to the chain of partners of body i, if i is in `Grid.moved_list`.
 
     A chain is a linked list: link m holds a partner, `pairs.partner[m]`, and the next
-    link of the same body, `pairs.add_to_cell[m]`; `grid.chain[i]` is the first link of body i.
+    link of the same body, `pairs.link[m]`; `grid.chain[i]` is the first link of body i.
 
     Parameters
     ----------
@@ -566,8 +570,8 @@ def chain_contacts(pairs, counts, grid):
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     """
@@ -585,8 +589,8 @@ def chain_contacts(pairs, counts, grid):
 
 
 @inlined
-def add_smooth_pair_if_near(bodies, pairs, counts, grid, parts, a, b, normal):
-    """List a pair of bodies a and b anew: as touching, as near, or not at all.
+def add_smooth_pair_if_near(bodies, pairs, counts, grid, parts, i, j, normal):
+    """List a pair of bodies a and b again: as touching, as near, or not at all.
 
     It is not listed where the gap is a skin or more.
 
@@ -597,13 +601,13 @@ def add_smooth_pair_if_near(bodies, pairs, counts, grid, parts, a, b, normal):
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     parts : int
         Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
-    a, b : int
+    i, j : int
         The two bodies; the pair must not be listed yet.
     normal : array (3,)
         Working memory for a unit normal; it is overwritten.
@@ -611,26 +615,26 @@ def add_smooth_pair_if_near(bodies, pairs, counts, grid, parts, a, b, normal):
     rows = bodies.rows
     skin = grid.lengths[state.SKIN]
     # Compare the bounding spheres first.
-    ax, ay, az = vector_at(rows[a], POSITION)
-    bx, by, bz = vector_at(rows[b], POSITION)
-    dx, dy, dz = bx - ax, by - ay, bz - az
-    square = dx * dx + dy * dy + dz * dz
-    reach = bounding_radius(bodies, a) + bounding_radius(bodies, b) + skin
-    if square >= reach * reach:
+    x_i, y_i, z_i = vector_at(rows[i], POSITION)
+    x_j, y_j, z_j = vector_at(rows[j], POSITION)
+    dx, dy, dz = x_j - x_i, y_j - y_i, z_j - z_i
+    squared_distance = dx * dx + dy * dy + dz * dz
+    reach = bounding_radius(bodies, i) + bounding_radius(bodies, j) + skin
+    if squared_distance >= reach * reach:
         return
     # The search for the normal begins with the direction of the centres.
-    distance = math.sqrt(square)
+    distance = math.sqrt(squared_distance)
     set_vector(normal, 0, dx / distance, dy / distance, dz / distance)
     gap = solve_gap(
-        rows, parts, a, b, normal, NORMAL_TOLERANCE, SUFFICIENT_GAP_SHARE * skin
+        rows, parts, i, j, normal, NORMAL_TOLERANCE, SUFFICIENT_GAP_SHARE * skin
     )
     # touching, near, or too far apart to be listed
     if gap <= 0.0:
-        add_contact(pairs, counts, grid, a, b, normal)
+        add_contact(pairs, counts, grid, i, j, normal)
     elif gap < skin:
-        limit = bodies.displacement[a] + bodies.displacement[b] + gap
+        limit = bodies.displacement[i] + bodies.displacement[j] + gap
         nx, ny, nz = vector_at(normal, 0)
-        add_near_pair(pairs, counts, grid, a, b, limit, nx, ny, nz)
+        add_near_pair(pairs, counts, grid, i, j, limit, nx, ny, nz)
 
 
 @kernel
@@ -638,7 +642,7 @@ def retire_pairs(bodies, pairs, counts, grid, begin, n_ended, ghost):
     """Move the pairs that parted to the list of near pairs.
 
     The last one is dropped first: it is replaced by the last contact of the list, so
-    the places that are still to come stay valid.
+    the indices of the remaining ones stay valid.
 
     Parameters
     ----------
@@ -647,19 +651,19 @@ def retire_pairs(bodies, pairs, counts, grid, begin, n_ended, ghost):
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     begin, n_ended : int
         The pairs that parted are at the places `pairs.ended[begin : begin + n_ended]` of
         the list of touching pairs, in increasing order; their gaps are in `pairs.gap`.
     ghost : int
-        Index of the ghost, a body without mass that never moves. Unused places of the
+        Index of the ghost: a body without mass that never moves. Unused elements of the
         lists hold this index.
     """
-    for place in range(begin + n_ended - 1, begin - 1, -1):
-        k = pairs.ended[place]
+    for index in range(begin + n_ended - 1, begin - 1, -1):
+        k = pairs.ended[index]
         i = pairs.first[k]
         j = pairs.second[k]
         # they may touch again once both displacements have used up the gap

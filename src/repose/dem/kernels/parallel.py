@@ -40,7 +40,7 @@ from .rows import LANES
 SHARES = 8
 # Smaller simulations have one share: they gain nothing from threads.
 FEWEST_BODIES = 4096
-REORDER_EVERY = 1000  # steps after which bodies are numbered anew (see `order`)
+REORDER_EVERY = 1000  # steps after which bodies are numbered again (see `order`)
 # Share of the skin: for paths of one step below it, whole blocks of pairs can be skipped.
 CALM_SHARE = 1e-3
 # Values of `Pairs.near_check` in place of a path: the pairs of the block have changed, or
@@ -51,22 +51,22 @@ STOP = 0  # place in `Shared.flags` that ends the run
 
 
 @inlined
-def share_range(n, share, size):
+def share_range(n_items, share, group_size):
     """Return the first item of a share of n items, and the end of the share.
 
     Parameters
     ----------
-    n : int
+    n_items : int
         Number of items.
     share : int
         Number of the share, 0 to SHARES - 1.
-    size : int
+    group_size : int
         A share has whole groups of this many items, but for the last group.
     """
-    n_groups = (n + size - 1) // size
-    begin = n_groups * share // SHARES * size
-    end = n_groups * (share + 1) // SHARES * size
-    return begin, min(end, n)
+    n_groups = (n_items + group_size - 1) // group_size
+    begin = n_groups * share // SHARES * group_size
+    end = n_groups * (share + 1) // SHARES * group_size
+    return begin, min(end, n_items)
 
 
 @kernel
@@ -87,13 +87,13 @@ def smallest_slack(displacement, first, second, limit, begin, end):
     begin, end : int
         First pair, and end of the pairs.
     """
-    least = math.inf
+    smallest = math.inf
     for k in range(begin, end):
         # an index without a sign: the compiled code need not handle negative ones
         pair = np.uint64(k)
         path = displacement[first[pair]] + displacement[second[pair]]
-        least = min(least, limit[pair] - path)
-    return least
+        smallest = min(smallest, limit[pair] - path)
+    return smallest
 
 
 @inlined
@@ -103,14 +103,14 @@ def group_shift(bodies):
     A group has 2^bits bodies, which are whole tiles, and there are at most
     state.MOST_GROUPS groups: so a set of groups fits into the bits of one number.
     """
-    bits = 5  # one tile of 32 bodies
-    while bodies.displacement.shape[0] >> bits >= state.MOST_GROUPS:
-        bits += 1
-    return bits
+    shift = 5  # one tile of 32 bodies
+    while bodies.displacement.shape[0] >> shift >= state.MOST_GROUPS:
+        shift += 1
+    return shift
 
 
 @kernel
-def find_groups(first, second, begin, end, bits):
+def find_groups(first, second, begin, end, shift):
     """Return the groups of all bodies of some pairs: bit g is set for group g.
 
     Parameters
@@ -119,14 +119,14 @@ def find_groups(first, second, begin, end, bits):
         The two bodies of each pair.
     begin, end : int
         First of these pairs, and their end.
-    bits : int
+    shift : int
         The shift from a body's number to that of its group, see `group_shift`.
     """
     groups = 0
     for k in range(begin, end):
         pair = np.uint64(k)
-        groups |= 1 << (np.int64(first[pair]) >> bits)
-        groups |= 1 << (np.int64(second[pair]) >> bits)
+        groups |= 1 << (np.int64(first[pair]) >> shift)
+        groups |= 1 << (np.int64(second[pair]) >> shift)
     return groups
 
 
@@ -162,8 +162,8 @@ def record_group_paths(bodies, counts, grid):
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     """
@@ -180,7 +180,9 @@ def record_group_paths(bodies, counts, grid):
 
 
 @inlined
-def find_touching_in_block(bodies, pairs, grid, parts, begin, end, due, place, normal):
+def find_touching_in_block(
+    bodies, pairs, grid, parts, begin, end, touching, first_index, normal
+):
     """Find the near pairs of one block that touch.
 
     Pairs that are due are checked; those that do not touch get new limits. The lists
@@ -198,10 +200,10 @@ def find_touching_in_block(bodies, pairs, grid, parts, begin, end, due, place, n
         Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     begin, end : int
         First pair of the block, and its end.
-    due : array of int
+    touching : array of int
         The pairs that touch are written to it.
-    place : int
-        Place in `due` of the first one.
+    first_index : int
+        Place in `touching` of the first one.
     normal : array (3,)
         Working memory for a unit normal; it is overwritten.
 
@@ -220,7 +222,7 @@ def find_touching_in_block(bodies, pairs, grid, parts, begin, end, due, place, n
         # a pair that is due: solve for its gap
         gap = solve_near_gap(bodies, pairs, grid, parts, k, normal)
         if gap <= 0.0:
-            due[place + n_found] = k
+            touching[first_index + n_found] = k
             n_found += 1
         else:
             # the pair cannot touch before its bodies have moved by the gap
@@ -230,8 +232,8 @@ def find_touching_in_block(bodies, pairs, grid, parts, begin, end, due, place, n
 
 
 @inlined
-def find_touching_in_share(bodies, pairs, grid, parts, begin, end, due, normal):
-    """Find the near pairs of one share that touch, and write them to `due`.
+def find_touching_in_share(bodies, pairs, grid, parts, begin, end, touching, normal):
+    """Find the near pairs of one share that touch, and write them to `touching`.
 
     A block whose bodies are nearly at rest is skipped until its slack may be used up: two
     bodies come nearer by at most twice the sum of the longest paths of all groups with
@@ -245,7 +247,7 @@ def find_touching_in_share(bodies, pairs, grid, parts, begin, end, due, normal):
         That of `Physics`.
     begin, end : int
         The pairs of the share; `begin` is the first pair of a block.
-    due : array (near,)
+    touching : array (near,)
         The pairs that touch are written to it from place `begin` on.
     normal : array (3,)
         Scratch.
@@ -258,7 +260,7 @@ def find_touching_in_share(bodies, pairs, grid, parts, begin, end, due, normal):
     first = pairs.near_first
     second = pairs.near_second
     limit = pairs.near_limit
-    bits = group_shift(bodies)
+    shift = group_shift(bodies)
     calm_path = CALM_SHARE * grid.lengths[state.SKIN]
     n_found = 0
     for block_begin in range(begin, end, state.BLOCK):
@@ -276,13 +278,13 @@ def find_touching_in_share(bodies, pairs, grid, parts, begin, end, due, normal):
             parts,
             block_begin,
             block_end,
-            due,
+            touching,
             begin + n_found,
             normal,
         )
         # a block that has other pairs than at the last check may have other groups
         if pairs.near_check[block] == CHANGED:
-            groups = find_groups(first, second, block_begin, block_end, bits)
+            groups = find_groups(first, second, block_begin, block_end, shift)
             pairs.near_groups[block] = groups
         # where the bodies are nearly at rest, the next check is when half of the slack
         # is used up; else it is in the next step
@@ -297,30 +299,30 @@ def find_touching_in_share(bodies, pairs, grid, parts, begin, end, due, normal):
 
 
 @inlined
-def add_found_contacts(pairs, counts, grid, due, n_due, begins):
+def add_found_contacts(pairs, counts, grid, touching, n_touching, begins):
     """Turn the near pairs that touch into contacts, in an order that no thread changes.
 
     The last pair is dropped first: the last near pair of the list takes its place, so
-    the places that are still to come stay valid.
+    the indices of the remaining ones stay valid.
 
     Parameters
     ----------
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
-    due : array of int
+    touching : array of int
         Places of these pairs in the list of near pairs, in increasing order.
-    n_due, begins : array of int (SHARES,)
-        Number of pairs that each share found, and where they begin in `due`.
+    n_touching, begins : array of int (SHARES,)
+        Number of pairs that each share found, and where they begin in `touching`.
     """
     for share in range(SHARES - 1, -1, -1):
         begin = begins[share]
-        for place in range(begin + n_due[share] - 1, begin - 1, -1):
-            k = due[place]
+        for index in range(begin + n_touching[share] - 1, begin - 1, -1):
+            k = touching[index]
             add_contact(
                 pairs,
                 counts,
@@ -349,7 +351,7 @@ def advance_shared(
     scratches,
     shared,
     thread,
-    steps,
+    n_steps,
 ):
     """Run the part of one thread in a number of steps; return the steps made.
 
@@ -363,18 +365,18 @@ def advance_shared(
         What the threads share.
     thread : int
         Number of this thread. It handles the shares thread, thread + threads, and so on.
-    steps : int
+    n_steps : int
         Number of steps.
     """
-    threads = tiles.shape[0]
+    n_threads = tiles.shape[0]
     ghost = grid.cell.shape[0]
     is_first = thread == 0
     contact_tile = tiles[thread]
     body_tile = body_tiles[thread]
     scratch = state.split_scratch(scratches[thread])
     begins = shared.begins
-    numbers = shared.n_found
-    for step in range(steps):
+    n_found = shared.n_found
+    for step in range(n_steps):
         # Begin the step, unless a list may become too short.
         if is_first:
             lists_have_room = has_room(pairs, flat, curved, meshed, counts)
@@ -393,15 +395,15 @@ def advance_shared(
                     physics,
                     ghost,
                 )
-        wait_for_all(shared.counters, threads)
+        wait_for_all(shared.counters, n_threads)
         if shared.flags[STOP] != 0:
             return step
 
         # Find the near pairs that touch; then change the lists, and handle the walls.
-        for share in range(thread, SHARES, threads):
+        for share in range(thread, SHARES, n_threads):
             begin, end = share_range(counts[state.N_NEAR], share, state.BLOCK)
             begins[share] = begin
-            numbers[share] = find_touching_in_share(
+            n_found[share] = find_touching_in_share(
                 bodies,
                 pairs,
                 grid,
@@ -411,9 +413,9 @@ def advance_shared(
                 shared.touching,
                 scratch.normal,
             )
-        wait_for_all(shared.counters, threads)
+        wait_for_all(shared.counters, n_threads)
         if is_first:
-            add_found_contacts(pairs, counts, grid, shared.touching, numbers, begins)
+            add_found_contacts(pairs, counts, grid, shared.touching, n_found, begins)
             renew_pairs(
                 bodies, pairs, (), counts, grid, physics.parts, scratch.normal, ghost
             )
@@ -431,39 +433,39 @@ def advance_shared(
                 scratch,
                 ghost,
             )
-        wait_for_all(shared.counters, threads)
+        wait_for_all(shared.counters, n_threads)
 
         # Forces of the pairs; then retire the pairs that parted.
-        for share in range(thread, SHARES, threads):
+        for share in range(thread, SHARES, n_threads):
             begin, end = share_range(counts[state.N_PAIRS], share, LANES)
             begins[share] = begin
-            numbers[share] = pair_forces(
+            n_found[share] = pair_forces(
                 bodies, pairs, (), counts, physics, contact_tile, share, begin, end
             )
-        wait_for_all(shared.counters, threads)
+        wait_for_all(shared.counters, n_threads)
         if is_first:
             for share in range(SHARES - 1, -1, -1):
                 retire_pairs(
-                    bodies, pairs, counts, grid, begins[share], numbers[share], ghost
+                    bodies, pairs, counts, grid, begins[share], n_found[share], ghost
                 )
             counts[state.STEPS] += 1
-        wait_for_all(shared.counters, threads)
+        wait_for_all(shared.counters, n_threads)
 
         # Move the bodies; then handle their events.
-        for share in range(thread, SHARES, threads):
+        for share in range(thread, SHARES, n_threads):
             begin, end = share_range(counts[state.N_BODIES], share, LANES)
             begins[share] = begin
-            numbers[share] = integrate(bodies, counts, physics, body_tile, begin, end)
-        wait_for_all(shared.counters, threads)
+            n_found[share] = integrate(bodies, counts, physics, body_tile, begin, end)
+        wait_for_all(shared.counters, n_threads)
         if is_first:
             time = counts[state.STEPS] * physics.dt
             for share in range(SHARES):
-                handle_events(bodies, grid, counts, begins[share], numbers[share], time)
+                handle_events(bodies, grid, counts, begins[share], n_found[share], time)
             record_group_paths(bodies, counts, grid)
-    return steps
+    return n_steps
 
 
-def run_threads(arrays, tiles, shared, steps):
+def run_threads(arrays, tiles, shared, n_steps):
     """Run `advance_shared` on as many threads as there are scratch tiles.
 
     Parameters
@@ -474,7 +476,7 @@ def run_threads(arrays, tiles, shared, steps):
         The scratch arrays of all threads: `tiles`, `body_tiles` and `scratches`.
     shared : Shared
         What the threads share.
-    steps : int
+    n_steps : int
         Number of steps.
 
     Returns
@@ -485,9 +487,9 @@ def run_threads(arrays, tiles, shared, steps):
 
     # every thread runs the same function, with its own number
     def run(thread):
-        return advance_shared(*arrays, *tiles, shared, thread, steps)
+        return advance_shared(*arrays, *tiles, shared, thread, n_steps)
 
-    threads = len(tiles[0])
-    with ThreadPoolExecutor(threads) as pool:
-        steps_made = list(pool.map(run, range(threads)))
+    n_threads = len(tiles[0])
+    with ThreadPoolExecutor(n_threads) as pool:
+        steps_made = list(pool.map(run, range(n_threads)))
     return steps_made[0]

@@ -1,7 +1,7 @@
 """Renewal of the neighbour list: bodies that moved far get new pairs, gone bodies none.
 
 Bodies that moved by half a skin are in `Grid.moved_list`; `renew_pairs` finds their
-neighbours anew. `drop_contacts_of_gone` removes all contacts of bodies that left the simulation.
+neighbours again. `drop_contacts_of_gone` removes all contacts of bodies that left the simulation.
 `clumps` is an empty tuple in a simulation of smooth bodies, see `forces`.
 
 Reads `Bodies.rows` and `Bodies.presence`. Writes all arrays of `Grid`, the lists of
@@ -39,8 +39,8 @@ def add_pair_if_near(bodies, pairs, clumps, counts, grid, parts, i, j, scratch):
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     parts : int
@@ -59,7 +59,7 @@ def add_pair_if_near(bodies, pairs, clumps, counts, grid, parts, i, j, scratch):
 
 @kernel
 def list_pairs_of_body(bodies, pairs, clumps, counts, grid, parts, i, scratch):
-    """List the pairs of body i anew, with bodies in its cell and the cells around.
+    """List the pairs of body i again, with bodies in its cell and the cells around.
 
     Bodies whose `grid.mark` is i are skipped: their pairs with i are listed already. Of
     two bodies that both moved, the one with the lower number lists the pair.
@@ -73,8 +73,8 @@ def list_pairs_of_body(bodies, pairs, clumps, counts, grid, parts, i, scratch):
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     parts : int
@@ -94,12 +94,12 @@ def list_pairs_of_body(bodies, pairs, clumps, counts, grid, parts, i, scratch):
     cell_x = cell // (n_z * n_y)
     # The cell before, its own, and the next one along each axis. The cells repeat, so of
     # fewer than three cells each is visited once.
-    for step_x in range(min(n_x, 3)):
-        x = (cell_x + step_x - 1) % n_x
-        for step_y in range(min(n_y, 3)):
-            y = (cell_y + step_y - 1) % n_y
-            for step_z in range(min(n_z, 3)):
-                z = (cell_z + step_z - 1) % n_z
+    for offset_x in range(min(n_x, 3)):
+        x = (cell_x + offset_x - 1) % n_x
+        for offset_y in range(min(n_y, 3)):
+            y = (cell_y + offset_y - 1) % n_y
+            for offset_z in range(min(n_z, 3)):
+                z = (cell_z + offset_z - 1) % n_z
                 # all bodies of this cell, which form a linked list
                 j = grid.head[(x * n_y + y) * n_z + z]
                 while j >= 0:
@@ -145,7 +145,7 @@ def mark_partners(pairs, grid, i, mark):
 
 @kernel
 def renew_pairs(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
-    """List the pairs of the bodies of `Grid.moved_list` anew, and empty this list.
+    """List the pairs of the bodies of `Grid.moved_list` again, and empty this list.
 
     Near pairs of smooth bodies are dropped and found again. Touching pairs stay, since
     they have springs, and so do the entries of clumps; their bodies are chained, so
@@ -160,8 +160,8 @@ def renew_pairs(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     parts : int
@@ -170,7 +170,7 @@ def renew_pairs(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
     scratch : array
         Scratch for a normal (3,); of clumps `Scratch.spheres`.
     ghost : int
-        Index of the ghost, a body without mass that never moves. Unused places of the
+        Index of the ghost: a body without mass that never moves. Unused elements of the
         lists hold this index.
     """
     n_moved = counts[state.N_MOVED]
@@ -179,8 +179,8 @@ def renew_pairs(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
     if len(clumps) == 0:
         drop_near_pairs_of_moved(pairs, counts, grid)
     # Put the bodies into the cells of their present positions.
-    for place in range(n_moved):
-        i = grid.moved_list[place]
+    for index in range(n_moved):
+        i = grid.moved_list[index]
         remove_from_cell(grid, i)
         if bodies.presence[i] == state.PRESENT:
             add_to_cell(grid, bodies, i)
@@ -190,15 +190,15 @@ def renew_pairs(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
     else:
         chain_entries(pairs, counts, grid, ghost)
     # Find the other pairs. While those of a body are listed, its partners are marked.
-    for place in range(n_moved):
-        i = grid.moved_list[place]
+    for index in range(n_moved):
+        i = grid.moved_list[index]
         if bodies.presence[i] == state.PRESENT:
             mark_partners(pairs, grid, i, i)
             list_pairs_of_body(bodies, pairs, clumps, counts, grid, parts, i, scratch)
             mark_partners(pairs, grid, i, UNMARKED)
     # Empty the list and the chains.
-    for place in range(n_moved):
-        i = grid.moved_list[place]
+    for index in range(n_moved):
+        i = grid.moved_list[index]
         grid.moved[i] = 0
         grid.chain[i] = -1
     counts[state.N_MOVED] = 0
@@ -217,12 +217,12 @@ def drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost):
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     ghost : int
-        Index of the ghost, a body without mass that never moves. Unused places of the
+        Index of the ghost: a body without mass that never moves. Unused elements of the
         lists hold this index.
     """
     presence = bodies.presence
@@ -239,7 +239,7 @@ def drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost):
 
 
 @inlined
-def drop_wall_contacts_of_gone(presence, contacts, clumps, counts, slot, ghost):
+def drop_wall_contacts_of_gone(presence, contacts, clumps, counts, length_index, ghost):
     """Drop the contacts of gone bodies with walls of one kind.
 
     Parameters
@@ -251,18 +251,18 @@ def drop_wall_contacts_of_gone(presence, contacts, clumps, counts, slot, ghost):
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
-    slot : int
-        Place in `counts` of the length of this list, such as state.N_PLANE.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
+    length_index : int
+        Index in `counts` of the length of this list, such as state.N_PLANE.
     ghost : int
-        Index of the ghost, a body without mass that never moves. Unused places of the
+        Index of the ghost: a body without mass that never moves. Unused elements of the
         lists hold this index.
     """
     # from the end, since a dropped contact is replaced by the last one
-    for k in range(counts[slot] - 1, -1, -1):
+    for k in range(counts[length_index] - 1, -1, -1):
         if presence[contacts.body[k]] != state.PRESENT:
-            drop_touch(contacts, clumps, counts, slot, k, ghost)
+            drop_touch(contacts, clumps, counts, length_index, k, ghost)
 
 
 @kernel
@@ -284,12 +284,12 @@ def drop_contacts_of_gone(
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     ghost : int
-        Index of the ghost, a body without mass that never moves. Unused places of the
+        Index of the ghost: a body without mass that never moves. Unused elements of the
         lists hold this index.
     """
     presence = bodies.presence
@@ -297,8 +297,8 @@ def drop_contacts_of_gone(
     drop_wall_contacts_of_gone(presence, flat, clumps, counts, state.N_PLANE, ghost)
     drop_wall_contacts_of_gone(presence, curved, clumps, counts, state.N_CURVED, ghost)
     drop_wall_contacts_of_gone(presence, meshed, clumps, counts, state.N_MESHED, ghost)
-    for place in range(counts[state.N_MOVED]):
-        i = grid.moved_list[place]
+    for index in range(counts[state.N_MOVED]):
+        i = grid.moved_list[index]
         if presence[i] != state.PRESENT:
             stop_body(bodies, i)
     counts[state.N_GONE] = 0

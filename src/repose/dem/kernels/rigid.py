@@ -4,7 +4,7 @@ The centres move by semi-implicit Euler (`move_centres`), the rotation is in
 `body_rotation`. Bodies are handled in tiles of 32, in a scratch tile with one body in
 each lane (rows of `body_tile`): copy the columns of `Bodies.rows` and the loads into
 it, move the bodies, and copy the columns back. `scratch` is this scratch tile, `motion`
-the bodies' tile of `Bodies.motion`, `base` the number of the tile's first body.
+the bodies' tile of `Bodies.motion`, `first_body` the number of the tile's first body.
 
 Reads and clears `Bodies.load`. Writes `Bodies.rows`, `motion`, `displacement`,
 `resting`, `touched`, `longest`, `wall_margin`, `event`, `events`, `exit_time` and
@@ -32,7 +32,7 @@ from .state import (
 from .vectors import squared_length
 
 # Bits of `Bodies.event`: the body fell through the exit height; it moved by half a skin,
-# so its neighbours are found anew; it went below the floor.
+# so its neighbours are found again; it went below the floor.
 FELL, MOVED_FAR, BELOW_FLOOR = 1, 2, 4
 
 # First rows of the scratch tile.
@@ -53,8 +53,8 @@ def move_centres(scratch, gx, gy, gz, dt):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
-        k]`, and `body_tile` names the rows.
+        Working memory for a tile of LANES bodies. Lane k of a row is
+        `scratch[row + k]`, and `body_tile` names the rows.
     gx, gy, gz : float
         Acceleration of gravity [m/s2].
     dt : float
@@ -63,12 +63,12 @@ def move_centres(scratch, gx, gy, gz, dt):
     for lane in range(LANES):
         inverse_mass = scratch[INVERSE_MASS + lane]
         is_present = 1.0 if inverse_mass > 0.0 else 0.0
-        kick = dt * inverse_mass  # change of velocity per force
+        velocity_per_force = dt * inverse_mass  # change of velocity per force
         vx, vy, vz = lane_vector(scratch, VELOCITY, lane)
         fx, fy, fz = lane_vector(scratch, LOAD, lane)
-        vx = flush_tiny(vx + kick * fx + is_present * dt * gx)
-        vy = flush_tiny(vy + kick * fy + is_present * dt * gy)
-        vz = flush_tiny(vz + kick * fz + is_present * dt * gz)
+        vx = flush_tiny(vx + velocity_per_force * fx + is_present * dt * gx)
+        vy = flush_tiny(vy + velocity_per_force * fy + is_present * dt * gy)
+        vz = flush_tiny(vz + velocity_per_force * fz + is_present * dt * gz)
         write_vector(scratch, VELOCITY, lane, vx, vy, vz)
         scratch[BEFORE + lane] = scratch[HEIGHT + lane]
         # the new velocity moves the centre
@@ -78,7 +78,7 @@ def move_centres(scratch, gx, gy, gz, dt):
 
 @kernel
 def add_paths_and_count_events(
-    scratch, motion, displacement, base, exit_height, floor_height
+    scratch, motion, displacement, first_body, exit_height, floor_height
 ):
     """Add the paths of a tile's bodies to their displacements, and count events.
 
@@ -89,15 +89,15 @@ def add_paths_and_count_events(
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
-        k]`, and `body_tile` names the rows.
+        Working memory for a tile of LANES bodies. Lane k of a row is
+        `scratch[row + k]`, and `body_tile` names the rows.
     motion : array (MOTION_ROWS * LANES,)
         The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
         and so on. `state` names the rows.
     displacement : array (bodies,)
         `Bodies.displacement` [m]; is updated.
-    base : int
-        Number of the tile's first body.
+    first_body : int
+        Index of the tile's first body.
     exit_height, floor_height : float
         Heights of the exit and of the floor [m].
 
@@ -108,8 +108,8 @@ def add_paths_and_count_events(
     """
     n_events = 0
     for lane in range(LANES):
-        new_displacement = displacement[base + lane] + scratch[PATH + lane]
-        displacement[base + lane] = new_displacement
+        new_displacement = displacement[first_body + lane] + scratch[PATH + lane]
+        displacement[first_body + lane] = new_displacement
         z = scratch[HEIGHT + lane]
         # the conditions of `find_body_events`, for all lanes at once
         has_fallen = (scratch[BEFORE + lane] >= exit_height) & (z < exit_height)
@@ -131,8 +131,8 @@ def longest_path(scratch):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
-        k]`, and `body_tile` names the rows.
+        Working memory for a tile of LANES bodies. Lane k of a row is
+        `scratch[row + k]`, and `body_tile` names the rows.
     """
     half = LANES // 2
     while half > 0:
@@ -158,8 +158,8 @@ def find_body_events(bodies, physics, scratch, motion, lane, i):
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
-        k]`, and `body_tile` names the rows.
+        Working memory for a tile of LANES bodies. Lane k of a row is
+        `scratch[row + k]`, and `body_tile` names the rows.
     motion : array (MOTION_ROWS * LANES,)
         The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
         and so on. `state` names the rows.
@@ -185,7 +185,7 @@ def handle_events(bodies, grid, counts, begin, n_events, time):
     """Handle the events of bodies in this step.
 
     A body that fell gets an exit time. One below the floor is gone. Those that moved
-    far or are gone are marked: their neighbours are found anew.
+    far or are gone are marked: their neighbours are found again.
 
     Parameters
     ----------
@@ -194,16 +194,16 @@ def handle_events(bodies, grid, counts, begin, n_events, time):
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     begin, n_events : int
         The bodies with events are `bodies.events[begin : begin + n_events]`; their
         events are in `bodies.event`.
     time : float
         Time of the simulation [s].
     """
-    for place in range(begin, begin + n_events):
-        i = bodies.events[place]
+    for index in range(begin, begin + n_events):
+        i = bodies.events[index]
         event = bodies.event[i]
         if event & FELL:
             bodies.exit_time[i] = time
@@ -227,23 +227,23 @@ def sum_loads(bodies, tile_number, scratch):
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
     tile_number : int
-        Number of the tile.
+        Index of the tile.
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
-        k]`, and `body_tile` names the rows.
+        Working memory for a tile of LANES bodies. Lane k of a row is
+        `scratch[row + k]`, and `body_tile` names the rows.
     """
-    base = tile_number * LANES
-    for place in range(state.LOAD_COLUMNS * LANES):
-        scratch[LOAD + place] = 0.0
+    first_body = tile_number * LANES
+    for index in range(state.LOAD_COLUMNS * LANES):
+        scratch[LOAD + index] = 0.0
     for share in range(bodies.load.shape[0]):
         if bodies.touched[share, tile_number]:
             bodies.touched[share, tile_number] = 0
             load = bodies.load[share]
             # copy the share to the rows MORE, and add these to the sum
-            gather(load, state.LOAD_COLUMNS, bodies.indices, base, scratch, MORE)
-            for place in range(state.LOAD_COLUMNS * LANES):
-                scratch[LOAD + place] += scratch[MORE + place]
-            load[base : base + LANES] = 0.0
+            gather(load, state.LOAD_COLUMNS, bodies.indices, first_body, scratch, MORE)
+            for index in range(state.LOAD_COLUMNS * LANES):
+                scratch[LOAD + index] += scratch[MORE + index]
+            load[first_body : first_body + LANES] = 0.0
 
 
 @inlined
@@ -255,15 +255,15 @@ def move_single_load(bodies, tile_number, scratch):
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
     tile_number : int
-        Number of the tile.
+        Index of the tile.
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
-        k]`, and `body_tile` names the rows.
+        Working memory for a tile of LANES bodies. Lane k of a row is
+        `scratch[row + k]`, and `body_tile` names the rows.
     """
-    base = tile_number * LANES
+    first_body = tile_number * LANES
     load = bodies.load[0]
-    gather(load, state.LOAD_COLUMNS, bodies.indices, base, scratch, LOAD)
-    load[base : base + LANES] = 0.0
+    gather(load, state.LOAD_COLUMNS, bodies.indices, first_body, scratch, LOAD)
+    load[first_body : first_body + LANES] = 0.0
 
 
 @inlined
@@ -278,53 +278,53 @@ def prefetch_tile_ahead(bodies, tile_number):
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
     tile_number : int
-        Number of the present tile.
+        Index of the present tile.
     """
     next_tile = tile_number + 2
     if next_tile >= bodies.resting.shape[0]:
         return
     is_turning = bodies.resting[next_tile] == 0
-    base = next_tile * LANES
+    first_body = next_tile * LANES
     # of a tile at rest, only the first columns of the rows are read
-    for i in range(base, base + LANES):
+    for i in range(first_body, first_body + LANES):
         prefetch(bodies.rows, i, 0)
         if is_turning:
             for column in range(WIDTH, bodies.rows.shape[1], WIDTH):
                 prefetch(bodies.rows, i, column)
     for share in range(bodies.load.shape[0]):
         if bodies.touched[share, next_tile]:
-            for i in range(base, base + LANES):
+            for i in range(first_body, first_body + LANES):
                 prefetch(bodies.load[share], i, 0)
     # of a tile at rest, only the row RENEWAL of the motion is read
     first = QUATERNION if is_turning else RENEWAL
     end = state.RADIUS + LANES if is_turning else INVERSE_MOMENTS
-    for place in range(first, end, WIDTH):
-        prefetch(bodies.motion, next_tile, place)
+    for index in range(first, end, WIDTH):
+        prefetch(bodies.motion, next_tile, index)
 
 
 @inlined
-def scatter_rows(bodies, base, scratch, columns):
+def scatter_rows(bodies, first_body, scratch, n_columns):
     """Copy the first columns of a tile's bodies from the scratch tile to `Bodies.rows`.
 
     Parameters
     ----------
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
-    base : int
-        Number of the tile's first body.
+    first_body : int
+        Index of the tile's first body.
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
-        k]`, and `body_tile` names the rows.
-    columns : int
+        Working memory for a tile of LANES bodies. Lane k of a row is
+        `scratch[row + k]`, and `body_tile` names the rows.
+    n_columns : int
         Number of columns, a multiple of WIDTH.
     """
     for lane in range(0, LANES, WIDTH):
-        for column in range(0, columns, WIDTH):
+        for column in range(0, n_columns, WIDTH):
             lanes_to_rows(
                 bodies.rows,
                 column,
                 bodies.indices,
-                base + lane,
+                first_body + lane,
                 scratch,
                 ROWS + column * LANES + lane,
                 LANES,
@@ -343,13 +343,13 @@ def integrate(bodies, counts, physics, scratch, begin, end):
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
-        k]`, and `body_tile` names the rows.
+        Working memory for a tile of LANES bodies. Lane k of a row is
+        `scratch[row + k]`, and `body_tile` names the rows.
     begin, end : int
         The bodies; `begin` is the first one of a tile. `end` may be beyond the last
         one.
@@ -363,18 +363,18 @@ def integrate(bodies, counts, physics, scratch, begin, end):
     dt = physics.dt
     gx, gy, gz = vector_at(physics.gravity, 0)
     frame_x, frame_y, frame_z = vector_at(physics.rolling_frame, 0)
-    columns = bodies.rows.shape[1]
-    last = min(counts[state.N_BODIES], end)
+    n_columns = bodies.rows.shape[1]
+    end_body = min(counts[state.N_BODIES], end)
     n_shares = bodies.load.shape[0]
     n_events = 0
-    for base in range(begin, last, LANES):
-        tile = base // LANES
+    for first_body in range(begin, end_body, LANES):
+        tile = first_body // LANES
         motion = bodies.motion[tile]
         is_resting = bodies.resting[tile] == 1
         # Of a tile in which nothing turned, only the first eight columns are read and
         # written: position, velocity, inverse mass.
-        n_read = WIDTH if is_resting else columns
-        gather(bodies.rows, n_read, bodies.indices, base, scratch, ROWS)
+        n_read = WIDTH if is_resting else n_columns
+        gather(bodies.rows, n_read, bodies.indices, first_body, scratch, ROWS)
         if n_shares > 1:
             prefetch_tile_ahead(bodies, tile)
             sum_loads(bodies, tile, scratch)
@@ -398,25 +398,25 @@ def integrate(bodies, counts, physics, scratch, begin, end):
             )
         # a tile that begins to turn has all its columns written
         bodies.resting[tile] = 0 if is_turning else 1
-        n_written = columns if is_turning else n_read
-        scatter_rows(bodies, base, scratch, n_written)
+        n_written = n_columns if is_turning else n_read
+        scatter_rows(bodies, first_body, scratch, n_written)
         n_in_tile = add_paths_and_count_events(
             scratch,
             motion,
             bodies.displacement,
-            base,
+            first_body,
             physics.exit_height,
             physics.floor_height,
         )
         # few tiles have events, so the others skip the loop over the lanes
         if n_in_tile > 0:
-            for lane in range(min(LANES, last - base)):
+            for lane in range(min(LANES, end_body - first_body)):
                 event = find_body_events(
-                    bodies, physics, scratch, motion, lane, base + lane
+                    bodies, physics, scratch, motion, lane, first_body + lane
                 )
                 if event:
-                    bodies.event[base + lane] = event
-                    bodies.events[begin + n_events] = base + lane
+                    bodies.event[first_body + lane] = event
+                    bodies.events[begin + n_events] = first_body + lane
                     n_events += 1
         if n_shares > 1:
             longest = longest_path(scratch)
@@ -441,8 +441,8 @@ def write_body_shape(bodies, i, parts, scratch):
         Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
         are spheres.
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
-        k]`, and `body_tile` names the rows.
+        Working memory for a tile of LANES bodies. Lane k of a row is
+        `scratch[row + k]`, and `body_tile` names the rows.
     """
     motion = bodies.motion[i // LANES]
     lane = i % LANES

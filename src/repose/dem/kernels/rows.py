@@ -1,4 +1,4 @@
-"""Tiles: arrays in which the values of a quantity of 32 contacts or bodies are neighbours.
+"""Tiles: arrays that hold each quantity of 32 contacts or bodies side by side.
 
 A tile is a flat array of doubles. It consists of rows of LANES numbers. A row is one
 quantity, a lane is one contact or one body:
@@ -6,8 +6,8 @@ quantity, a lane is one contact or one body:
     tile[row + lane]                     a scalar of a lane; `row` is a multiple of LANES
     tile[row + c * LANES + lane]         component c of a vector or matrix of a lane
 
-A row is named by the place of its first number, so `GAP` stands for the numbers
-tile[GAP : GAP + LANES]. `Rows` gives these places to the quantities of a tile. The
+The name of a row is the index of its first number, so `GAP` stands for the numbers
+tile[GAP : GAP + LANES]. `Rows` assigns these indices to the quantities of a tile. The
 functions below read and write the vectors and matrices of one lane. A loop over all
 lanes becomes vector code, which handles eight lanes (or four) at once.
 """
@@ -18,12 +18,12 @@ LANES = 32
 
 
 class Rows:
-    """Gives the rows of a tile to quantities, one after another.
+    """Assign the rows of a tile to quantities, one after another.
 
     Parameters
     ----------
     first : int
-        Place of the first number that is free.
+        Index of the first number that is free.
     """
 
     def __init__(self, first: int = 0) -> None:
@@ -31,18 +31,18 @@ class Rows:
         self.end = first
 
     def take(self, count: int = 1) -> int:
-        """Take the next `count` rows; return the place of their first number."""
-        place = self.end
+        """Reserve the next `count` rows; return the index of their first number."""
+        first = self.end
         self.end += count * LANES
-        return place
+        return first
 
     def take_each(self, count: int) -> list[int]:
-        """Take the next `count` rows; return the place of each."""
+        """Reserve the next `count` rows; return the index of the first number of each."""
         return [self.take() for _ in range(count)]
 
     @property
     def count(self) -> int:
-        """Number of rows taken so far."""
+        """Number of reserved rows."""
         return (self.end - self.first) // LANES
 
 
@@ -55,21 +55,21 @@ def vector_at(values, first):
     values : array
         A flat array.
     first : int
-        Place of x; y and z follow.
+        Index of x; y and z follow.
     """
     return values[first], values[first + 1], values[first + 2]
 
 
 @inlined
 def set_vector(values, first, x, y, z):
-    """Write a vector (x, y, z) to three neighbouring places of an array.
+    """Write a vector (x, y, z) to three neighbouring elements of an array.
 
     Parameters
     ----------
     values : array
-        A flat array; is written.
+        A flat array; its three elements are overwritten.
     first : int
-        Place of x; y and z follow.
+        Index of x; y and z follow.
     x, y, z : float
         The vector.
     """
@@ -87,7 +87,7 @@ def lane_vector(tile, row, lane):
     tile : array (rows * LANES,)
         One quantity in each row of LANES numbers.
     row : int
-        Place of the first number of the row of x; the rows of y and z follow.
+        Index of the first number of the row of x; the rows of y and z follow.
     lane : int
         The lane, 0 to LANES - 1.
     """
@@ -101,9 +101,9 @@ def write_vector(tile, row, lane, x, y, z):
     Parameters
     ----------
     tile : array (rows * LANES,)
-        One quantity in each row of LANES numbers; is written.
+        One quantity in each row of LANES numbers; the vector is overwritten.
     row : int
-        Place of the first number of the row of x; the rows of y and z follow.
+        Index of the first number of the row of x; the rows of y and z follow.
     lane : int
         The lane, 0 to LANES - 1.
     x, y, z : float
@@ -116,7 +116,10 @@ def write_vector(tile, row, lane, x, y, z):
 
 @inlined
 def add_vector(tile, row, lane, x, y, z):
-    """Add (x, y, z) to the vector of one lane of a tile, see `write_vector`."""
+    """Add (x, y, z) to the vector of one lane of a tile, in place.
+
+    The arguments are those of `write_vector`.
+    """
     tile[row + lane] += x
     tile[row + LANES + lane] += y
     tile[row + 2 * LANES + lane] += z
@@ -126,7 +129,7 @@ def add_vector(tile, row, lane, x, y, z):
 def lane_matrix(tile, row, lane):
     """Return the symmetric matrix (xx, xy, xz, yy, yz, zz) of one lane of a tile.
 
-    Its six numbers lie in six rows that follow each other; `row` is the place of the
+    Its six numbers lie in six rows that follow each other; `row` is the index of the
     first number of the row of xx.
     """
     return (
@@ -143,7 +146,7 @@ def lane_matrix(tile, row, lane):
 def write_matrix(tile, row, lane, xx, xy, xz, yy, yz, zz):
     """Write the symmetric matrix of one lane of a tile.
 
-    Its six numbers go to six rows that follow each other; `row` is the place of the
+    Its six numbers go to six rows that follow each other; `row` is the index of the
     first number of the row of xx.
     """
     write_vector(tile, row, lane, xx, xy, xz)

@@ -59,7 +59,9 @@ LARGEST_GAP = GAPS + WATCHED_AFTER_SEARCH  # place of the largest of the smalles
 
 
 @inlined
-def write_sphere_positions(row, spheres, n_spheres, scale, x0, y0, z0, scratch, first):
+def write_sphere_positions(
+    row, spheres, n_spheres, scale, origin_x, origin_y, origin_z, scratch, first
+):
     """Write centres and radii of all spheres of a clump to scratch, in world axes.
 
     Parameters
@@ -72,48 +74,50 @@ def write_sphere_positions(row, spheres, n_spheres, scale, x0, y0, z0, scratch, 
         Number of spheres.
     scale : float
         Scale of the body: all its lengths over those of its shape.
-    x0, y0, z0 : float
+    origin_x, origin_y, origin_z : float
         Origin of the centres that are written [m].
     scratch : array
         Four rows of MOST_SPHERES numbers (x, y, z, radius) are written [m].
     first : int
-        Place of the first row: SPHERES_A or SPHERES_B.
+        Index of the first row: SPHERES_A or SPHERES_B.
     """
     # The quaternion (qw, qx, qy, qz) turns the spheres' centres into the world.
     qw = row[SHAPE]
     qx, qy, qz = vector_at(row, SHAPE + 1)
     body_x, body_y, body_z = vector_at(row, POSITION)
-    dx, dy, dz = body_x - x0, body_y - y0, body_z - z0
-    for k in range(n_spheres):
-        turned_x, turned_y, turned_z = clump_tile.rotated_vector(
-            qw, qx, qy, qz, spheres[0, k], spheres[1, k], spheres[2, k]
+    dx, dy, dz = body_x - origin_x, body_y - origin_y, body_z - origin_z
+    for sphere in range(n_spheres):
+        rotated_x, rotated_y, rotated_z = clump_tile.rotated_vector(
+            qw, qx, qy, qz, spheres[0, sphere], spheres[1, sphere], spheres[2, sphere]
         )
-        scratch[first + k] = dx + scale * turned_x
-        scratch[first + MOST_SPHERES + k] = dy + scale * turned_y
-        scratch[first + 2 * MOST_SPHERES + k] = dz + scale * turned_z
-        scratch[first + 3 * MOST_SPHERES + k] = scale * spheres[SPHERE_RADIUS_ROW, k]
+        scratch[first + sphere] = dx + scale * rotated_x
+        scratch[first + MOST_SPHERES + sphere] = dy + scale * rotated_y
+        scratch[first + 2 * MOST_SPHERES + sphere] = dz + scale * rotated_z
+        scratch[first + 3 * MOST_SPHERES + sphere] = (
+            scale * spheres[SPHERE_RADIUS_ROW, sphere]
+        )
 
 
 @inlined
-def read_sphere_centre(scratch, first, k):
+def read_sphere_centre(scratch, first, sphere):
     """Return the centre of a sphere that `write_sphere_positions` wrote [m].
 
     `first` is SPHERES_A or SPHERES_B, k the number of the sphere in its body.
     """
     return (
-        scratch[first + k],
-        scratch[first + MOST_SPHERES + k],
-        scratch[first + 2 * MOST_SPHERES + k],
+        scratch[first + sphere],
+        scratch[first + MOST_SPHERES + sphere],
+        scratch[first + 2 * MOST_SPHERES + sphere],
     )
 
 
 @inlined
-def read_sphere_radius(scratch, first, k):
+def read_sphere_radius(scratch, first, sphere):
     """Return the radius of a sphere that `write_sphere_positions` wrote [m].
 
     `first` is SPHERES_A or SPHERES_B, k the number of the sphere in its body.
     """
-    return scratch[first + 3 * MOST_SPHERES + k]
+    return scratch[first + 3 * MOST_SPHERES + sphere]
 
 
 @inlined
@@ -129,7 +133,7 @@ def count_near_spheres(scratch, a, n_spheres, limit):
         squared distance of the centres is written to the row SQUARED_DISTANCES, and to the row
         EXCESS by how much it exceeds that of a pair with the gap `limit`.
     a : int
-        Number of the sphere of A.
+        Index of the sphere of A.
     n_spheres : int
         Number of spheres of B.
     limit : float
@@ -150,9 +154,9 @@ def count_near_spheres(scratch, a, n_spheres, limit):
         dz = bz - z
         # the distance of two centres whose spheres have the gap `limit`
         distance = reach + read_sphere_radius(scratch, SPHERES_B, b)
-        square = dx * dx + dy * dy + dz * dz
-        excess = square - distance * distance
-        scratch[SQUARED_DISTANCES + b] = square
+        squared_distance = dx * dx + dy * dy + dz * dz
+        excess = squared_distance - distance * distance
+        scratch[SQUARED_DISTANCES + b] = squared_distance
         scratch[EXCESS + b] = excess
         n_near += 1 if excess < 0.0 else 0
     return n_near
@@ -171,18 +175,18 @@ def insert_gap(scratch, gap, a, b):
     gap : float
         A gap below the largest of them [m].
     a, b : int
-        Numbers of the spheres of A and B that have it.
+        Indices of the spheres of A and B that have it.
     """
-    place = WATCHED_AFTER_SEARCH
+    index = WATCHED_AFTER_SEARCH
     # move the larger gaps one place up
-    while place > 0 and scratch[GAPS + place - 1] > gap:
-        scratch[GAPS + place] = scratch[GAPS + place - 1]
-        scratch[GAPS_SPHERE_A + place] = scratch[GAPS_SPHERE_A + place - 1]
-        scratch[GAPS_SPHERE_B + place] = scratch[GAPS_SPHERE_B + place - 1]
-        place -= 1
-    scratch[GAPS + place] = gap
-    scratch[GAPS_SPHERE_A + place] = a
-    scratch[GAPS_SPHERE_B + place] = b
+    while index > 0 and scratch[GAPS + index - 1] > gap:
+        scratch[GAPS + index] = scratch[GAPS + index - 1]
+        scratch[GAPS_SPHERE_A + index] = scratch[GAPS_SPHERE_A + index - 1]
+        scratch[GAPS_SPHERE_B + index] = scratch[GAPS_SPHERE_B + index - 1]
+        index -= 1
+    scratch[GAPS + index] = gap
+    scratch[GAPS_SPHERE_A + index] = a
+    scratch[GAPS_SPHERE_B + index] = b
 
 
 @inlined
@@ -192,7 +196,7 @@ def watch_nearest_spheres(bodies, pairs, entry, i, j, skin, scratch):
     This follows a full search.
 
     Each watched pair gets a limit: the sum of both displacements at which its gap may
-    be used up. The entry gets the least of these limits, and the limit of all other
+    be used up. The entry gets the smallest of these limits, and the limit of all other
     pairs.
 
     Parameters
@@ -202,22 +206,22 @@ def watch_nearest_spheres(bodies, pairs, entry, i, j, skin, scratch):
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
     entry, i, j : int
-        Place of the entry, and its two bodies.
+        Index of the entry, and its two bodies.
     skin : float
         Gaps of this size or more are not watched [m].
     scratch : array
         Has the smallest gaps, see `insert_gap`.
     """
-    displacements = bodies.displacement[i] + bodies.displacement[j]
+    displacement_sum = bodies.displacement[i] + bodies.displacement[j]
     slot = 0
     while slot < WATCHED_AFTER_SEARCH and scratch[GAPS + slot] < skin:
         pairs.watched[entry, slot, 0] = np.uint8(scratch[GAPS_SPHERE_A + slot])
         pairs.watched[entry, slot, 1] = np.uint8(scratch[GAPS_SPHERE_B + slot])
-        pairs.watched_limit[entry, slot] = displacements + scratch[GAPS + slot]
+        pairs.watched_limit[entry, slot] = displacement_sum + scratch[GAPS + slot]
         slot += 1
     pairs.n_watched[entry] = slot
-    pairs.near_limit[entry] = displacements + scratch[GAPS]
-    pairs.unwatched_limit[entry] = displacements + scratch[LARGEST_GAP]
+    pairs.near_limit[entry] = displacement_sum + scratch[GAPS]
+    pairs.unwatched_limit[entry] = displacement_sum + scratch[LARGEST_GAP]
 
 
 @kernel
@@ -233,19 +237,19 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     entry : int
-        Place of the entry. With -1 an entry is made for the first contact, or for a gap
+        Index of the entry. With -1 an entry is made for the first contact, or for a gap
         below the skin.
     i, j : int
         The two bodies A and B.
     scratch : array
-        `Scratch.spheres`; is overwritten.
+        `Scratch.spheres`; it is overwritten.
 
     Returns
     -------
@@ -286,7 +290,7 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch
     bx, by, bz = vector_at(rows[j], POSITION)
     bx, by, bz = bx - x, by - y, bz - z  # the centre of B
     radius_b = bounding_radius(bodies, j)
-    largest = largest_sphere_count(clumps)
+    largest_count = largest_sphere_count(clumps)
     for k in range(WATCHED_AFTER_SEARCH + 1):
         scratch[GAPS + k] = skin
     for a in range(n_a):
@@ -306,7 +310,7 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch
             # spheres with larger gaps, and those that are in contact already, are
             # skipped
             if scratch[EXCESS + b] >= 0.0 or (
-                entry >= 0 and is_set(pairs.touching_bits[entry], a * largest + b)
+                entry >= 0 and is_set(pairs.touching_bits[entry], a * largest_count + b)
             ):
                 continue
             gap = math.sqrt(scratch[SQUARED_DISTANCES + b]) - (
@@ -329,7 +333,7 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch
 
 
 @inlined
-def sphere_in_world(bodies, clumps, i, k):
+def sphere_in_world(bodies, clumps, i, sphere):
     """Return centre (x, y, z) and radius of sphere k of body i, in the world [m].
 
     Parameters
@@ -340,8 +344,8 @@ def sphere_in_world(bodies, clumps, i, k):
         The spheres of the clumps (`clumps.Clumps`).
     i : int
         Index of the body.
-    k : int
-        Number of the sphere in its body.
+    sphere : int
+        Index of the sphere in its body.
     """
     row = bodies.rows[i]
     spheres = clumps.spheres[clumps.shape[i]]
@@ -350,14 +354,14 @@ def sphere_in_world(bodies, clumps, i, k):
     qw = row[SHAPE]
     qx, qy, qz = vector_at(row, SHAPE + 1)
     body_x, body_y, body_z = vector_at(row, POSITION)
-    turned_x, turned_y, turned_z = clump_tile.rotated_vector(
-        qw, qx, qy, qz, spheres[0, k], spheres[1, k], spheres[2, k]
+    rotated_x, rotated_y, rotated_z = clump_tile.rotated_vector(
+        qw, qx, qy, qz, spheres[0, sphere], spheres[1, sphere], spheres[2, sphere]
     )
     return (
-        body_x + scale * turned_x,
-        body_y + scale * turned_y,
-        body_z + scale * turned_z,
-        scale * spheres[SPHERE_RADIUS_ROW, k],
+        body_x + scale * rotated_x,
+        body_y + scale * rotated_y,
+        body_z + scale * rotated_z,
+        scale * spheres[SPHERE_RADIUS_ROW, sphere],
     )
 
 
@@ -374,7 +378,7 @@ def sphere_gap(bodies, clumps, i, j, a, b):
     i, j : int
         Indices of the two bodies.
     a, b : int
-        Numbers of the spheres in their bodies.
+        Indices of the spheres in their bodies.
     """
     ax, ay, az, radius_a = sphere_in_world(bodies, clumps, i, a)
     bx, by, bz, radius_b = sphere_in_world(bodies, clumps, j, b)
@@ -393,9 +397,9 @@ def drop_watched_pair(pairs, entry, k):
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
     entry : int
-        Place of the entry.
+        Index of the entry.
     k : int
-        Place of the pair among those that it watches.
+        Index of the pair among those that it watches.
     """
     last = pairs.n_watched[entry] - 1
     pairs.n_watched[entry] = last
@@ -409,7 +413,7 @@ def check_watched_pairs(bodies, pairs, counts, clumps, entry, i, j):
     """Check the watched pairs of spheres of one entry that are due.
 
     Pairs that touch become contacts, the others get new limits. A pair is due when the
-    sum of the displacements of bodies i and j has reached its limit. The least of all
+    sum of the displacements of bodies i and j has reached its limit. The smallest of all
     limits is written as that of the entry.
 
     The function is inlined: a call would take longer than the check, since the arrays
@@ -422,19 +426,19 @@ def check_watched_pairs(bodies, pairs, counts, clumps, entry, i, j):
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     entry, i, j : int
-        Place of the entry, and its two bodies.
+        Index of the entry, and its two bodies.
     """
-    displacements = bodies.displacement[i] + bodies.displacement[j]
+    displacement_sum = bodies.displacement[i] + bodies.displacement[j]
     next_check = pairs.unwatched_limit[entry]
     slot = 0
     while slot < pairs.n_watched[entry]:
         limit = pairs.watched_limit[entry, slot]
-        if displacements >= limit:
+        if displacement_sum >= limit:
             a = np.int64(pairs.watched[entry, slot, 0])
             b = np.int64(pairs.watched[entry, slot, 1])
             gap = sphere_gap(bodies, clumps, i, j, a, b)
@@ -443,7 +447,7 @@ def check_watched_pairs(bodies, pairs, counts, clumps, entry, i, j):
                 # another pair is at this slot now, so the slot does not grow
                 drop_watched_pair(pairs, entry, slot)
                 continue
-            limit = displacements + gap
+            limit = displacement_sum + gap
             pairs.watched_limit[entry, slot] = limit
         next_check = min(next_check, limit)
         slot += 1
@@ -463,16 +467,16 @@ def update_near_clumps(bodies, pairs, counts, grid, clumps, scratch, ghost):
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     scratch : array
-        `Scratch.spheres`; is overwritten.
+        `Scratch.spheres`; it is overwritten.
     ghost : int
-        Index of the ghost, a body without mass that never moves. Unused places of the
+        Index of the ghost: a body without mass that never moves. Unused elements of the
         lists hold this index.
     """
     first = pairs.near_first
@@ -483,9 +487,9 @@ def update_near_clumps(bodies, pairs, counts, grid, clumps, scratch, ghost):
     while entry < n_entries:
         i = np.int64(first[entry])
         j = np.int64(second[entry])
-        displacements = bodies.displacement[i] + bodies.displacement[j]
+        displacement_sum = bodies.displacement[i] + bodies.displacement[j]
         # Until the limit of all other pairs of spheres, only watched pairs are checked.
-        if displacements < pairs.unwatched_limit[entry]:
+        if displacement_sum < pairs.unwatched_limit[entry]:
             check_watched_pairs(bodies, pairs, counts, clumps, entry, i, j)
         else:
             gap = search_all_spheres(
@@ -511,8 +515,8 @@ def add_clump_pair_if_near(bodies, pairs, counts, grid, clumps, i, j, scratch):
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     clumps : Clumps
@@ -520,7 +524,7 @@ def add_clump_pair_if_near(bodies, pairs, counts, grid, clumps, i, j, scratch):
     i, j : int
         Indices of the two bodies.
     scratch : array
-        `Scratch.spheres`; is overwritten.
+        `Scratch.spheres`; it is overwritten.
     """
     ax, ay, az = vector_at(bodies.rows[i], POSITION)
     bx, by, bz = vector_at(bodies.rows[j], POSITION)
@@ -538,7 +542,7 @@ def retire_spheres(bodies, pairs, counts, clumps, n_ended, ghost):
 
     The contacts are dropped from the last to the first: a dropped contact is replaced
     by the last one of the list, which has not ended or is dropped already, so the
-    places that are still to come stay valid.
+    indices of the remaining ones stay valid.
 
     Parameters
     ----------
@@ -547,19 +551,19 @@ def retire_spheres(bodies, pairs, counts, clumps, n_ended, ghost):
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     n_ended : int
         The first n_ended numbers of `pairs.ended` are places of contacts, in increasing
         order. The other arrays of contacts are read at these places.
     ghost : int
-        Index of the ghost, a body without mass that never moves. Unused places of the
+        Index of the ghost: a body without mass that never moves. Unused elements of the
         lists hold this index.
     """
-    for place in range(n_ended - 1, -1, -1):
-        contact = pairs.ended[place]
+    for index in range(n_ended - 1, -1, -1):
+        contact = pairs.ended[index]
         entry = pairs.entry[contact]
         # the spheres may touch again once the two bodies have used up this gap
         limit = (

@@ -16,13 +16,13 @@ from .rows import LANES, Rows
 CACHE_LINE = 8  # doubles in a cache line
 BLOCK = 256  # near pairs of a large simulation that are checked together
 MOST_GROUPS = 60  # groups of bodies; each group is one bit of an int64
-# Velocities and springs below this size are set to zero [SI units]. The square of this
-# number is not denormal yet.
+# Velocities and springs below this absolute value are set to zero [SI units]. The square
+# of this number is not denormal yet.
 TINY = 1e-100
 # Sums of path lengths over some thousand steps are exact to this distance [m].
 ROUNDING = 1e-12
 
-# Places in `Grid.lengths`: edge of a cell, largest distance of two centres whose bodies
+# Indices in `Grid.lengths`: edge of a cell, largest distance of two centres whose bodies
 # may touch, skin of the neighbour list; all in m.
 CELL, REACH, SKIN = range(3)
 
@@ -57,7 +57,7 @@ LOAD_COLUMNS = 8
 _motion = Rows()
 QUATERNION = _motion.take(4)  # (w, x, y, z), from the body's axes to the world's
 ANGULAR_MOMENTUM = _motion.take(3)
-RENEWAL = _motion.take()  # displacement at which the neighbours are listed anew
+RENEWAL = _motion.take()  # displacement at which the neighbours are listed again
 INVERSE_MOMENTS = _motion.take(3)  # 1 / principal moments of inertia
 SQUARES = _motion.take(3 * MOST_PARTS)  # squared semi-axes of each part
 RADIUS = _motion.take()  # bounding radius
@@ -79,7 +79,7 @@ MIDDLE = GAP = _wall.take(3)
 SQUARED_RADIUS = _wall.take()
 WALL_STATE = _wall.end
 
-# ---- Places in `counts` -------------------------------------------------------------
+# ---- Indices in `counts` -------------------------------------------------------------
 (
     N_BODIES,
     N_PAIRS,  # touching pairs
@@ -125,7 +125,7 @@ FRAME_ORIGIN = 0  # (3)
 FRAME_ROTATION = 3  # (9), row by row, from the frame's axes to the world's
 # Columns of `Walls.motion`.
 WALL_VELOCITY, WALL_SPIN, WALL_PIVOT = 0, 3, 6  # (3) each
-# Places in `Walls.approach`: how far any wall may have come nearer until now [m], the
+# Indices in `Walls.approach`: how far any wall may have come nearer until now [m], the
 # speed of the fastest wall [m/s], and whether any wall moves.
 WALL_PATH, WALL_SPEED, WALLS_MOVE = range(3)
 
@@ -152,15 +152,15 @@ class Bodies(NamedTuple):
 
 
 class Grid(NamedTuple):
-    """The cells in which neighbours are sought; lists of bodies linked by number."""
+    """The cells in which neighbours are searched for; lists of bodies linked by number."""
 
     cell: Any  # (N,): the cell of each body, or -1
     following: Any  # (N,): the next body in the same cell, or -1
     preceding: Any  # (N,): the body before it in the same cell, or -1
     head: Any  # (cells,): the first body of each cell, or -1
     moved: Any  # (N,): 1 for the bodies of `moved_list`
-    moved_list: Any  # (N,): the bodies whose neighbours are found anew
-    chain: Any  # (N,): first link of a body's partners, a place in `Pairs.link`, or -1
+    moved_list: Any  # (N,): the bodies whose neighbours are found again
+    chain: Any  # (N,): first link of a body's partners, an index in `Pairs.link`, or -1
     mark: Any  # (N,): the body i with which a body is already paired, while i is listed
     touching: Any  # (N,): number of touching pairs of each body
     near: Any  # (N,): number of near pairs of each body
@@ -201,7 +201,7 @@ class WallContacts(NamedTuple):
     # infinite unless the body is past the wall, see `walls`.
     allowed_overlap: Any
     # (W, N), clumps: which spheres of a body touch the wall, and which are past it, as
-    # bits. Those of meshes are written anew in every step. Empty tuples for smooth bodies.
+    # bits. Those of meshes are written again in every step. Empty tuples for smooth bodies.
     touching_bits: Any
     past_bits: Any
 
@@ -259,13 +259,13 @@ class Scratch(NamedTuple):
     geometry: Any  # (8,): geometry of a contact with a wall, see `contact_geometry`
     other_geometry: Any  # (8,): of another feature of a mesh
     local_row: Any  # (40,): a row of `Bodies.rows` in the frame of a wall
-    profile: Any  # (STARTS,): overlaps at places about an axis
+    profile: Any  # (STARTS,): overlaps at equal angles about an axis
     spheres: Any  # the spheres of two bodies, see `sphere_search`
 
 
-STARTS = 24  # places about the axis of a curved wall at which a search starts
+STARTS = 24  # angles about the axis of a curved wall at which a search starts
 SMALLEST_GAPS = 16  # gaps of spheres that a search of two bodies keeps, at most
-# Places of the views of `Scratch`; each begins at a cache line.
+# Indices at which the views of `Scratch` begin; each begins at a cache line.
 _NORMAL_BEGIN, _GEOMETRY_BEGIN, _OTHER_BEGIN, _ROW_BEGIN = 0, 8, 16, 24
 _PROFILE_BEGIN = 64
 _SPHERES_BEGIN = 96
@@ -274,26 +274,26 @@ SCRATCH = _SPHERES_BEGIN + 10 * MOST_SPHERES + 3 * SMALLEST_GAPS
 
 @inlined
 def flush_tiny(value):
-    """Return a velocity, spring or path, or 0.0 where its size is below TINY.
+    """Return a velocity, spring or path, or 0.0 if its absolute value is below TINY.
 
-    Decay leads to denormal numbers, with which processors are slow.
+    Values that decay become denormal numbers, and processors are slow with these.
     """
     return 0.0 if abs(value) < TINY else value
 
 
 @inlined
-def split_scratch(numbers):
-    """Return the `Scratch` whose arrays are views of one array of SCRATCH numbers.
+def split_scratch(memory):
+    """Return a `Scratch` whose arrays are views of `memory`, an array of SCRATCH numbers.
 
     Kernels allocate nothing, so Python makes this array for each thread.
     """
     return Scratch(
-        numbers[_NORMAL_BEGIN : _NORMAL_BEGIN + 3],
-        numbers[_GEOMETRY_BEGIN:_OTHER_BEGIN],
-        numbers[_OTHER_BEGIN:_ROW_BEGIN],
-        numbers[_ROW_BEGIN:_PROFILE_BEGIN],
-        numbers[_PROFILE_BEGIN : _PROFILE_BEGIN + STARTS],
-        numbers[_SPHERES_BEGIN:SCRATCH],
+        memory[_NORMAL_BEGIN : _NORMAL_BEGIN + 3],
+        memory[_GEOMETRY_BEGIN:_OTHER_BEGIN],
+        memory[_OTHER_BEGIN:_ROW_BEGIN],
+        memory[_ROW_BEGIN:_PROFILE_BEGIN],
+        memory[_PROFILE_BEGIN : _PROFILE_BEGIN + STARTS],
+        memory[_SPHERES_BEGIN:SCRATCH],
     )
 
 
@@ -318,19 +318,19 @@ def count_columns(parts):
 
 
 def aligned_zeros(*shape):
-    """Return an array of zeros that begins at a cache line, of the given shape.
+    """Return an array of zeros of the given shape that begins at a cache line.
 
-    A vector that straddles two cache lines costs twice.
+    Reading a vector that straddles two cache lines takes twice as long.
     """
     size = int(np.prod(shape))
-    # a longer array, of which the first numbers up to the cache line are skipped
+    # make a longer array, and skip its numbers before the first cache line
     padded = np.zeros(size + CACHE_LINE)
     skip = -padded.ctypes.data % (8 * CACHE_LINE) // 8
     return padded[skip : skip + size].reshape(shape)
 
 
-def equal_arrays(names, shape, kind, value=0):
-    """Make several equal arrays; return a dict of them by name.
+def equal_arrays(names, shape, dtype, fill_value=0):
+    """Return several equal arrays in a dictionary by name.
 
     Parameters
     ----------
@@ -338,26 +338,26 @@ def equal_arrays(names, shape, kind, value=0):
         Names of the arrays, with spaces between them.
     shape : int or tuple of int
         Shape of each array.
-    kind : data type
+    dtype : data type
         Type of the numbers.
-    value : number
+    fill_value : number
         Value of all numbers; 0 by default.
     """
     arrays = {}
     for name in names.split():
-        if value:
-            arrays[name] = np.full(shape, value, kind)
+        if fill_value:
+            arrays[name] = np.full(shape, fill_value, dtype)
         else:
-            arrays[name] = np.zeros(shape, kind)  # the memory is not touched yet
+            arrays[name] = np.zeros(shape, dtype)  # the memory is not touched yet
     return arrays
 
 
-def new_bodies(n, parts, shares=1):
+def new_bodies(n_bodies, parts, shares=1):
     """Make the arrays for n bodies, all of them absent.
 
     Parameters
     ----------
-    n : int
+    n_bodies : int
         Number of bodies.
     parts : int
         Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
@@ -372,12 +372,12 @@ def new_bodies(n, parts, shares=1):
         always absent. It is the "ghost" that stands in the unused lanes of contact tiles:
         it has no mass, so no force moves it, and a small shape, so its geometry is finite.
     """
-    n_tiles = n // LANES + 1
+    n_tiles = n_bodies // LANES + 1
     n_places = LANES * n_tiles
-    # a row has whole cache lines
-    columns = CACHE_LINE * -(-count_columns(parts) // CACHE_LINE)
-    # a small shape of all bodies; their mass is 0
-    rows = aligned_zeros(n_places, columns)
+    # a row fills whole cache lines
+    n_columns = CACHE_LINE * -(-count_columns(parts) // CACHE_LINE)
+    # all bodies have a small shape and no mass
+    rows = aligned_zeros(n_places, n_columns)
     if parts == SPHERES:
         rows[:, SPHERE_RADIUS] = 1e-3
     else:
@@ -406,7 +406,7 @@ def new_bodies(n, parts, shares=1):
     )
 
 
-def copy_motion(motion, row, columns, n):
+def copy_motion(motion, row, n_columns, n_bodies):
     """Copy a quantity of the first n bodies from `Bodies.motion` to a table.
 
     Parameters
@@ -415,9 +415,9 @@ def copy_motion(motion, row, columns, n):
         `Bodies.motion`.
     row : int
         First row of the quantity in a tile, such as QUATERNION.
-    columns : int
+    n_columns : int
         Number of its rows: its components.
-    n : int
+    n_bodies : int
         Number of bodies.
 
     Returns
@@ -425,23 +425,25 @@ def copy_motion(motion, row, columns, n):
     ndarray (n, columns)
         One row for each body.
     """
-    # as an array (tiles, rows, lanes), of which the rows of the quantity are taken
+    # select the rows of the quantity from an array (tiles, rows, lanes)
     first = row // LANES
-    tiles = motion.reshape(len(motion), MOTION_ROWS, LANES)[:, first : first + columns]
-    return tiles.transpose(0, 2, 1).reshape(-1, columns)[:n].copy()
+    tiles = motion.reshape(len(motion), MOTION_ROWS, LANES)[
+        :, first : first + n_columns
+    ]
+    return tiles.transpose(0, 2, 1).reshape(-1, n_columns)[:n_bodies].copy()
 
 
-def new_grid(n, lower, upper, cell):
+def new_grid(n_bodies, lower, upper, cell):
     """Make the cells for n bodies in a box, with an edge of `cell` [m].
 
     The grid has at most CELLS_PER_BODY cells per body (or FEWEST_CELLS), so the memory
     depends on the number of bodies and not on the box. The cells repeat in space like
-    the tiles of a floor: a place outside the grid belongs to the cell at the same place
+    the tiles of a floor: a point outside the grid belongs to the cell at the same position
     of the repetition.
 
     Parameters
     ----------
-    n : int
+    n_bodies : int
         Number of bodies.
     lower, upper : array_like (3,)
         Corners of the box [m].
@@ -450,17 +452,17 @@ def new_grid(n, lower, upper, cell):
     """
     lower = np.asarray(lower, float)
     upper = np.asarray(upper, float)
-    most_cells = max(CELLS_PER_BODY * n, FEWEST_CELLS)
+    max_cells = max(CELLS_PER_BODY * n_bodies, FEWEST_CELLS)
     shape = np.maximum(1.0, np.ceil((upper - lower) / cell))
-    # halve the longest side until there are few enough cells
-    while shape.prod() > most_cells:
+    # halve the number of cells along the longest side until there are few enough
+    while shape.prod() > max_cells:
         shape[shape.argmax()] = np.ceil(0.5 * shape.max())
     shape = shape.astype(np.int64)
     return Grid(
-        **equal_arrays("cell following preceding chain mark", n, np.int64, -1),
+        **equal_arrays("cell following preceding chain mark", n_bodies, np.int64, -1),
         head=np.full(int(shape.prod()), -1, np.int64),
-        moved=np.zeros(n, np.uint8),
-        **equal_arrays("moved_list touching near", n, np.int64),
+        moved=np.zeros(n_bodies, np.uint8),
+        **equal_arrays("moved_list touching near", n_bodies, np.int64),
         shape=shape,
         origin=lower.copy(),
         lengths=np.array([cell, 0.0, 0.0]),
@@ -468,14 +470,14 @@ def new_grid(n, lower, upper, cell):
     )
 
 
-def new_contacts(n, rows):
+def new_contacts(n_contacts, rows):
     """Make tiles for n contacts, all unused.
 
     Unused lanes hold a valid normal, (0, 0, 1), so that their geometry is finite.
 
     Parameters
     ----------
-    n : int
+    n_contacts : int
         Number of contacts, a multiple of LANES.
     rows : int
         Rows of a tile.
@@ -485,24 +487,26 @@ def new_contacts(n, rows):
     ndarray (tiles, rows * LANES)
         The tiles.
     """
-    data = aligned_zeros(-(-n // LANES), rows * LANES)
+    data = aligned_zeros(-(-n_contacts // LANES), rows * LANES)
     normal_z = NORMAL + 2 * LANES
     data[:, normal_z : normal_z + LANES] = 1.0
     return data
 
 
-def contact_rows(data, n):
+def contact_rows(data, n_contacts):
     """Copy the first n contacts of an array of tiles to a table (n, rows of a tile).
 
     `data` (tiles, rows * LANES) has one contact in each lane.
     """
     rows = data.shape[1] // LANES
-    return data.reshape(-1, rows, LANES).transpose(0, 2, 1).reshape(-1, rows)[:n]
+    return (
+        data.reshape(-1, rows, LANES).transpose(0, 2, 1).reshape(-1, rows)[:n_contacts]
+    )
 
 
-def round_up_to_tiles(n):
-    """Return a number of contacts, rounded up to whole tiles of LANES contacts."""
-    return LANES * -(-n // LANES)
+def round_up_to_tiles(n_contacts):
+    """Return `n_contacts` rounded up to a multiple of LANES: to whole tiles."""
+    return LANES * -(-n_contacts // LANES)
 
 
 def new_pairs(n_contacts, n_near, ghost, n_state):
@@ -511,9 +515,9 @@ def new_pairs(n_contacts, n_near, ghost, n_state):
     Parameters
     ----------
     n_contacts, n_near : int
-        Room of the lists: the largest numbers of pairs.
+        Capacity of the lists: the largest numbers of pairs.
     ghost : int
-        The absent body, with which unused contacts are filled.
+        Index of the ghost, the absent body that fills unused contacts.
     n_state : int
         Rows of a contact that the force laws keep.
 
@@ -537,20 +541,20 @@ def new_pairs(n_contacts, n_near, ghost, n_state):
     )
 
 
-def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost, rows, of_clumps):
+def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost, rows, are_clumps):
     """Make the empty list for contacts with the walls of one kind.
 
     Parameters
     ----------
     n_contacts : int
-        Room of the list: the largest number of contacts.
+        Capacity of the list: the largest number of contacts.
     n_walls, n_bodies : int
         Number of walls of this kind, and of bodies.
     ghost : int
-        The absent body, with which unused contacts are filled.
+        Index of the ghost, the absent body that fills unused contacts.
     rows : int
         Rows of a tile.
-    of_clumps : bool
+    are_clumps : bool
         Whether the bodies are clumps.
 
     Returns
@@ -560,9 +564,9 @@ def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost, rows, of_clumps):
     """
     n_contacts = round_up_to_tiles(n_contacts)
     data = new_contacts(n_contacts, rows)
-    # a plane without an edge, until a contact with a disc begins
+    # unused lanes lie on a plane without an edge
     data[:, SQUARED_RADIUS : SQUARED_RADIUS + LANES] = np.inf
-    if of_clumps:
+    if are_clumps:
         bits = equal_arrays("touching_bits past_bits", (n_walls, n_bodies), np.uint64)
     else:
         bits = {"touching_bits": (), "past_bits": ()}

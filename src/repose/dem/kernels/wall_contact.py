@@ -45,35 +45,43 @@ from .state import (
     RING_RADIUS,
 )
 
-# Concave walls flatter than the body: the relative curvature keeps at least this share
-# of the body's own.
+# Where a concave wall is nearly as curved as the body, the relative curvature is at least
+# this fraction of the body's curvature, so that R* stays finite.
 LEAST_RELATIVE_CURVATURE = 0.1
-LEAST_DISTANCE = 1e-30  # distance of two points that still have a direction [m]
-SMALLEST_CIRCLE = 1e-6  # of a cone at a contact; its tip has no curvature [m]
-# Steps of theta [rad]: the longest one, and the one uphill where Newton's method has no
-# maximum to go to.
+LEAST_DISTANCE = 1e-30  # two points nearer than this have no direction [m]
+# Smallest radius of a cone's circle at a contact [m]. It avoids the infinite curvature
+# at the tip.
+SMALLEST_CIRCLE = 1e-6
+# Steps of theta [rad]: the longest one, and the step uphill that is made where the
+# function is not concave and Newton's method would go to a minimum.
 LONGEST_TURN = 0.2
 UPHILL_TURN = 0.05
-LEAST_SECOND_DERIVATIVE = 1e-7  # second derivatives below this size say nothing
+# Second derivatives below this size are rounding errors [m].
+LEAST_SECOND_DERIVATIVE = 1e-7
 MOST_ITERATIONS = 40
 STEP_TOLERANCE = 1e-9  # step at which a search ends [rad]
 
 
 @inlined
-def effective_radius(q_uu, q_uw, q_ww, wall_u, wall_w):
+def effective_radius(q_uu, q_uw, q_ww, wall_curvature_u, wall_curvature_w):
     """Return the effective radius R* of a body on a wall [m]: 1 / R*^2 = det(Q^-1 + K).
 
     Parameters
     ----------
     q_uu, q_uw, q_ww : float
         Curvature matrix Q of the body in the tangents u and w [m].
-    wall_u, wall_w : float
+    wall_curvature_u, wall_curvature_w : float
         Principal curvatures of the wall along u and w, the diagonal of K [1/m];
         negative where the wall is concave.
     """
-    det = q_uu * q_ww - q_uw * q_uw
-    relative = 1.0 + q_uu * wall_u + q_ww * wall_w + det * wall_u * wall_w
-    return math.sqrt(det / max(relative, LEAST_RELATIVE_CURVATURE))
+    determinant = q_uu * q_ww - q_uw * q_uw
+    relative = (
+        1.0
+        + q_uu * wall_curvature_u
+        + q_ww * wall_curvature_w
+        + determinant * wall_curvature_u * wall_curvature_w
+    )
+    return math.sqrt(determinant / max(relative, LEAST_RELATIVE_CURVATURE))
 
 
 @inlined
@@ -84,7 +92,7 @@ def limit_turn(turn):
 
 @inlined
 def cone_axes(cone, theta):
-    """Return cos, sin, and the unit vectors n, u and w of a cone at an angle.
+    """Return cos(theta), sin(theta) and the unit vectors n, u and w of a cone there.
 
     The normal n points into the wall, the tangent u along the circle about the axis (it
     has no z component), and the tangent w along the line of the cone.
@@ -100,7 +108,8 @@ def cone_axes(cone, theta):
     sin = math.sin(theta)
     normal_r = cone[CONE_NORMAL_R]
     normal_z = cone[CONE_NORMAL_Z]
-    # n is (normal_r, normal_z) in the half plane (r, z) at this angle, u and w follow
+    # In the half plane (r, z) at this angle, n is (normal_r, normal_z) and w is
+    # (-normal_z, normal_r); u is perpendicular to this half plane.
     nx, ny, nz = normal_r * cos, normal_r * sin, normal_z
     ux, uy, uz = -sin, cos, 0.0
     wx, wy, wz = -normal_z * cos, -normal_z * sin, normal_r
@@ -109,15 +118,15 @@ def cone_axes(cone, theta):
 
 @inlined
 def cone_derivatives(row, parts, cone, theta):
-    """Return the first and second derivative of the overlap of a body and a cone.
+    """Return the first and second derivative of a body's overlap with a cone.
 
-    The overlap phi is a function of an angle about the cone's axis.
+    The overlap phi is a function of the angle theta about the cone's axis.
 
     Parameters
     ----------
     row, parts : array, int
-        Row of the body in the frame of the cone, laid out as in `Bodies.rows`; and its
-        number of ellipsoids, or SPHERES.
+        Row of the body in the frame of the cone, with the columns of `Bodies.rows`, and
+        the body's number of ellipsoids, or SPHERES for a sphere.
     cone : array (CONE_COLUMNS,)
         The cone: a row of `Walls.cones`.
     theta : float
@@ -125,23 +134,23 @@ def cone_derivatives(row, parts, cone, theta):
 
     Returns
     -------
-    slope, bend : float
+    slope, second_derivative : float
         First and second derivative of phi by the angle [m].
     """
     cos, sin, nx, ny, nz, ux, uy, uz, wx, wy, wz = cone_axes(cone, theta)
     normal_r = cone[CONE_NORMAL_R]
     x, y, _z = vector_at(row, POSITION)
-    h, along_u, along_w, q_uu, _q_uw, _q_ww = support_terms(
+    support, along_u, along_w, q_uu, _q_uw, _q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
     # the body's outermost point along n, seen from above
-    px = x + h * nx + along_u * ux + along_w * wx
-    py = y + h * ny + along_u * uy + along_w * wy
+    px = x + support * nx + along_u * ux + along_w * wx
+    py = y + support * ny + along_u * uy + along_w * wy
     # phi changes as the normal turns along u; the surface's curvature adds to the
     # second derivative
     slope = normal_r * (ux * px + uy * py)
-    bend = normal_r * normal_r * q_uu - normal_r * (cos * px + sin * py)
-    return slope, bend
+    second_derivative = normal_r * normal_r * q_uu - normal_r * (cos * px + sin * py)
+    return slope, second_derivative
 
 
 @inlined
@@ -151,18 +160,18 @@ def climb_cone(row, parts, cone, theta):
     Parameters
     ----------
     row, parts : array, int
-        Row of the body in the frame of the cone, laid out as in `Bodies.rows`; and its
-        number of ellipsoids, or SPHERES.
+        Row of the body in the frame of the cone, with the columns of `Bodies.rows`, and
+        the body's number of ellipsoids, or SPHERES for a sphere.
     cone : array (CONE_COLUMNS,)
         The cone: a row of `Walls.cones`.
     theta : float
         The angle about the cone's axis before the step [rad].
     """
-    slope, bend = cone_derivatives(row, parts, cone, theta)
-    # where phi is not concave, or nearly flat, a short step uphill
+    slope, second_derivative = cone_derivatives(row, parts, cone, theta)
+    # a Newton step; where phi is not concave or nearly flat, a short step uphill
     turn = (
-        -slope / bend
-        if bend < -LEAST_SECOND_DERIVATIVE
+        -slope / second_derivative
+        if second_derivative < -LEAST_SECOND_DERIVATIVE
         else math.copysign(UPHILL_TURN, slope)
     )
     return theta + limit_turn(turn)
@@ -175,8 +184,8 @@ def write_cone_contact(row, parts, cone, theta, geometry):
     Parameters
     ----------
     row, parts : array, int
-        Row of the body in the frame of the cone, laid out as in `Bodies.rows`; and its
-        number of ellipsoids, or SPHERES.
+        Row of the body in the frame of the cone, with the columns of `Bodies.rows`, and
+        the body's number of ellipsoids, or SPHERES for a sphere.
     cone : array (CONE_COLUMNS,)
         The cone: a row of `Walls.cones`.
     theta : float
@@ -192,33 +201,47 @@ def write_cone_contact(row, parts, cone, theta, geometry):
     """
     cos, sin, nx, ny, nz, ux, uy, uz, wx, wy, wz = cone_axes(cone, theta)
     x, y, z = vector_at(row, POSITION)
-    h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
+    support, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
-    gap = cone[CONE_OFFSET] - (nx * x + ny * y + nz * z + h)
-    # the effective radius follows below, as it depends on the contact point
+    gap = cone[CONE_OFFSET] - (nx * x + ny * y + nz * z + support)
+    # the effective radius depends on the contact point and is written below
     write_contact(
-        geometry, nx, ny, nz, gap, 0.0, h, along_u, along_w, ux, uy, uz, wx, wy, wz
+        geometry,
+        nx,
+        ny,
+        nz,
+        gap,
+        0.0,
+        support,
+        along_u,
+        along_w,
+        ux,
+        uy,
+        uz,
+        wx,
+        wy,
+        wz,
     )
 
     # (px, py, pz) is the contact point
     px, py, pz = x + geometry[ARM], y + geometry[ARM + 1], z + geometry[ARM + 2]
     distance = max(cos * px + sin * py, SMALLEST_CIRCLE)  # from the axis
     # a cone curves towards the body, with the radius distance / n_r along the circle
-    wall_u = -cone[CONE_NORMAL_R] / distance
-    geometry[RADIUS] = effective_radius(q_uu, q_uw, q_ww, wall_u, 0.0)
+    wall_curvature_u = -cone[CONE_NORMAL_R] / distance
+    geometry[RADIUS] = effective_radius(q_uu, q_uw, q_ww, wall_curvature_u, 0.0)
 
-    # its place along the line of the cone
-    place_along = distance * cone[CONE_UP_R] + pz * cone[CONE_UP_Z]
-    return place_along >= cone[CONE_START] and place_along <= cone[CONE_END]
+    # the distance of the contact point along the line of the cone
+    distance_along = distance * cone[CONE_UP_R] + pz * cone[CONE_UP_Z]
+    return distance_along >= cone[CONE_START] and distance_along <= cone[CONE_END]
 
 
 @inlined
 def make_ring_step(row, parts, ring, theta, nx, ny, nz):
-    """Make one Newton step for the distance of a body to the circle of a ring edge.
+    """Make one Newton step towards the point of a ring's circle nearest to a body.
 
     The unknowns are the angle theta of the nearest point of the circle and the normal
-    n, which changes by a step (s_u, s_w) in its tangent plane. The equations for n are
+    n, which changes by a step (step_u, step_w) in its tangent plane. The equations for n are
     eliminated, so that one equation for theta remains.
 
     Parameters
@@ -245,55 +268,66 @@ def make_ring_step(row, parts, ring, theta, nx, ny, nz):
     x, y, z = vector_at(row, POSITION)
     dx, dy, dz = radius * cos - x, radius * sin - y, ring[RING_HEIGHT] - z
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
-    h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
+    support, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
     # The distance f of body and circle, and its gradient along u and w.
-    f = nx * dx + ny * dy + nz * dz - h
+    f = nx * dx + ny * dy + nz * dz - support
     gradient_u = dx * ux + dy * uy + dz * uz - along_u
     gradient_w = dx * wx + dy * wy + dz * wz - along_w
     # Derivatives of f by theta. (tx, ty) is the derivative of the point of the circle.
     tx, ty = -radius * sin, radius * cos
     slope = nx * tx + ny * ty
-    bend = -radius * (nx * cos + ny * sin)
+    second_derivative = -radius * (nx * cos + ny * sin)
     # Mixed derivatives: how the gradient along u and w changes with theta.
     mixed_u = ux * tx + uy * ty
     mixed_w = wx * tx + wy * ty
-    # The matrix A = Q + f I of the equations for n; where it is not definite, a multiple
-    # of the unit matrix instead.
+    # The equations for n have the matrix A = Q + f I. Where it is not positive definite,
+    # use a multiple of the unit matrix.
     a_uu = q_uu + f
     a_ww = q_ww + f
     trace = q_uu + q_ww
-    det = a_uu * a_ww - q_uw * q_uw
-    if not (a_uu > 0.0 and a_ww > 0.0 and det > LEAST_DETERMINANT * trace * trace):
+    determinant = a_uu * a_ww - q_uw * q_uw
+    if not (
+        a_uu > 0.0 and a_ww > 0.0 and determinant > LEAST_DETERMINANT * trace * trace
+    ):
         a_uu = trace
         a_ww = trace
         q_uw = 0.0
-        det = a_uu * a_ww
-    # Eliminate n: s = A^-1 (gradient + mixed dtheta). Then solve for dtheta.
-    k_u = (a_ww * mixed_u - q_uw * mixed_w) / det
-    k_w = (a_uu * mixed_w - q_uw * mixed_u) / det
-    reduced_bend = bend + mixed_u * k_u + mixed_w * k_w
-    reduced_slope = slope + gradient_u * k_u + gradient_w * k_w
-    if reduced_bend > LEAST_SECOND_DERIVATIVE:
-        turn = -reduced_slope / reduced_bend
+        determinant = a_uu * a_ww
+    # Eliminate n: its step is A^-1 (gradient + mixed * turn), where `turn` is the step of
+    # theta. The response of n to theta is A^-1 mixed. Then solve for `turn`.
+    response_u = (a_ww * mixed_u - q_uw * mixed_w) / determinant
+    response_w = (a_uu * mixed_w - q_uw * mixed_u) / determinant
+    reduced_second_derivative = (
+        second_derivative + mixed_u * response_u + mixed_w * response_w
+    )
+    reduced_slope = slope + gradient_u * response_u + gradient_w * response_w
+    if reduced_second_derivative > LEAST_SECOND_DERIVATIVE:
+        turn = -reduced_slope / reduced_second_derivative
     else:
         turn = -math.copysign(UPHILL_TURN, reduced_slope)
     turn = limit_turn(turn)
-    # The step of n that belongs to this step of theta.
+    # The step (step_u, step_w) of n that follows from this step of theta.
     gradient_u = gradient_u + mixed_u * turn
     gradient_w = gradient_w + mixed_w * turn
-    s_u = (a_ww * gradient_u - q_uw * gradient_w) / det
-    s_w = (a_uu * gradient_w - q_uw * gradient_u) / det
-    length = math.sqrt(s_u * s_u + s_w * s_w)
-    if length > LONGEST_STEP:
-        s_u *= LONGEST_STEP / length
-        s_w *= LONGEST_STEP / length
-    mx = nx + s_u * ux + s_w * wx
-    my = ny + s_u * uy + s_w * wy
-    mz = nz + s_u * uz + s_w * wz
-    inverse = 1.0 / math.sqrt(mx * mx + my * my + mz * mz)
-    return theta + turn, mx * inverse, my * inverse, mz * inverse, abs(turn) + length
+    step_u = (a_ww * gradient_u - q_uw * gradient_w) / determinant
+    step_w = (a_uu * gradient_w - q_uw * gradient_u) / determinant
+    step_length = math.sqrt(step_u * step_u + step_w * step_w)
+    if step_length > LONGEST_STEP:
+        step_u *= LONGEST_STEP / step_length
+        step_w *= LONGEST_STEP / step_length
+    new_x = nx + step_u * ux + step_w * wx
+    new_y = ny + step_u * uy + step_w * wy
+    new_z = nz + step_u * uz + step_w * wz
+    inverse_length = 1.0 / math.sqrt(new_x * new_x + new_y * new_y + new_z * new_z)
+    return (
+        theta + turn,
+        new_x * inverse_length,
+        new_y * inverse_length,
+        new_z * inverse_length,
+        abs(turn) + step_length,
+    )
 
 
 @inlined
@@ -308,13 +342,13 @@ def ring_curvatures(ring, outward):
         Component of the contact's unit normal away from the axis.
     """
     edge_radius = ring[RING_EDGE_RADIUS]
-    circle = max(ring[RING_RADIUS] - edge_radius * outward, edge_radius)
-    return -outward / circle, 1.0 / edge_radius
+    circle_radius = max(ring[RING_RADIUS] - edge_radius * outward, edge_radius)
+    return -outward / circle_radius, 1.0 / edge_radius
 
 
 @kernel
 def write_ring_contact(row, parts, ring, theta, nx, ny, nz, geometry):
-    """Fill `geometry` for a body that touches a ring edge, at a solved theta and n.
+    """Fill `geometry` for a body and a ring edge, at the solution theta and n.
 
     Parameters
     ----------
@@ -340,14 +374,15 @@ def write_ring_contact(row, parts, ring, theta, nx, ny, nz, geometry):
     cos = math.cos(theta)
     sin = math.sin(theta)
     x, y, z = vector_at(row, POSITION)
-    # Tangents of the body: u along the circle as far as the normal allows, w across it.
+    # Tangents of the body: u is the direction of the circle, made perpendicular to the
+    # normal; w is perpendicular to both.
     ux, uy, uz = -sin, cos, 0.0
     along_n = ux * nx + uy * ny
     ux, uy, uz = ux - along_n * nx, uy - along_n * ny, uz - along_n * nz
-    inverse = 1.0 / math.sqrt(ux * ux + uy * uy + uz * uz)
-    ux, uy, uz = ux * inverse, uy * inverse, uz * inverse
+    inverse_length = 1.0 / math.sqrt(ux * ux + uy * uy + uz * uz)
+    ux, uy, uz = ux * inverse_length, uy * inverse_length, uz * inverse_length
     wx, wy, wz = ny * uz - nz * uy, nz * ux - nx * uz, nx * uy - ny * ux
-    h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
+    support, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
     # From the body's surface to the circle in the middle of the torus, less the radius
@@ -356,14 +391,28 @@ def write_ring_contact(row, parts, ring, theta, nx, ny, nz, geometry):
         nx * (ring[RING_RADIUS] * cos - x)
         + ny * (ring[RING_RADIUS] * sin - y)
         + nz * (ring[RING_HEIGHT] - z)
-        - h
+        - support
         - ring[RING_EDGE_RADIUS]
     )
     outward = nx * cos + ny * sin  # component of n away from the axis
-    wall_u, wall_w = ring_curvatures(ring, outward)
-    radius = effective_radius(q_uu, q_uw, q_ww, wall_u, wall_w)
+    wall_curvature_u, wall_curvature_w = ring_curvatures(ring, outward)
+    radius = effective_radius(q_uu, q_uw, q_ww, wall_curvature_u, wall_curvature_w)
     write_contact(
-        geometry, nx, ny, nz, gap, radius, h, along_u, along_w, ux, uy, uz, wx, wy, wz
+        geometry,
+        nx,
+        ny,
+        nz,
+        gap,
+        radius,
+        support,
+        along_u,
+        along_w,
+        ux,
+        uy,
+        uz,
+        wx,
+        wy,
+        wz,
     )
     return (
         outward * ring[RING_GATE_A_R] + nz * ring[RING_GATE_A_Z] >= 0.0
@@ -373,13 +422,13 @@ def write_ring_contact(row, parts, ring, theta, nx, ny, nz, geometry):
 
 @inlined
 def solve_cone(row, parts, cone, theta):
-    """Climb from a start to a maximum of the overlap with a cone.
+    """Return the angle at which the overlap with a cone has its maximum near a start.
 
     Parameters
     ----------
     row, parts : array, int
-        Row of the body in the frame of the cone, laid out as in `Bodies.rows`; and its
-        number of ellipsoids, or SPHERES.
+        Row of the body in the frame of the cone, with the columns of `Bodies.rows`, and
+        the body's number of ellipsoids, or SPHERES for a sphere.
     cone : array (CONE_COLUMNS,)
         The cone: a row of `Walls.cones`.
     theta : float
@@ -400,9 +449,9 @@ def solve_cone(row, parts, cone, theta):
 
 @inlined
 def solve_ring(row, parts, ring, theta, nx, ny, nz):
-    """Solve for the nearest point of a ring's circle from a start; return theta and n.
+    """Return angle and normal (theta, nx, ny, nz) of the nearest point of a ring's circle.
 
-    The arguments are those of `make_ring_step`.
+    The search begins at the arguments, which are those of `make_ring_step`.
     """
     for _ in range(MOST_ITERATIONS):
         theta, nx, ny, nz, step = make_ring_step(row, parts, ring, theta, nx, ny, nz)
@@ -413,13 +462,17 @@ def solve_ring(row, parts, ring, theta, nx, ny, nz):
 
 @inlined
 def polar_coordinates(x, y):
-    """Return the distance of a place from the axis [m], and cos and sin of its azimuth.
+    """Return the distance of a point from the axis [m], and cos and sin of its azimuth.
 
-    (x, y) is the place as seen along the axis. On the axis the azimuth is 0.
+    (x, y) is the point as seen along the axis. The azimuth of a point on the axis is 0.
     """
     distance = math.sqrt(x * x + y * y)
-    inverse = 1.0 / max(distance, LEAST_DISTANCE)
-    cos, sin = (x * inverse, y * inverse) if distance > LEAST_DISTANCE else (1.0, 0.0)
+    inverse_length = 1.0 / max(distance, LEAST_DISTANCE)
+    cos, sin = (
+        (x * inverse_length, y * inverse_length)
+        if distance > LEAST_DISTANCE
+        else (1.0, 0.0)
+    )
     return distance, cos, sin
 
 
@@ -449,14 +502,16 @@ def write_sphere_cone_contact(x, y, z, radius, cone, geometry):
     normal_z = cone[CONE_NORMAL_Z]
     gap = cone[CONE_OFFSET] - normal_r * distance - normal_z * z - radius
     # a cone curves towards the body, with the radius circle / n_r
-    circle = max(distance + (radius + 0.5 * gap) * normal_r, SMALLEST_CIRCLE)
-    effective = effective_radius(radius, 0.0, radius, -normal_r / circle, 0.0)
-    write_sphere_contact(
-        geometry, normal_r * cos, normal_r * sin, normal_z, gap, effective, radius
+    circle_radius = max(distance + (radius + 0.5 * gap) * normal_r, SMALLEST_CIRCLE)
+    contact_radius = effective_radius(
+        radius, 0.0, radius, -normal_r / circle_radius, 0.0
     )
-    # the sphere's place along the line of the cone, between its two ends
-    place_along = distance * cone[CONE_UP_R] + z * cone[CONE_UP_Z]
-    return max(cone[CONE_START] - place_along, place_along - cone[CONE_END])
+    write_sphere_contact(
+        geometry, normal_r * cos, normal_r * sin, normal_z, gap, contact_radius, radius
+    )
+    # the distance of the sphere along the line of the cone, between its two ends
+    distance_along = distance * cone[CONE_UP_R] + z * cone[CONE_UP_Z]
+    return max(cone[CONE_START] - distance_along, distance_along - cone[CONE_END])
 
 
 @inlined
@@ -476,21 +531,23 @@ def write_sphere_ring_contact(x, y, z, radius, ring, geometry):
     Returns
     -------
     float
-        A lower bound of the way to the open part of the edge [m]; negative or zero on
-        it.
+        A lower bound of the distance to the open part of the edge [m]; negative or zero
+        on it.
     """
     # In the half plane through the axis and the sphere: from its centre to the circle.
     distance, cos, sin = polar_coordinates(x, y)
     dr = ring[RING_RADIUS] - distance
     dz = ring[RING_HEIGHT] - z
     to_circle = math.sqrt(dr * dr + dz * dz)
-    inverse = 1.0 / max(to_circle, LEAST_DISTANCE)
-    nr, nz = dr * inverse, dz * inverse  # the normal
+    inverse_length = 1.0 / max(to_circle, LEAST_DISTANCE)
+    nr, nz = dr * inverse_length, dz * inverse_length  # the normal
     # the curvatures of the edge at this normal, then R* and the gap
-    wall_u, wall_w = ring_curvatures(ring, nr)
-    effective = effective_radius(radius, 0.0, radius, wall_u, wall_w)
+    wall_curvature_u, wall_curvature_w = ring_curvatures(ring, nr)
+    contact_radius = effective_radius(
+        radius, 0.0, radius, wall_curvature_u, wall_curvature_w
+    )
     gap = to_circle - radius - ring[RING_EDGE_RADIUS]
-    write_sphere_contact(geometry, nr * cos, nr * sin, nz, gap, effective, radius)
+    write_sphere_contact(geometry, nr * cos, nr * sin, nz, gap, contact_radius, radius)
     # Behind one of the adjoining walls the normal opposes one of the two gates.
     return -min(
         dr * ring[RING_GATE_A_R] + dz * ring[RING_GATE_A_Z],

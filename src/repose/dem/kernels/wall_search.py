@@ -2,7 +2,7 @@
 
 The *path* of a body is the sum of its displacement and that of the walls so far. A search
 of a wall returns how far the body may move before the next search; the path at which that
-is used up is `WallContacts.limit`. The least of a body's limits is `Bodies.wall_check`,
+is used up is `WallContacts.limit`. The smallest of a body's limits is `Bodies.wall_check`,
 and the least way left in a tile of bodies is `Bodies.wall_margin`. `clumps` is an empty
 tuple in a simulation of smooth bodies, see `forces`.
 
@@ -42,14 +42,14 @@ def find_plane_contacts(
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     parts : int
         Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     wall : int
-        Number of the plane.
+        Index of the plane.
     i : int
         Index of the body.
     scratch : Scratch
@@ -95,14 +95,14 @@ def find_curved_wall_contacts(
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     parts : int
         Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     wall : int
-        Number of the wall: cones and tubes first, then rings.
+        Index of the wall: cones and tubes first, then rings.
     i : int
         Index of the body.
     path : float
@@ -135,7 +135,17 @@ def find_curved_wall_contacts(
 
 @kernel
 def search_due_walls(
-    bodies, flat, curved, clumps, walls, counts, parts, i, path, lowest, scratch
+    bodies,
+    flat,
+    curved,
+    clumps,
+    walls,
+    counts,
+    parts,
+    i,
+    path,
+    curved_walls_above,
+    scratch,
 ):
     """Find new contacts of body i with those planes and curved walls that are due.
 
@@ -152,17 +162,17 @@ def search_due_walls(
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     parts : int
         Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     i : int
         Index of the body.
     path : float
         Displacement of the body and the walls so far [m].
-    lowest : float
+    curved_walls_above : float
         All curved walls lie above this height [m]. A body that was once wholly below it
         is not searched against them again.
     scratch : Scratch
@@ -186,8 +196,8 @@ def search_due_walls(
             flat.limit[wall, i] = path + free_distance
         next_search = min(next_search, flat.limit[wall, i])
     # the highest point of the body at most
-    top = bodies.rows[i, state.POSITION + 2] + bounding_radius(bodies, i)
-    if top < lowest:
+    highest_point = bodies.rows[i, state.POSITION + 2] + bounding_radius(bodies, i)
+    if highest_point < curved_walls_above:
         bodies.below_curved_walls[i] = 1
     if bodies.below_curved_walls[i]:
         return next_search
@@ -204,7 +214,17 @@ def search_due_walls(
 
 @inlined
 def search_due_bodies(
-    bodies, flat, curved, clumps, walls, counts, parts, lowest, scratch, begin, end
+    bodies,
+    flat,
+    curved,
+    clumps,
+    walls,
+    counts,
+    parts,
+    curved_walls_above,
+    scratch,
+    begin,
+    end,
 ):
     """Search the walls for those bodies of a range that are due.
 
@@ -219,13 +239,13 @@ def search_due_bodies(
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     parts : int
         Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
-    lowest : float
+    curved_walls_above : float
         All curved walls lie above this height [m].
     scratch : Scratch
         Working memory of this thread (`state.Scratch`); it is overwritten.
@@ -247,7 +267,7 @@ def search_due_bodies(
                 parts,
                 i,
                 path,
-                lowest,
+                curved_walls_above,
                 scratch,
             )
 
@@ -274,7 +294,7 @@ def smallest_wall_margin(bodies, approach, begin, end):
 
 @kernel
 def find_new_wall_contacts(
-    bodies, flat, curved, clumps, walls, counts, parts, lowest, scratch
+    bodies, flat, curved, clumps, walls, counts, parts, curved_walls_above, scratch
 ):
     """Find new contacts with planes, cones, tubes and rings, of bodies that are due.
 
@@ -292,31 +312,21 @@ def find_new_wall_contacts(
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     parts : int
         Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
-    lowest : float
+    curved_walls_above : float
         All curved walls lie above this height [m]; a body that was once wholly below it
         is searched on planes only.
     scratch : Scratch
         Working memory of this thread (`state.Scratch`); it is overwritten.
     """
-    n = counts[state.N_BODIES]
+    n_bodies = counts[state.N_BODIES]
     # A large simulation has several shares of the loads.
     if bodies.load.shape[0] == 1 or walls.approach[state.WALLS_MOVE] > 0.0:
-        search_due_bodies(
-            bodies, flat, curved, clumps, walls, counts, parts, lowest, scratch, 0, n
-        )
-        return
-    # One tile of bodies after another; `base` is the number of its first body.
-    for base in range(0, n, LANES):
-        tile = base // LANES
-        if bodies.wall_margin[tile] > state.ROUNDING:
-            continue
-        end = min(base + LANES, n)
         search_due_bodies(
             bodies,
             flat,
@@ -325,14 +335,36 @@ def find_new_wall_contacts(
             walls,
             counts,
             parts,
-            lowest,
+            curved_walls_above,
             scratch,
-            base,
+            0,
+            n_bodies,
+        )
+        return
+    # One tile of bodies after another; `first_body` is the number of its first body.
+    for first_body in range(0, n_bodies, LANES):
+        tile = first_body // LANES
+        if bodies.wall_margin[tile] > state.ROUNDING:
+            continue
+        end = min(first_body + LANES, n_bodies)
+        search_due_bodies(
+            bodies,
+            flat,
+            curved,
+            clumps,
+            walls,
+            counts,
+            parts,
+            curved_walls_above,
+            scratch,
+            first_body,
             end,
         )
         # how far the bodies of this tile may move until one of them is due again
         approach = walls.approach[state.WALL_PATH]
-        bodies.wall_margin[tile] = smallest_wall_margin(bodies, approach, base, end)
+        bodies.wall_margin[tile] = smallest_wall_margin(
+            bodies, approach, first_body, end
+        )
 
 
 @inlined
@@ -350,16 +382,16 @@ def find_mesh_contacts(
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes
         The features of all meshes (`features.Meshes`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     parts : int
         Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     mesh : int
-        Number of the mesh.
+        Index of the mesh.
     i : int
         Index of the body.
     scratch : Scratch
@@ -420,12 +452,12 @@ def find_new_mesh_contacts(
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes
         The features of all meshes (`features.Meshes`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     parts : int
         Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     scratch : Scratch

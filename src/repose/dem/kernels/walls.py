@@ -1,20 +1,21 @@
-"""Contacts of smooth bodies with planes, cones and rings: how they begin and go on.
+"""Search for contacts of smooth bodies with planes, cones and rings, and follow them.
 
-`search_plane` and `search_curved_wall` look for new contacts of a body; `follow_wall_contact` keeps
-a contact with a cone or ring up to date from step to step (see `wall_contact`). Search
-and force ask for the same point of the body, the touching point, whether it lies on the
-wall.
+`search_plane` and `search_curved_wall` look for new contacts of a body.
+`follow_wall_contact` updates a contact with a cone or ring in each step (see
+`wall_contact`). The search and the force use the same point of the body, the touching
+point, to decide whether the body is on the wall.
 
-A contact begins where a body in front of the wall reaches it. A body that overlaps the
+A contact begins when a body in front of the wall reaches it. A body that overlaps the
 wall's surface beyond the wall's end, or from behind, is "past the wall": a contact that
-began with this overlap would throw it. So it has no contact until it has been clear of
-the surface. `WallContacts.allowed_overlap` is the largest overlap with which a contact may
-begin. It is infinite, but for a body past a curved wall it is the overlap at the other
-wall from which the body slides onto this one. For a body past a plane it is 0.0; from a
-curved wall it slides onto the plane with the overlap that it has there at most.
+began with this overlap would throw the body away. So the body gets no contact until it
+has been clear of the surface. `WallContacts.allowed_overlap` is the largest overlap with
+which a contact may begin. It is infinite unless the body is past the wall. For a body
+past a curved wall it is the overlap with the other wall from which the body slides onto
+this one. For a body past a plane it is 0.0; a body slides from a curved wall onto the
+plane with at most the overlap that it has with the curved wall.
 
 Reads `Bodies.rows` and the rows of the walls. Writes the lists of `WallContacts` (body,
-wall, data), its `limit` and `deepest`, and `counts`.
+wall, data), its `limit` and `allowed_overlap`, and `counts`.
 """
 
 import math
@@ -48,26 +49,26 @@ from .wall_contact import (
 
 COSINES = np.cos(2.0 * np.pi * np.arange(state.STARTS) / state.STARTS)
 SINES = np.sin(2.0 * np.pi * np.arange(state.STARTS) / state.STARTS)
-# A body that overlaps a curved wall or mesh by more than this share of its bounding
-# radius came from outside, and no contact begins.
+# A body that overlaps a curved wall or mesh by more than this fraction of its bounding
+# radius came from behind, and no contact begins.
 LARGEST_NEW_OVERLAP = 0.3
 # Two contacts of one body with one wall closer than this about the axis [rad] are the
 # same contact.
 SAME_AZIMUTH = 0.12
-# A body is searched again after it moved by these shares of its radius, at the latest:
-# where it overlaps a wall's continuation beyond the wall's end, and where its contact is
-# known (a second contact grows out of the first).
+# A body is searched again after it has moved by these fractions of its radius: when it
+# overlaps the surface beyond the wall's end, and when it has a contact with the wall (a
+# second contact may split off from the first).
 NEXT_SEARCH_BEYOND_END = 0.01
 NEXT_SEARCH_IN_CONTACT = 0.1
-# Steps of a solver for a contact that is followed from step to step.
+# Newton steps for a contact that is followed from one time step to the next.
 FOLLOWING_STEPS = 2
-FAR = 1e300  # a distance that no body moves [m]
+FAR = 1e300  # no body moves by this distance [m]
 X, Y, Z = state.POSITION, state.POSITION + 1, state.POSITION + 2  # columns of a body
 
 
 @inlined
 def direction_to_ring(row, ring, start):
-    """Return direction and distance from a body's centre to a point of a ring's circle.
+    """Return direction and distance from a body's centre to a point on a ring's circle.
 
     Parameters
     ----------
@@ -76,7 +77,7 @@ def direction_to_ring(row, ring, start):
     ring : array (RING_COLUMNS,)
         The ring: a row of `Walls.rings`.
     start : int
-        Number of the point, of state.STARTS at equal angles about the axis.
+        Index of the point, one of state.STARTS at equal angles about the axis.
 
     Returns
     -------
@@ -92,11 +93,11 @@ def direction_to_ring(row, ring, start):
 
 
 @inlined
-def angle_between(a, b):
-    """Return the smallest angle between two azimuths [rad]."""
-    turn = 2.0 * math.pi
-    angle = (a - b) % turn
-    return min(angle, turn - angle)
+def angle_between(first, second):
+    """Return the smaller angle between two azimuths [rad]."""
+    full_turn = 2.0 * math.pi
+    angle = (first - second) % full_turn
+    return min(angle, full_turn - angle)
 
 
 @inlined
@@ -109,21 +110,21 @@ def contact_azimuth(data, k):
 
 
 @inlined
-def has_contact_near(contacts, n, body, wall, theta):
+def has_contact_near(contacts, n_contacts, body, wall, theta):
     """Return whether a body has a contact with a curved wall near an azimuth.
 
     Parameters
     ----------
     contacts : WallContacts
         The list of contacts with walls of one kind.
-    n : int
+    n_contacts : int
         Number of contacts in the list.
     body, wall : int
-        Numbers of the body and of the wall.
+        Indices of the body and of the wall.
     theta : float
-        The azimuth [rad]; contacts nearer than SAME_AZIMUTH count.
+        The azimuth [rad]. A contact is near if it is less than SAME_AZIMUTH away.
     """
-    for k in range(n):
+    for k in range(n_contacts):
         if (
             contacts.body[k] == body
             and contacts.wall[k] == wall
@@ -134,7 +135,7 @@ def has_contact_near(contacts, n, body, wall, theta):
 
 
 @inlined
-def add_wall_contact(contacts, counts, length_slot, body, wall, geometry):
+def add_wall_contact(contacts, counts, length_index, body, wall, geometry):
     """Append a contact with a relaxed spring to a list of contacts with walls.
 
     Parameters
@@ -142,21 +143,21 @@ def add_wall_contact(contacts, counts, length_slot, body, wall, geometry):
     contacts : WallContacts
         The list of contacts with walls of one kind.
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
-    length_slot : int
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
+    length_index : int
         Index in `counts` of the length of this list, such as state.N_PLANE.
     body, wall : int
-        Numbers of the body and of the wall.
+        Indices of the body and of the wall.
     geometry : array (8,)
         The contact (`contact_geometry`), whose normal is in world axes.
 
     Returns
     -------
     int
-        Number of the contact, or -1 where there is no room.
+        Index of the contact, or -1 if there is no room.
     """
-    k = reserve_place(counts, length_slot, contacts.body.shape[0])
+    k = reserve_place(counts, length_index, contacts.body.shape[0])
     if k >= 0:
         contacts.body[k] = body
         contacts.wall[k] = wall
@@ -166,90 +167,90 @@ def add_wall_contact(contacts, counts, length_slot, body, wall, geometry):
 
 
 @inlined
-def drop_wall_contact(contacts, counts, length_slot, k, ghost):
-    """Remove contact k of a list: the last contact moves to its place.
+def drop_wall_contact(contacts, counts, length_index, k, ghost):
+    """Remove contact k from a list and move the last contact to its index.
 
-    The place that becomes free holds the ghost, with a gap and without a law's state,
-    so no force acts on the ghost.
+    The element that becomes free gets the ghost, a relaxed spring and a plane without
+    an edge, so no force acts there.
 
     Parameters
     ----------
     contacts : WallContacts
         The list of contacts with walls of one kind.
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
-    length_slot : int
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
+    length_index : int
         Index in `counts` of the length of this list, such as state.N_PLANE.
     k : int
         Index of the contact in its list.
     ghost : int
-        Index of the ghost, a body without mass that never moves. Unused places of the
+        Index of the ghost: a body without mass that never moves. Unused elements of the
         lists hold this index.
     """
-    last = counts[length_slot] - 1
-    counts[length_slot] = last
-    # the last contact moves to place k
+    last = counts[length_index] - 1
+    counts[length_index] = last
+    # the last contact moves to index k
     contacts.body[k] = contacts.body[last]
     contacts.wall[k] = contacts.wall[last]
     contacts.feature[k] = contacts.feature[last]
     move_contact(contacts.data, last, k)
-    # its old place holds the ghost, on a plane without an edge
+    # the old element of the last contact gets the ghost, on a plane without an edge
     contacts.body[last] = ghost
     put_contact(contacts.data, last, 0.0, 0.0, 1.0)
     contacts.data[last // LANES, state.SQUARED_RADIUS + last % LANES] = math.inf
 
 
 @inlined
-def has_other_contact(contacts, n, body, ignored):
-    """Return whether a body has any contact of a list but one.
+def has_other_contact(contacts, n_contacts, body, ignored):
+    """Return whether a body has a contact in a list other than an ignored one.
 
     Parameters
     ----------
     contacts : WallContacts
         The list of contacts with walls of one kind.
-    n : int
+    n_contacts : int
         Number of contacts in the list.
     body : int
-        Number of the body.
+        Index of the body.
     ignored : int
-        Number of the contact that does not count; -1 for none.
+        Index of the contact that does not count; -1 for none.
     """
-    for k in range(n):  # noqa: SIM110  (kernels have no generators)
+    for k in range(n_contacts):  # noqa: SIM110  (kernels have no generators)
         if contacts.body[k] == body and k != ignored:
             return True
     return False
 
 
 @inlined
-def overlap_with_other_walls(contacts, n, body, wall):
-    """Return the deepest overlap of a body with curved walls but one [m], or 0.0.
+def overlap_with_other_walls(contacts, n_contacts, body, wall):
+    """Return the largest overlap of a body with curved walls except one [m], or 0.0.
 
     Parameters
     ----------
     contacts : WallContacts
         The list of contacts with cones, tubes and rings.
-    n : int
+    n_contacts : int
         Number of contacts in the list.
     body : int
-        Number of the body.
+        Index of the body.
     wall : int
-        Number of the wall that does not count; -1 for none.
+        Index of the wall that does not count; -1 for none.
     """
-    depth = 0.0
-    for k in range(n):
+    overlap = 0.0
+    for k in range(n_contacts):
         if contacts.body[k] == body and contacts.wall[k] != wall:
             # curved walls keep the gap of each contact
             gap = contacts.data[k // LANES, state.GAP + k % LANES]
-            depth = max(depth, -gap)
-    return depth
+            overlap = max(overlap, -gap)
+    return overlap
 
 
 @inlined
-def record_slide_off(bodies, contacts, walls, n, k, depth):
-    """Note that contact k with a curved wall slid over the wall's end.
+def record_slide_off(bodies, contacts, walls, n_contacts, k, overlap):
+    """Record that contact k with a curved wall slid over the wall's end.
 
-    Writes `deepest` and `limit` of the contact's body, see `state.WallContacts`.
+    Change `allowed_overlap` and `limit` of the body, see `state.WallContacts`.
 
     Parameters
     ----------
@@ -258,32 +259,32 @@ def record_slide_off(bodies, contacts, walls, n, k, depth):
     contacts : WallContacts
         The list of contacts with walls of one kind.
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
-    n : int
+        Shapes, positions and motion of all walls (`state.Walls`).
+    n_contacts : int
         Number of contacts in the list.
     k : int
         Index of the contact in its list.
-    depth : float
-        Overlap with which it slid off [m]. The contact with the next wall begins with
-        this overlap at most, so that wall is searched in the next step.
+    overlap : float
+        Overlap with which the body slid off [m]. The contact with the next wall begins
+        with at most this overlap, so that wall is searched in the next step.
     """
     wall = contacts.wall[k]
     i = contacts.body[k]
-    # a wall is due for a search when its limit is not above this path
-    path_so_far = bodies.displacement[i] + walls.approach[state.WALL_PATH]
-    # Any wall may be the next one: its contact may begin with this overlap, and all
-    # walls but this one are searched now.
+    # a wall is searched when this path has reached its limit
+    path = bodies.displacement[i] + walls.approach[state.WALL_PATH]
+    # Any wall may be the next one: allow this overlap, and search all walls except this
+    # one in the next step.
     for other in range(contacts.allowed_overlap.shape[0]):
         contacts.allowed_overlap[other, i] = max(
-            contacts.allowed_overlap[other, i], depth
+            contacts.allowed_overlap[other, i], overlap
         )
         if other != wall:
-            contacts.limit[other, i] = min(contacts.limit[other, i], path_so_far)
+            contacts.limit[other, i] = min(contacts.limit[other, i], path)
     # a body that touches another wall is not past this one
-    if not has_other_contact(contacts, n, i, k):
-        contacts.allowed_overlap[wall, i] = depth
-        # A second contact may have grown out of this one since the last search; the next
-        # search counts the way from there.
+    if not has_other_contact(contacts, n_contacts, i, k):
+        contacts.allowed_overlap[wall, i] = overlap
+        # A second contact may have split off since the last search, so the next search
+        # comes earlier.
         contacts.limit[wall, i] -= NEXT_SEARCH_IN_CONTACT * bounding_radius(bodies, i)
 
 
@@ -297,62 +298,66 @@ def add_contact_if_new(
     theta,
     is_on_wall,
     radius,
-    deepest,
+    allowed_overlap,
     distance_moved,
     geometry,
 ):
-    """Add a contact with a curved wall to the list unless it is known or may not begin.
+    """Add a contact with a curved wall to the list if it is new and may begin.
 
     Parameters
     ----------
     contacts : WallContacts
         The list of contacts with walls of one kind.
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     body, wall : int
-        Numbers of the body and of the wall.
+        Indices of the body and of the wall.
     theta : float
         Azimuth of the contact [rad].
     is_on_wall : bool
-        Whether it lies on the wall, not beyond its end.
+        Whether the contact lies on the wall, not beyond its end.
     radius : float
         Bounding radius of the body [m]: the distance of its farthest point from its
         centre.
-    deepest : float
+    allowed_overlap : float
         Largest overlap with which a contact may begin [m], see `state.WallContacts`. It
         is infinite unless the body was past the wall before this search.
     distance_moved : float
-        How far the body may have moved since it was searched last [m].
+        How far the body may have moved since its last search [m].
     geometry : array (8,)
-        The contact in the frame of the wall (`contact_geometry`). For a new contact its
-        normal is rotated into world axes.
+        The contact in the frame of the wall (`contact_geometry`). The normal of a new
+        contact is rotated into world axes, in place.
 
     Returns
     -------
     float
         How far the body may move before the next search [m].
     """
-    n = counts[state.N_CURVED]
+    n_contacts = counts[state.N_CURVED]
     gap = geometry[contact_geometry.GAP]
     # no overlap: the body cannot touch before it has moved by the gap
     if gap > 0.0:
         return gap
-    # A body that is past the wall may slide onto it from another one.
-    if deepest < math.inf:
-        deepest = max(deepest, overlap_with_other_walls(contacts, n, body, wall))
+    # a body that is past the wall may slide onto it from another wall
+    if allowed_overlap < math.inf:
+        allowed_overlap = max(
+            allowed_overlap, overlap_with_other_walls(contacts, n_contacts, body, wall)
+        )
     if not is_on_wall or gap < -min(
-        LARGEST_NEW_OVERLAP * radius, deepest + distance_moved
+        LARGEST_NEW_OVERLAP * radius, allowed_overlap + distance_moved
     ):
-        # the body is past the wall, or stays past it
-        if deepest == math.inf and not has_other_contact(contacts, n, body, -1):
-            deepest = 0.0
-        contacts.allowed_overlap[wall, body] = deepest
+        # the body is past the wall
+        if allowed_overlap == math.inf and not has_other_contact(
+            contacts, n_contacts, body, -1
+        ):
+            allowed_overlap = 0.0
+        contacts.allowed_overlap[wall, body] = allowed_overlap
         return NEXT_SEARCH_BEYOND_END * radius
-    # a new contact, whose spring is relaxed
-    if not has_contact_near(contacts, n, body, wall, theta):
+    # add a new contact, with a relaxed spring
+    if not has_contact_near(contacts, n_contacts, body, wall, theta):
         normal_to_world(walls, wall, geometry)
         k = add_wall_contact(contacts, counts, state.N_CURVED, body, wall, geometry)
         if k >= 0:
@@ -370,16 +375,16 @@ def search_cone(
     wall,
     i,
     radius,
-    deepest,
+    allowed_overlap,
     distance_moved,
     profile,
     geometry,
 ):
-    """Search for contacts of body i with a cone, from every local maximum of overlap.
+    """Search for contacts of body i with a cone, and add those that are new.
 
     The overlap phi depends on an angle about the cone's axis. It is calculated at
-    STARTS equal angles; from each of them that is larger than both neighbours the
-    solver climbs to the maximum.
+    STARTS equally spaced angles. The solver starts at each angle whose overlap is not
+    smaller than that of both neighbours.
 
     Parameters
     ----------
@@ -388,16 +393,16 @@ def search_cone(
     contacts, counts : WallContacts, array
         The list of contacts with curved walls, and the lengths of all lists.
     parts : int
-        Ellipsoids of the body.
+        Number of ellipsoids of the body.
     walls, wall : Walls, int
-        All walls, and the number of the cone.
+        All walls, and the index of the cone.
     i : int
         Index of the body.
-    radius, deepest, distance_moved : float
+    radius, allowed_overlap, distance_moved : float
         Its bounding radius, the largest overlap with which a contact may begin, and how
         far the body may have moved since its last search [m], see `add_contact_if_new`.
     profile : array (STARTS,)
-        Scratch for the overlaps; is overwritten.
+        Working memory for the overlaps; it is overwritten.
     geometry : array (8,)
         Working memory for one contact (`contact_geometry`); it is overwritten.
 
@@ -408,8 +413,8 @@ def search_cone(
     """
     cone = walls.cones[wall]
     spacing = 2.0 * math.pi / state.STARTS
-    # The overlap phi at equal angles about the axis. Numbers of `row` and `cone` are read
-    # in the loop: moved out of it, they change last bits, see `jit`.
+    # Calculate the overlap phi at equally spaced angles. Reading `row` and `cone` outside
+    # of the loop would change the last bits of the result, see `jit`.
     for start in range(state.STARTS):
         nx = cone[state.CONE_NORMAL_R] * COSINES[start]
         ny = cone[state.CONE_NORMAL_R] * SINES[start]
@@ -423,7 +428,7 @@ def search_cone(
     least_distance = FAR
     for start in range(state.STARTS):
         overlap = profile[start]
-        # profile[-1] is the last start: the angles close to a circle
+        # the angles form a circle: profile[-1], the last one, is before profile[0]
         if (
             overlap < profile[start - 1]
             or overlap < profile[(start + 1) % state.STARTS]
@@ -440,7 +445,7 @@ def search_cone(
             theta,
             is_on_wall,
             radius,
-            deepest,
+            allowed_overlap,
             distance_moved,
             geometry,
         )
@@ -458,16 +463,16 @@ def search_ring(
     wall,
     i,
     radius,
-    deepest,
+    allowed_overlap,
     distance_moved,
     profile,
     geometry,
 ):
-    """Search for contacts of body i with a ring edge, from every least distance.
+    """Search for contacts of body i with a ring edge, and add those that are new.
 
-    The distance is that between the body and points of the circle in the middle of the
-    ring. It is calculated at STARTS equal angles; from each of them that is smaller
-    than both neighbours the solver goes to the minimum.
+    The distance between the body and the circle in the middle of the ring is calculated
+    at STARTS equally spaced angles. The solver starts at each angle whose distance is
+    not larger than that of both neighbours.
 
     Parameters
     ----------
@@ -476,16 +481,16 @@ def search_ring(
     contacts, counts : WallContacts, array
         The list of contacts with curved walls, and the lengths of all lists.
     parts : int
-        Ellipsoids of the body.
+        Number of ellipsoids of the body.
     walls, wall : Walls, int
-        All walls, and the number of the ring among the curved walls, after the cones.
+        All walls, and the index of the ring among the curved walls, after the cones.
     i : int
         Index of the body.
-    radius, deepest, distance_moved : float
+    radius, allowed_overlap, distance_moved : float
         Its bounding radius, the largest overlap with which a contact may begin, and how
         far the body may have moved since its last search [m], see `add_contact_if_new`.
     profile : array (STARTS,)
-        Scratch for the distances; is overwritten.
+        Working memory for the distances; it is overwritten.
     geometry : array (8,)
         Working memory for one contact (`contact_geometry`); it is overwritten.
 
@@ -495,7 +500,7 @@ def search_ring(
         How far the body may move before the next search [m].
     """
     ring = walls.rings[wall - walls.cones.shape[0]]
-    # Leave early where the body's bounding sphere does not reach the ring.
+    # return early if the body's bounding sphere does not reach the ring
     x, y, z = vector_at(row, state.POSITION)
     axial = abs(z - ring[state.RING_HEIGHT])
     radial = abs(math.sqrt(x * x + y * y) - ring[state.RING_RADIUS])
@@ -504,20 +509,20 @@ def search_ring(
     if clearance > 0.0:
         return clearance
     spacing = 2.0 * math.pi / state.STARTS
-    # The distance from points of the circle at equal angles about the axis.
+    # the distance from points of the circle at equally spaced angles
     for start in range(state.STARTS):
         nx, ny, nz, distance = direction_to_ring(row, ring, start)
         profile[start] = distance - extent(row, parts, nx, ny, nz)
     least_distance = FAR
     for start in range(state.STARTS):
-        distance_here = profile[start]
-        # the starts close to a circle: profile[-1] is the last one
+        start_distance = profile[start]
+        # the angles form a circle: profile[-1], the last one, is before profile[0]
         if (
-            distance_here > profile[start - 1]
-            or distance_here > profile[(start + 1) % state.STARTS]
+            start_distance > profile[start - 1]
+            or start_distance > profile[(start + 1) % state.STARTS]
         ):
             continue
-        # from this start to the nearest point of the circle
+        # solve for the point of the circle that is nearest to the body
         nx, ny, nz, _distance = direction_to_ring(row, ring, start)
         theta, nx, ny, nz = solve_ring(row, parts, ring, start * spacing, nx, ny, nz)
         is_open = write_ring_contact(row, parts, ring, theta, nx, ny, nz, geometry)
@@ -530,7 +535,7 @@ def search_ring(
             theta,
             is_open,
             radius,
-            deepest,
+            allowed_overlap,
             distance_moved,
             geometry,
         )
@@ -542,7 +547,7 @@ def search_ring(
 def distance_from_disc_axis(row, parts, nx, ny, nz, dx, dy, dz):
     """Return the distance of a body's touching point from the axis of a disc [m].
 
-    The touching point is the body's outermost point along the normal. The force takes
+    The touching point is the body's outermost point along the normal. The force uses
     the same point (`tile.write_plane_geometry`).
 
     Parameters
@@ -557,10 +562,10 @@ def distance_from_disc_axis(row, parts, nx, ny, nz, dx, dy, dz):
         From the body's centre to the middle of the disc [m].
     """
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
-    _h, along_u, along_w, _q_uu, _q_uw, _q_ww = support_terms(
+    _support, along_u, along_w, _q_uu, _q_uw, _q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
-    # from the axis of the disc instead of the body's centre
+    # measure from the axis of the disc instead of the body's centre
     along_u -= ux * dx + uy * dy + uz * dz
     along_w -= wx * dx + wy * dy + wz * dz
     return math.sqrt(along_u * along_u + along_w * along_w)
@@ -568,7 +573,7 @@ def distance_from_disc_axis(row, parts, nx, ny, nz, dx, dy, dz):
 
 @kernel
 def search_plane(bodies, contacts, curved, counts, parts, plane, wall, i, geometry):
-    """Search for the contact of body i with a plane, and add it if it is new.
+    """Search for the contact of body i with a plane, and add it if the body touches.
 
     Parameters
     ----------
@@ -577,14 +582,14 @@ def search_plane(bodies, contacts, curved, counts, parts, plane, wall, i, geomet
     contacts, curved : WallContacts
         The lists of contacts with planes, and with cones and rings.
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     parts : int
         Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     plane : array
         The row of `Walls.planes`.
     wall : int
-        Number of the plane.
+        Index of the plane.
     i : int
         Index of the body.
     geometry : array (8,)
@@ -593,31 +598,32 @@ def search_plane(bodies, contacts, curved, counts, parts, plane, wall, i, geomet
     Returns
     -------
     float
-        How far the body may move before the next search [m]; while a contact lasts, no
-        search is due.
+        How far the body may move before the next search [m]; FAR while a contact
+        lasts.
     """
     row = bodies.rows[i]
     nx, ny, nz = vector_at(plane, state.PLANE_NORMAL)
     point_x, point_y, point_z = vector_at(plane, state.PLANE_POINT)
     x, y, z = vector_at(row, state.POSITION)
-    # (dx, dy, dz) is the way from the body's centre to the point of the plane
+    # (dx, dy, dz) is the vector from the body's centre to the point of the plane
     dx, dy, dz = point_x - x, point_y - y, point_z - z
-    height = nx * dx + ny * dy + nz * dz  # of the centre in front of the plane
+    height = nx * dx + ny * dy + nz * dz  # distance of the centre from the plane
     gap = height - extent(row, parts, nx, ny, nz)
     if gap > 0.0:
         contacts.allowed_overlap[wall, i] = math.inf
         return gap
     distance = distance_from_disc_axis(row, parts, nx, ny, nz, dx, dy, dz)
     is_on_disc = distance <= plane[state.PLANE_RADIUS]
-    # The touching point is beyond the edge of the disc, or the centre is behind it: the
-    # body is past the wall.
+    # The body is past the wall if its touching point is beyond the edge of the disc, or
+    # if its centre is behind the disc.
     if height < 0.0 or not is_on_disc:
         contacts.allowed_overlap[wall, i] = 0.0
     if contacts.allowed_overlap[wall, i] == 0.0:
-        # It stays past the wall, unless it slides onto the disc from a curved wall that
-        # ends there: the rim about a lid. There it overlaps the rim more than the disc.
-        depth = overlap_with_other_walls(curved, counts[state.N_CURVED], i, -1)
-        if height < 0.0 or not is_on_disc or -gap > depth:
+        # The body stays past the wall unless it slides onto the disc from a curved wall
+        # that ends there, as from a rim onto a lid. Then its overlap with the curved wall
+        # is larger than that with the disc.
+        overlap = overlap_with_other_walls(curved, counts[state.N_CURVED], i, -1)
+        if height < 0.0 or not is_on_disc or -gap > overlap:
             return -gap
         contacts.allowed_overlap[wall, i] = math.inf
     # a new contact; it keeps a copy of the plane
@@ -632,21 +638,21 @@ def search_plane(bodies, contacts, curved, counts, parts, plane, wall, i, geomet
 def row_in_wall_frame(walls, frame, row, parts, local_row):
     """Return the row of a body in the frame of a curved wall or mesh.
 
-    Where the frame is the world's it is `row` itself, else `local_row`, which is
-    overwritten.
+    If the frame is that of the world, the result is `row` itself. Otherwise it is
+    `local_row`, which is overwritten.
 
     Parameters
     ----------
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     frame : int
-        Number of the frame in `Walls.frames`.
+        Index of the frame in `Walls.frames`.
     row : array
         The body: a row of `Bodies.rows`, whose columns `state` names.
     parts : int
         Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     local_row : array
-        Scratch for the row in the frame.
+        Working memory for the row in the frame; it may be overwritten.
     """
     if walls.displaced[frame]:
         write_row_in_frame(row, parts, walls.frames[frame], local_row)
@@ -663,9 +669,9 @@ def write_sphere_contact_in_frame(x, y, z, radius, walls, wall, geometry):
     x, y, z, radius : float
         Centre of the sphere in this frame, and its radius [m].
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     wall : int
-        Number of the wall: cones and tubes first, then rings.
+        Index of the wall: cones and tubes first, then rings.
     geometry : array (8,)
         Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
         (`contact_geometry`).
@@ -692,9 +698,9 @@ def write_sphere_body_contact(row, walls, wall, geometry):
     row : array
         The sphere in the frame of the wall, a row of `Bodies.rows`.
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     wall : int
-        Number of the wall: cones and tubes first, then rings.
+        Index of the wall: cones and tubes first, then rings.
     geometry : array (8,)
         Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
         (`contact_geometry`).
@@ -709,7 +715,16 @@ def write_sphere_body_contact(row, walls, wall, geometry):
 
 @inlined
 def search_sphere(
-    row, contacts, counts, walls, wall, i, radius, deepest, distance_moved, geometry
+    row,
+    contacts,
+    counts,
+    walls,
+    wall,
+    i,
+    radius,
+    allowed_overlap,
+    distance_moved,
+    geometry,
 ):
     """Search for the only contact of a sphere with a cone or ring.
 
@@ -720,10 +735,10 @@ def search_sphere(
     contacts, counts : WallContacts, array
         The list of contacts with curved walls, and the lengths of all lists.
     walls, wall : Walls, int
-        All walls, and the number of this one.
+        All walls, and the index of this one.
     i : int
         Index of the body.
-    radius, deepest, distance_moved : float
+    radius, allowed_overlap, distance_moved : float
         Its radius, the largest overlap with which a contact may begin, and how far it
         may have moved since its last search [m], see `add_contact_if_new`.
     geometry : array (8,)
@@ -732,8 +747,8 @@ def search_sphere(
     Returns
     -------
     float
-        How far the body may move before the next search [m]; while the contact lasts,
-        no search is due.
+        How far the body may move before the next search [m]; FAR while the contact
+        lasts.
     """
     is_on_wall = write_sphere_body_contact(row, walls, wall, geometry)
     if geometry[contact_geometry.GAP] > 0.0:
@@ -747,7 +762,7 @@ def search_sphere(
         0.0,
         is_on_wall,
         radius,
-        deepest,
+        allowed_overlap,
         distance_moved,
         geometry,
     )
@@ -769,14 +784,14 @@ def search_curved_wall(bodies, curved, walls, counts, parts, wall, i, path, scra
     curved : WallContacts
         The contacts with cones, tubes and rings.
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
+        on are its indices.
     parts : int
         Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     wall : int
-        Number of the wall: cones and tubes first, then rings.
+        Index of the wall: cones and tubes first, then rings.
     i : int
         Index of the body.
     path : float
@@ -792,10 +807,9 @@ def search_curved_wall(bodies, curved, walls, counts, parts, wall, i, path, scra
     profile = scratch.profile
     geometry = scratch.geometry
     radius = bounding_radius(bodies, i)
-    # The overlap with which a contact may begin now. It grows by the way since the last
-    # search: a body that is past a wall is searched whenever it moved by
-    # NEXT_SEARCH_BEYOND_END.
-    deepest = curved.allowed_overlap[wall, i]
+    # The allowed overlap grows by the distance moved since the last search. A body that is
+    # past a wall is searched again after NEXT_SEARCH_BEYOND_END.
+    allowed_overlap = curved.allowed_overlap[wall, i]
     distance_moved = path - curved.limit[wall, i] + NEXT_SEARCH_BEYOND_END * radius
     curved.allowed_overlap[wall, i] = math.inf
     row = row_in_wall_frame(walls, wall, bodies.rows[i], parts, scratch.local_row)
@@ -808,7 +822,7 @@ def search_curved_wall(bodies, curved, walls, counts, parts, wall, i, path, scra
             wall,
             i,
             radius,
-            deepest,
+            allowed_overlap,
             distance_moved,
             geometry,
         )
@@ -822,7 +836,7 @@ def search_curved_wall(bodies, curved, walls, counts, parts, wall, i, path, scra
             wall,
             i,
             radius,
-            deepest,
+            allowed_overlap,
             distance_moved,
             profile,
             geometry,
@@ -836,7 +850,7 @@ def search_curved_wall(bodies, curved, walls, counts, parts, wall, i, path, scra
         wall,
         i,
         radius,
-        deepest,
+        allowed_overlap,
         distance_moved,
         profile,
         geometry,
@@ -844,12 +858,14 @@ def search_curved_wall(bodies, curved, walls, counts, parts, wall, i, path, scra
 
 
 @inlined
-def follow_wall_contact(parts, row, walls, wall, history, lane, geometry, local_row):
+def follow_wall_contact(
+    parts, row, walls, wall, contact_tile, lane, geometry, local_row
+):
     """Follow a contact of a smooth body with a cone or ring by one time step.
 
-    The solver starts from the last azimuth and normal. A body moves so little in a step
-    that FOLLOWING_STEPS Newton steps are enough; a fixed number of them, without a test
-    for convergence, costs the same for every contact.
+    The solver starts from the last azimuth and normal. A body moves so little in a time
+    step that FOLLOWING_STEPS Newton steps are enough. Their number is fixed, without a
+    test for convergence, so that every contact takes the same time.
 
     Parameters
     ----------
@@ -858,13 +874,14 @@ def follow_wall_contact(parts, row, walls, wall, history, lane, geometry, local_
     row : array
         The body: a row of `Bodies.rows`, whose columns `state` names.
     walls, wall : Walls, int
-        The walls, and the number of this one: cones and tubes first, then rings.
-    history, lane : array, int
-        The contact's tile of `WallContacts.data` and its lane; its azimuth is updated.
+        The walls, and the index of this one: cones and tubes first, then rings.
+    contact_tile, lane : array, int
+        The contact's tile of `WallContacts.data` and its lane. The azimuth in the tile
+        is updated.
     geometry : array (8,)
         Overwritten by the contact (`contact_geometry`), in world axes.
     local_row : array
-        Scratch for the row in the frame of the wall; is overwritten.
+        Working memory for the row in the frame of the wall; it is overwritten.
 
     Returns
     -------
@@ -872,7 +889,7 @@ def follow_wall_contact(parts, row, walls, wall, history, lane, geometry, local_
         Whether the contact lies on the wall.
     """
     n_cones = walls.cones.shape[0]
-    theta = history[state.AZIMUTH + lane]
+    theta = contact_tile[state.AZIMUTH + lane]
     row = row_in_wall_frame(walls, wall, row, parts, local_row)
     if parts == state.SPHERES:
         is_on_wall = write_sphere_body_contact(row, walls, wall, geometry)
@@ -883,9 +900,13 @@ def follow_wall_contact(parts, row, walls, wall, history, lane, geometry, local_
         is_on_wall = write_cone_contact(row, parts, cone, theta, geometry)
     else:
         ring = walls.rings[wall - n_cones]
-        # read number by number, as `lane_vector` changes last bits here, see `jit`
+        # `lane_vector` would change the last bits of the result here, see `jit`
         first = state.NORMAL + lane
-        nx, ny, nz = history[first], history[first + LANES], history[first + 2 * LANES]
+        nx, ny, nz = (
+            contact_tile[first],
+            contact_tile[first + LANES],
+            contact_tile[first + 2 * LANES],
+        )
         if walls.displaced[wall]:
             nx, ny, nz = into_frame(walls.frames[wall], nx, ny, nz)
         for _ in range(FOLLOWING_STEPS):
@@ -893,6 +914,6 @@ def follow_wall_contact(parts, row, walls, wall, history, lane, geometry, local_
                 row, parts, ring, theta, nx, ny, nz
             )
         is_on_wall = write_ring_contact(row, parts, ring, theta, nx, ny, nz, geometry)
-    history[state.AZIMUTH + lane] = theta
+    contact_tile[state.AZIMUTH + lane] = theta
     contact_to_world(walls, wall, geometry)
     return is_on_wall
