@@ -1,12 +1,12 @@
-"""Clumps against walls: contacts of single spheres.
+"""Contacts of clumps with walls: contacts of their single spheres.
 
-A sphere touches a plane, the inside of a cone or a ring edge in one place at most. So
-one bit stores whether it does, and the contact is computed in closed form in each step
-instead of being followed. Contacts with meshes are followed as those of smooth bodies
+A sphere touches a plane, the inside of a cone or a ring edge in one point at most. So
+one bit stores whether it touches, and the contact is computed in closed form in each
+step. Contacts with meshes are followed as those of smooth bodies
 (`meshes`), with a sphere as the body.
 
-`WallContacts.limit` holds one number for each wall and body, as in `walls`: the shortest
-way to a contact of any of the body's spheres that do not touch.
+As in `walls`, `WallContacts.limit` holds one number for each wall and body. It follows
+from the shortest distance of the body's spheres that do not touch.
 
 Reads `Bodies.rows`, `Clumps` and the walls. Writes the lists of `WallContacts` (body,
 wall, feature, data), its bits `touching_bits` and `past_bits`, its `limit`, `counts`,
@@ -74,18 +74,19 @@ def write_sphere_plane_contact(x, y, z, radius, plane, geometry):
     """
     nx, ny, nz = vector_at(plane, PLANE_NORMAL)
     point_x, point_y, point_z = vector_at(plane, PLANE_POINT)
-    # from the sphere's centre to the middle of the disc, and its part along the normal
+    # the vector from the sphere's centre to the middle of the disc, and its component
+    # along the normal
     dx, dy, dz = point_x - x, point_y - y, point_z - z
     height = nx * dx + ny * dy + nz * dz
     write_sphere_contact(geometry, nx, ny, nz, height - radius, radius, radius)
-    # the part in the plane, by Pythagoras
+    # the component in the plane, by Pythagoras
     squared_distance = max(dx * dx + dy * dy + dz * dz - height * height, 0.0)
     return math.sqrt(squared_distance) - plane[PLANE_RADIUS]
 
 
 @inlined
 def point_in_wall_frame(walls, frame, x, y, z):
-    """Return a place in the world as seen from the frame of a curved wall or mesh.
+    """Return a point of the world in the frame of a curved wall or mesh.
 
     Parameters
     ----------
@@ -94,7 +95,7 @@ def point_in_wall_frame(walls, frame, x, y, z):
     frame : int
         Index of the frame in `Walls.frames`.
     x, y, z : float
-        The place [m].
+        The point [m].
     """
     if walls.displaced[frame]:
         return place_in_frame(walls.frames[frame], x, y, z)
@@ -134,7 +135,7 @@ def write_sphere_contact_in_world(walls, wall, x, y, z, radius, geometry):
 def write_contact_sphere(contacts, clumps, k, i, sphere):
     """Write centre and radius of a sphere of body i to the lane of contact k.
 
-    The shape of the body has them in the body's axes; they are multiplied by its scale.
+    They are those of the body's shape, in the axes of the body, times the body's scale.
 
     Parameters
     ----------
@@ -185,19 +186,17 @@ def add_sphere_wall_contact(
     if k >= 0:
         contacts.feature[k] = sphere
         write_contact_sphere(contacts, clumps, k, i, sphere)
-        # the sphere has a contact with this wall now (a view of one word of bits)
+        # the sphere touches this wall now; the slice is a view of one word of bits
         set_bit(contacts.touching_bits[wall, i : i + 1], sphere)
     return k
 
 
 @inlined
 def forget_sphere_contact(contacts, clumps, counts, length_index, k):
-    """Note that the sphere of contact k no longer touches the wall.
+    """Record that the sphere of contact k no longer touches the wall.
 
-    The contact is removed next.
-
-    Of contacts with meshes, only the sphere of the last contact moves to index k: their
-    bits are written again in every step.
+    The caller then removes the contact. For meshes, the function only copies the sphere
+    of the last contact to index k; the bits of meshes are written in every step.
 
     Parameters
     ----------
@@ -223,11 +222,11 @@ def forget_sphere_contact(contacts, clumps, counts, length_index, k):
 
 @inlined
 def find_free_distance(gap, distance_beyond, radius, past_bits, sphere, is_leaning):
-    """Return how far a sphere may move before it can touch a wall [m]; 0.0: it touches.
+    """Return how far a sphere may move before it can touch a wall [m]; 0.0 if it touches.
 
-    A sphere that overlaps the surface beyond the wall's end, or with its centre behind
-    the surface, is past the wall until it is clear of the surface, unless its body leans
-    on another wall.
+    A sphere is past the wall if it overlaps the surface beyond the wall's end or has its
+    centre behind the surface, unless its body leans on another wall. It stays past the
+    wall until it is clear of the surface.
 
     Parameters
     ----------
@@ -238,32 +237,34 @@ def find_free_distance(gap, distance_beyond, radius, past_bits, sphere, is_leani
     radius : float
         Radius of the sphere [m].
     past_bits : array (1,)
-        The spheres of the body that are past the wall, as bits; updated.
+        The spheres of the body that are past the wall, as bits; the function updates
+        them.
     sphere : int
         Index of the sphere.
     is_leaning : bool
         Whether the body touches a wall of this kind.
     """
-    # a sphere that is clear of the surface
+    # the sphere is clear of the surface
     if gap > 0.0:
         clear_bit(past_bits, sphere)
         return gap
-    # how far it is beyond the wall's end, or its centre behind the surface
+    # how far the sphere is beyond the wall's end, or its centre behind the surface
     distance_outside = max(distance_beyond, -gap - radius)
     if distance_outside > 0.0 and not is_leaning:
         set_bit(past_bits, sphere)
-    # one that is past the wall has to be clear of the surface first
+    # a sphere that is past the wall has to be clear of the surface first
     return -gap if is_set(past_bits, sphere) else max(distance_outside, 0.0)
 
 
 @inlined
 def find_touching_spheres(touching_bits, i):
-    """Return which spheres of body i touch any wall of one kind, as bits.
+    """Return which spheres of body i touch any wall of one kind, as bits of a word.
 
     Parameters
     ----------
     touching_bits : array of uint64 (walls, bodies)
-        `WallContacts.touching_bits`: of each wall and body, the spheres that touch, as bits.
+        `WallContacts.touching_bits`: the spheres that touch, as bits, for each wall and
+        body.
     i : int
         Index of the body.
     """
@@ -275,10 +276,10 @@ def find_touching_spheres(touching_bits, i):
 
 @inlined
 def record_sphere_slide_off(bodies, contacts, walls, k):
-    """Note that the sphere of contact k slid over the end of a cone or ring.
+    """Record that the sphere of contact k slid over the end of a cone or ring.
 
-    The next wall takes it over: the sphere is no longer past that wall, which is
-    searched in the next step.
+    The sphere may touch the next wall: it is no longer past the other walls, and these
+    are searched in the next step. The function changes `past_bits` and `limit`.
 
     Parameters
     ----------
@@ -291,11 +292,11 @@ def record_sphere_slide_off(bodies, contacts, walls, k):
     k : int
         Index of the contact in its list.
     """
-    # every wall of this kind that the sphere was past may be the next one
+    # each wall of this kind that the sphere was past may be the next one
     i = contacts.body[k]
     sphere = contacts.feature[k]
     for wall in range(contacts.limit.shape[0]):
-        # a view of one word, since bits are set in a row of words
+        # a view of one word: `clear_bit` changes a row of words
         past_bits = contacts.past_bits[wall, i : i + 1]
         if is_set(past_bits, sphere):
             clear_bit(past_bits, sphere)
@@ -320,7 +321,7 @@ def find_sphere_wall_contacts(
 ):
     """Find the spheres of body i that begin to touch a plane, cone or ring.
 
-    Each gets a contact.
+    Add a contact for each of them.
 
     Parameters
     ----------
@@ -356,12 +357,12 @@ def find_sphere_wall_contacts(
         touching_bits = find_touching_spheres(contacts.touching_bits, i)
     else:
         touching_bits = np.uint64(0)
-    # a body that touches a curved wall leans on it: its other spheres may slide onto
-    # this one
+    # The body leans on a curved wall that it touches. Its other spheres may slide from
+    # that wall onto this one.
     is_leaning = touching_bits != np.uint64(0)
     for sphere in range(clumps.sizes[clumps.shape[i]]):
-        # a sphere that touches the wall has a contact already
-        # (`i : i + 1` are views of one word, since bits are set in a row of words)
+        # a sphere that touches the wall already has a contact
+        # (the slice is a view of one word: `is_set` reads a row of words)
         if is_set(contacts.touching_bits[wall, i : i + 1], sphere):
             continue
         x, y, z = read_sphere_centre(sphere_scratch, SPHERES_A, sphere)
@@ -377,7 +378,7 @@ def find_sphere_wall_contacts(
         # which spheres of the body are past this wall, as bits
         past_bits = contacts.past_bits[wall, i : i + 1]
         if (touching_bits >> np.uint64(sphere)) & np.uint64(1) != np.uint64(0):
-            # the sphere touches another wall, which hands it over
+            # the sphere touches another wall and may slide from it onto this wall
             clear_bit(past_bits, sphere)
         free_distance = find_free_distance(
             geometry[contact_geometry.GAP],
@@ -393,7 +394,7 @@ def find_sphere_wall_contacts(
         k = add_sphere_wall_contact(
             contacts, counts, length_index, clumps, i, wall, sphere, geometry
         )
-        # a contact with a plane keeps a copy of the plane
+        # the contact with a plane stores a copy of the plane
         if length_index == state.N_PLANE and k >= 0:
             write_plane(contacts.data[k // LANES], k % LANES, walls.planes[wall])
     return least_distance
@@ -401,7 +402,7 @@ def find_sphere_wall_contacts(
 
 @inlined
 def write_clump_spheres(bodies, clumps, i, sphere_scratch):
-    """Write centres and radii of the spheres of body i, in world axes, to scratch.
+    """Write centres and radii of the spheres of body i, in world axes, to scratch memory.
 
     Parameters
     ----------
@@ -412,7 +413,7 @@ def write_clump_spheres(bodies, clumps, i, sphere_scratch):
     i : int
         Index of the body.
     sphere_scratch : array
-        The scratch array `Scratch.spheres`; its rows SPHERES_A are written.
+        The array `Scratch.spheres`; its rows SPHERES_A are overwritten.
     """
     shape = clumps.shape[i]
     row = bodies.rows[i]
@@ -427,7 +428,7 @@ def write_clump_spheres(bodies, clumps, i, sphere_scratch):
 def write_sphere_as_body(walls, frame, x, y, z, radius, local_row):
     """Write a sphere as the row of a body of one ellipsoid, in the frame of a wall.
 
-    This is the form in which `meshes` takes bodies.
+    The functions of `meshes` need this form of a body.
 
     Parameters
     ----------
@@ -438,7 +439,7 @@ def write_sphere_as_body(walls, frame, x, y, z, radius, local_row):
     x, y, z, radius : float
         Centre of the sphere in the world, and its radius [m].
     local_row : array
-        Position and shape are written to it.
+        Overwritten by the position and the shape.
     """
     x, y, z = point_in_wall_frame(walls, frame, x, y, z)
     set_vector(local_row, state.POSITION, x, y, z)
@@ -450,10 +451,10 @@ def write_sphere_as_body(walls, frame, x, y, z, radius, local_row):
 
 @inlined
 def contacts_by_sphere(meshed, clumps):
-    """Return the contacts with meshes, with numbers of spheres in place of bodies.
+    """Return the contacts with meshes, with indices of spheres in place of bodies.
 
-    So a sphere of a clump takes part in a search as if it was a body. The arrays are
-    the same, not copies.
+    So a search can treat a sphere of a clump like a body. The arrays are the same, not
+    copies.
 
     Parameters
     ----------
@@ -491,8 +492,8 @@ def follow_sphere_contact(
 ):
     """Follow contact k of a clump's sphere with a mesh by one step.
 
-    It is `meshes.follow_feature_contact` with the sphere as the body. The arm of `geometry`
-    begins at the centre of the clump, not at that of the sphere.
+    This is `meshes.follow_feature_contact` with the sphere as the body. The arm of
+    `geometry` begins at the centre of the clump, not at that of the sphere.
 
     Parameters
     ----------
@@ -507,7 +508,7 @@ def follow_sphere_contact(
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     n_contacts, k : int
-        Number of contacts in the list, and index of this contact.
+        Number of contacts in the list, and index of this one.
     end_gap : float
         The contact ends if its gap exceeds this [m].
     geometry : array (8,)
@@ -569,7 +570,7 @@ def find_sphere_mesh_contacts(
     other_geometry,
     local_row,
 ):
-    """Find the spheres of body i that begin to touch a mesh; each gets a contact.
+    """Find the spheres of body i that begin to touch a mesh, and add their contacts.
 
     Parameters
     ----------
@@ -602,8 +603,8 @@ def find_sphere_mesh_contacts(
     """
     n_contacts = counts[state.N_MESHED]
     contacts = contacts_by_sphere(meshed, clumps)
-    # Bring the body's contacts to their present features, so that the search does not
-    # find them as new.
+    # Update features and normals of the body's contacts, so that the search does not find
+    # these contacts again as new ones.
     for k in range(n_contacts):
         if meshed.body[k] == i and meshed.wall[k] == mesh:
             follow_sphere_contact(
@@ -629,10 +630,10 @@ def find_sphere_mesh_contacts(
         radius = read_sphere_radius(sphere_scratch, SPHERES_A, sphere)
         # the sphere in the frame of the mesh, as a body of one ellipsoid
         write_sphere_as_body(walls, frame, x, y, z, radius, local_row)
-        # contacts from this place on are those of this sphere
+        # contacts from this index on are those of this sphere
         n_before = counts[state.N_MESHED]
-        # the search knows a sphere by one number, as if it was a body
-        sphere_number = MOST_SPHERES * i + sphere
+        # the search needs one index of the sphere, like the index of a body
+        sphere_index = MOST_SPHERES * i + sphere
         free_distance = search_mesh(
             local_row,
             contacts,
@@ -641,12 +642,12 @@ def find_sphere_mesh_contacts(
             walls,
             meshes,
             mesh,
-            sphere_number,
+            sphere_index,
             radius,
             geometry,
         )
         least_distance = min(least_distance, free_distance)
-        # it wrote this number to `mesh_sphere` of its new contacts: write the body, too
+        # the search wrote this index to `mesh_sphere` of new contacts; write the body, too
         for k in range(n_before, counts[state.N_MESHED]):
             meshed.body[k] = i
             write_contact_sphere(meshed, clumps, k, i, sphere)

@@ -3,12 +3,12 @@
 Every body has a displacement: the sum over all steps of how far any of its points may
 have moved. A near pair has a limit: the gap at its last check plus both displacements
 at that time. As long as the sum of the displacements is below the limit, the bodies
-cannot touch and are not checked.
+cannot touch, and the pair is not checked.
 
-A pair with a gap of a skin or more is not listed. The pairs of a body are listed again
-when it has moved by half a skin since the last listing (it is then in
-`Grid.moved_list`). So two bodies of an unlisted pair together move by less than the
-skin before the pairs of one of them are listed again.
+A pair whose gap is not smaller than the skin is not listed. The pairs of a body are
+listed again when the body has moved by half a skin since the last listing; the body is
+then in `Grid.moved_list`. So the two bodies of an unlisted pair together move by less
+than the skin before the pairs of one of them are listed again.
 
 Reads `Bodies.rows` and `Bodies.displacement`. Writes all arrays of `Grid`, the lists of
 `Pairs`, `counts`, and the row RENEWAL of `Bodies.motion`. `renewal` calls most of this.
@@ -25,15 +25,15 @@ from .lists import move_contact, put_contact
 from .rows import LANES, lane_vector, set_vector, vector_at
 from .state import POSITION, bounding_radius
 
-# A proven gap above this share of the skin is good enough; below it the true gap is
-# found.
+# The solver of a gap stops early when the gap is certainly above this fraction of the
+# skin.
 SUFFICIENT_GAP_SHARE = 0.25
 NORMAL_TOLERANCE = 1e-4  # step at which the solver of a gap stops [rad]
 
 
 @inlined
 def find_cell(grid, x, y, z):
-    """Return the number of the cell of a point in the world.
+    """Return the index of the cell that contains a point of the world.
 
     The cells repeat in space like the tiles of a floor (see `state.new_grid`).
 
@@ -48,7 +48,7 @@ def find_cell(grid, x, y, z):
     cell_x = math.floor((x - grid.origin[0]) / edge)
     cell_y = math.floor((y - grid.origin[1]) / edge)
     cell_z = math.floor((z - grid.origin[2]) / edge)
-    # a place outside the grid belongs to a cell of the repetition
+    # a point outside the grid belongs to a cell of the repeated grid
     cell_x, cell_y, cell_z = (
         cell_x % grid.shape[0],
         cell_y % grid.shape[1],
@@ -59,11 +59,11 @@ def find_cell(grid, x, y, z):
 
 @kernel
 def remove_from_cell(grid, i):
-    """Take body i out of the list of its cell, if it is in one.
+    """Remove body i from the list of its cell, if it is in one.
 
-    The bodies of a cell are a list that is linked in both directions: `grid.head` has
-    the first body of a cell, `grid.preceding` and `grid.following` have the neighbours
-    of a body in the list. -1 stands for none.
+    The bodies of a cell form a doubly linked list: `grid.head` has the first body of a
+    cell, and `grid.preceding` and `grid.following` have the neighbours of a body in the
+    list. -1 means that there is none.
 
     Parameters
     ----------
@@ -89,7 +89,7 @@ def remove_from_cell(grid, i):
 
 @inlined
 def insert_into_cell(grid, i, cell):
-    """Put body i at the head of the linked list of a cell, see `remove_from_cell` for the list.
+    """Insert body i at the head of the linked list of a cell, see `remove_from_cell`.
 
     Parameters
     ----------
@@ -111,10 +111,10 @@ def insert_into_cell(grid, i, cell):
 
 @kernel
 def add_to_cell(grid, bodies, i):
-    """Put body i, which is in no cell, into the cell of its position.
+    """Insert body i, which is in no cell, into the cell of its position.
 
-    Also writes the displacement at which its neighbours are found again: half a skin
-    from now (row RENEWAL of `Bodies.motion`).
+    Also write the displacement at which its neighbours are found again to the row
+    RENEWAL of `Bodies.motion`: half a skin more than now.
 
     Parameters
     ----------
@@ -157,7 +157,7 @@ def mark_moved(grid, counts, i):
 
 @inlined
 def change_pair_counts(pair_counts, i, j, change):
-    """Change the numbers of pairs of two bodies by 1 or -1.
+    """Change the number of pairs of each of two bodies by 1 or -1.
 
     Parameters
     ----------
@@ -174,16 +174,16 @@ def change_pair_counts(pair_counts, i, j, change):
 
 @inlined
 def write_pair(first, second, k, i, j):
-    """Write bodies i and j to place k of a list with the arrays `first`, `second`."""
+    """Write bodies i and j as pair k of a list with the arrays `first` and `second`."""
     first[k] = i
     second[k] = j
 
 
 @inlined
 def reserve_place(counts, length_index, capacity):
-    """Take the next free place of a list and return it, or -1 if there is no room.
+    """Reserve the next element of a list; return its index, or -1 if the list is full.
 
-    Where there is none, `counts[FULL]` is set, and Python makes the list longer.
+    A full list sets `counts[FULL]`, and Python makes the list longer.
 
     Parameters
     ----------
@@ -204,7 +204,7 @@ def reserve_place(counts, length_index, capacity):
 
 @inlined
 def drop_near_pair(pairs, counts, grid, k):
-    """Remove near pair k from the list: the last pair moves to its place.
+    """Remove near pair k from the list and move the last pair to its index.
 
     Parameters
     ----------
@@ -264,7 +264,7 @@ def add_near_pair(pairs, counts, grid, i, j, limit, nx, ny, nz):
     change_pair_counts(grid.near, i, j, 1)
     write_pair(pairs.near_first, pairs.near_second, k, i, j)
     pairs.near_limit[k] = limit
-    # the block of this place has changed, see `parallel`
+    # the block of this pair has changed, see `parallel`
     pairs.near_check[k // state.BLOCK] = 0.0
     set_vector(pairs.near_normal[k], 0, nx, ny, nz)
 
@@ -299,7 +299,7 @@ def add_contact(pairs, counts, grid, i, j, normal):
 
 @inlined
 def drop_contact(pairs, counts, grid, k, ghost):
-    """Remove touching pair k from the list: the last pair moves to its place.
+    """Remove touching pair k from the list and move the last pair to its index.
 
     The element that becomes free holds two ghosts, so that a whole tile can be computed.
 
@@ -321,7 +321,7 @@ def drop_contact(pairs, counts, grid, k, ghost):
     last = counts[state.N_PAIRS] - 1
     counts[state.N_PAIRS] = last
     change_pair_counts(grid.touching, pairs.first[k], pairs.second[k], -1)
-    # the last contact of the list moves to index k, and ghosts to the last place
+    # the last contact of the list moves to index k, and ghosts replace it
     write_pair(pairs.first, pairs.second, k, pairs.first[last], pairs.second[last])
     move_contact(pairs.data, last, k)
     write_pair(pairs.first, pairs.second, last, ghost, ghost)
@@ -329,7 +329,7 @@ def drop_contact(pairs, counts, grid, k, ghost):
 
 @inlined
 def solve_near_gap(bodies, pairs, grid, parts, k, normal):
-    """Return the gap of near pair k [m], solved from the normal of its last check.
+    """Solve for the gap of near pair k from the normal of its last check; return it [m].
 
     The new normal is written to the pair.
 
@@ -350,7 +350,7 @@ def solve_near_gap(bodies, pairs, grid, parts, k, normal):
     """
     for axis in range(3):
         normal[axis] = pairs.near_normal[k, axis]
-    # above this gap the solver may stop early: the bodies are far enough apart
+    # the solver may stop early above this gap, because the bodies are far enough apart
     sufficient_gap = SUFFICIENT_GAP_SHARE * grid.lengths[state.SKIN]
     gap = solve_gap(
         bodies.rows,
@@ -391,8 +391,8 @@ def check_near_pair(bodies, pairs, counts, grid, parts, k, normal):
     Returns
     -------
     bool
-        Whether the pair stays in the list of near pairs. Otherwise another pair is at
-        place k now.
+        Whether the pair stays in the list of near pairs. Otherwise another pair has
+        the index k now.
     """
     i = pairs.near_first[k]
     j = pairs.near_second[k]
@@ -430,8 +430,8 @@ def find_next_due(displacement, first, second, limit, begin, end):
         Index of the pair, or `end` where none is due.
     """
     for k in range(begin, end):
-        # an unsigned index: for a signed one numba checks for negative numbers, which
-        # would double the time
+        # an unsigned index: numba would check a signed one for negative values, which
+        # takes twice as long
         pair = np.uint64(k)
         if displacement[first[pair]] + displacement[second[pair]] >= limit[pair]:
             return k
@@ -467,7 +467,7 @@ def update_near_pairs(bodies, pairs, counts, grid, parts, normal):
         bodies.displacement, first, second, limit, 0, counts[state.N_NEAR]
     )
     while k < counts[state.N_NEAR]:
-        # where the pair leaves the list, another one is at its place now
+        # if the pair has left the list, another one has its index now
         if check_near_pair(bodies, pairs, counts, grid, parts, k, normal):
             k += 1
         k = find_next_due(
@@ -477,7 +477,7 @@ def update_near_pairs(bodies, pairs, counts, grid, parts, normal):
 
 @inlined
 def count_pairs_of_moved(pair_counts, grid, counts):
-    """Count the pairs of the bodies of `Grid.moved_list`.
+    """Return the number of pairs of the bodies of `Grid.moved_list`.
 
     A pair of two such bodies counts twice.
 
@@ -501,8 +501,8 @@ def count_pairs_of_moved(pair_counts, grid, counts):
 def drop_near_pairs_of_moved(pairs, counts, grid):
     """Drop the near pairs of the bodies of `Grid.moved_list`.
 
-    The youngest pairs, at the end of the list, come first; the loop ends when all pairs
-    of these bodies are found.
+    The loop begins at the end of the list, where the newest pairs are, and ends when all
+    pairs of these bodies are dropped.
 
     Parameters
     ----------
@@ -514,7 +514,7 @@ def drop_near_pairs_of_moved(pairs, counts, grid):
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     """
-    is_moved = grid.moved  # of each body whether it is in `Grid.moved_list`
+    is_moved = grid.moved  # 1 for each body in `Grid.moved_list`, otherwise 0
     n_remaining = count_pairs_of_moved(grid.near, grid, counts)
     k = counts[state.N_NEAR] - 1
     while n_remaining > 0:
@@ -562,8 +562,8 @@ def chain_partner(pairs, grid, n_used, i, j):
 def chain_contacts(pairs, counts, grid):
     """Chain the touching partners of each body of `Grid.moved_list`.
 
-    So the search for new near pairs of these bodies can skip the bodies that they
-    touch. See `chain_partner` for the chains, which must be empty before.
+    So the search for near pairs of these bodies can skip the bodies that they touch. The
+    chains (see `chain_partner`) must be empty before.
 
     Parameters
     ----------
@@ -580,7 +580,7 @@ def chain_contacts(pairs, counts, grid):
     # from the last pair back until all links are made
     k = counts[state.N_PAIRS] - 1
     while n_used < n_links:
-        # one link if i is in the list of moved bodies, and one if j is
+        # add a link for each of i and j that is in the list of moved bodies
         i = pairs.first[np.uint64(k)]
         j = pairs.second[np.uint64(k)]
         n_used = chain_partner(pairs, grid, n_used, i, j)
@@ -590,9 +590,9 @@ def chain_contacts(pairs, counts, grid):
 
 @inlined
 def add_smooth_pair_if_near(bodies, pairs, counts, grid, parts, i, j, normal):
-    """List a pair of bodies a and b again: as touching, as near, or not at all.
+    """Add a pair of smooth bodies to the list of touching or near pairs.
 
-    It is not listed where the gap is a skin or more.
+    A pair whose gap is not smaller than the skin is added to none.
 
     Parameters
     ----------
@@ -614,7 +614,7 @@ def add_smooth_pair_if_near(bodies, pairs, counts, grid, parts, i, j, normal):
     """
     rows = bodies.rows
     skin = grid.lengths[state.SKIN]
-    # Compare the bounding spheres first.
+    # compare the bounding spheres first
     x_i, y_i, z_i = vector_at(rows[i], POSITION)
     x_j, y_j, z_j = vector_at(rows[j], POSITION)
     dx, dy, dz = x_j - x_i, y_j - y_i, z_j - z_i
@@ -622,7 +622,7 @@ def add_smooth_pair_if_near(bodies, pairs, counts, grid, parts, i, j, normal):
     reach = bounding_radius(bodies, i) + bounding_radius(bodies, j) + skin
     if squared_distance >= reach * reach:
         return
-    # The search for the normal begins with the direction of the centres.
+    # the search for the normal starts from the direction between the centres
     distance = math.sqrt(squared_distance)
     set_vector(normal, 0, dx / distance, dy / distance, dz / distance)
     gap = solve_gap(
@@ -639,10 +639,10 @@ def add_smooth_pair_if_near(bodies, pairs, counts, grid, parts, i, j, normal):
 
 @kernel
 def retire_pairs(bodies, pairs, counts, grid, begin, n_ended, ghost):
-    """Move the pairs that parted to the list of near pairs.
+    """Move the pairs that have parted from the touching to the near pairs.
 
-    The last one is dropped first: it is replaced by the last contact of the list, so
-    the indices of the remaining ones stay valid.
+    The loop drops the last one first: the last contact of the list replaces it, so the
+    indices of the remaining ones stay valid.
 
     Parameters
     ----------
@@ -656,8 +656,9 @@ def retire_pairs(bodies, pairs, counts, grid, begin, n_ended, ghost):
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     begin, n_ended : int
-        The pairs that parted are at the places `pairs.ended[begin : begin + n_ended]` of
-        the list of touching pairs, in increasing order; their gaps are in `pairs.gap`.
+        The indices of these pairs in the list of touching pairs are
+        `pairs.ended[begin : begin + n_ended]`, in increasing order. `pairs.gap` has
+        their gaps.
     ghost : int
         Index of the ghost: a body without mass that never moves. Unused elements of the
         lists hold this index.
@@ -666,7 +667,7 @@ def retire_pairs(bodies, pairs, counts, grid, begin, n_ended, ghost):
         k = pairs.ended[index]
         i = pairs.first[k]
         j = pairs.second[k]
-        # they may touch again once both displacements have used up the gap
+        # the bodies cannot touch again before they have moved by the gap together
         limit = bodies.displacement[i] + bodies.displacement[j] + pairs.gap[k]
         nx, ny, nz = lane_vector(pairs.data[k // LANES], state.NORMAL, k % LANES)
         add_near_pair(pairs, counts, grid, i, j, limit, nx, ny, nz)

@@ -6,13 +6,13 @@ of each of its spheres. There are two kinds of check.
 
 * A full search computes the gaps of all pairs of spheres. After it, the entry *watches*
   the nearest pairs that do not touch, each with a limit of its own. All other pairs
-  share the limit `unwatched_limit`: the displacements at this search plus their smallest gap.
-* Until `unwatched_limit` is reached, a check computes the gaps of only those watched pairs
-that
-  have reached their own limits.
+  share the limit `unwatched_limit`: the displacements at this search plus their
+  smallest gap.
+* Until `unwatched_limit` is reached, a check computes the gaps of only those watched
+  pairs that have reached their own limits.
 
-A pair of spheres whose contact ends is watched, too. Where no slot is free for it, it
-lowers `unwatched_limit` instead.
+A pair of spheres whose contact ends is watched, too. If no slot is free for the pair,
+it lowers `unwatched_limit` instead.
 
 Reads `Bodies.rows`, `Bodies.displacement` and `Clumps`. Writes the contacts and entries
 of `SpherePairs`, `counts`, and `scratch` (`Scratch.spheres`).
@@ -44,7 +44,7 @@ from .state import MOST_SPHERES, POSITION, SHAPE, bounding_radius
 
 # Pairs that are watched after a full search; the other slots are for contacts that end.
 WATCHED_AFTER_SEARCH = MOST_WATCHED - 4
-# Places in the scratch: the spheres of A and those of B, four rows each.
+# Indices in the scratch array: the spheres of A and those of B, four rows each.
 SPHERES_A = 0
 SPHERES_B = 4 * MOST_SPHERES
 # Of one sphere of A and each sphere of B: the squared distance of their centres, and by
@@ -55,14 +55,14 @@ EXCESS = 9 * MOST_SPHERES
 GAPS = 10 * MOST_SPHERES
 GAPS_SPHERE_A = GAPS + state.SMALLEST_GAPS
 GAPS_SPHERE_B = GAPS + 2 * state.SMALLEST_GAPS
-LARGEST_GAP = GAPS + WATCHED_AFTER_SEARCH  # place of the largest of the smallest gaps
+LARGEST_GAP = GAPS + WATCHED_AFTER_SEARCH  # index of the largest of the smallest gaps
 
 
 @inlined
 def write_sphere_positions(
     row, spheres, n_spheres, scale, origin_x, origin_y, origin_z, scratch, first
 ):
-    """Write centres and radii of all spheres of a clump to scratch, in world axes.
+    """Write centres and radii of all spheres of a clump, in world axes, to scratch memory.
 
     Parameters
     ----------
@@ -75,9 +75,9 @@ def write_sphere_positions(
     scale : float
         Scale of the body: all its lengths over those of its shape.
     origin_x, origin_y, origin_z : float
-        Origin of the centres that are written [m].
+        Origin of the written centres, in the world [m].
     scratch : array
-        Four rows of MOST_SPHERES numbers (x, y, z, radius) are written [m].
+        Four rows of MOST_SPHERES numbers (x, y, z, radius) are overwritten [m].
     first : int
         Index of the first row: SPHERES_A or SPHERES_B.
     """
@@ -122,16 +122,17 @@ def read_sphere_radius(scratch, first, sphere):
 
 @inlined
 def count_near_spheres(scratch, a, n_spheres, limit):
-    """Find which spheres of clump B have a gap below a limit to one sphere of clump A.
+    """Count the spheres of clump B whose gap to one sphere of clump A is below a limit.
 
-    No roots are needed: squared distances are compared.
+    The function compares squared distances, because square roots are slow.
 
     Parameters
     ----------
     scratch : array
-        The spheres of both clumps, see `write_sphere_positions`. For each sphere of B, the
-        squared distance of the centres is written to the row SQUARED_DISTANCES, and to the row
-        EXCESS by how much it exceeds that of a pair with the gap `limit`.
+        The spheres of both clumps, see `write_sphere_positions`. Two rows are
+        overwritten for each sphere of B: the squared distance of the centres (row
+        SQUARED_DISTANCES), and by how much it exceeds that of two spheres with the gap
+        `limit` (row EXCESS).
     a : int
         Index of the sphere of A.
     n_spheres : int
@@ -142,7 +143,7 @@ def count_near_spheres(scratch, a, n_spheres, limit):
     Returns
     -------
     int
-        Number of spheres of B whose gap to the sphere a is below the limit.
+        Number of these spheres of B.
     """
     x, y, z = read_sphere_centre(scratch, SPHERES_A, a)
     reach = read_sphere_radius(scratch, SPHERES_A, a) + limit
@@ -164,21 +165,21 @@ def count_near_spheres(scratch, a, n_spheres, limit):
 
 @inlined
 def insert_gap(scratch, gap, a, b):
-    """Insert a gap into the sorted smallest gaps, in place of the largest of them.
+    """Insert a gap into the sorted smallest gaps, and drop the largest of them.
 
     Parameters
     ----------
     scratch : array
-        The WATCHED_AFTER_SEARCH + 1 smallest gaps [m] so far are in the row GAPS, in increasing
-        order, and the spheres of A and B that have them in the rows GAPS_SPHERE_A,
-        GAPS_SPHERE_B.
+        The row GAPS has the WATCHED_AFTER_SEARCH + 1 smallest gaps so far, in
+        increasing order [m]. The rows GAPS_SPHERE_A and GAPS_SPHERE_B have the spheres
+        of A and B with these gaps. All three are updated.
     gap : float
-        A gap below the largest of them [m].
+        The new gap, below the largest of them [m].
     a, b : int
         Indices of the spheres of A and B that have it.
     """
     index = WATCHED_AFTER_SEARCH
-    # move the larger gaps one place up
+    # move the larger gaps up by one
     while index > 0 and scratch[GAPS + index - 1] > gap:
         scratch[GAPS + index] = scratch[GAPS + index - 1]
         scratch[GAPS_SPHERE_A + index] = scratch[GAPS_SPHERE_A + index - 1]
@@ -191,13 +192,11 @@ def insert_gap(scratch, gap, a, b):
 
 @inlined
 def watch_nearest_spheres(bodies, pairs, entry, i, j, skin, scratch):
-    """Let an entry watch the pairs of spheres with the smallest gaps.
+    """Write the pairs of spheres with the smallest gaps to an entry, after a full search.
 
-    This follows a full search.
-
-    Each watched pair gets a limit: the sum of both displacements at which its gap may
-    be used up. The entry gets the smallest of these limits, and the limit of all other
-    pairs.
+    The entry watches these pairs. Each of them gets a limit: the sum of both
+    displacements at which its spheres may touch. The entry gets the smallest of these
+    limits, and one limit of all other pairs.
 
     Parameters
     ----------
@@ -210,7 +209,7 @@ def watch_nearest_spheres(bodies, pairs, entry, i, j, skin, scratch):
     skin : float
         Gaps of this size or more are not watched [m].
     scratch : array
-        Has the smallest gaps, see `insert_gap`.
+        Working memory with the smallest gaps, see `insert_gap`.
     """
     displacement_sum = bodies.displacement[i] + bodies.displacement[j]
     slot = 0
@@ -226,9 +225,9 @@ def watch_nearest_spheres(bodies, pairs, entry, i, j, skin, scratch):
 
 @kernel
 def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch):
-    """Find all touching spheres of clumps i and j, and watch those that are nearest.
+    """Find all touching spheres of clumps i and j, and watch the nearest of the others.
 
-    New contacts are added to the entry of the two bodies.
+    Add new contacts to the entry of the two bodies.
 
     Parameters
     ----------
@@ -244,8 +243,8 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     entry : int
-        Index of the entry. With -1 an entry is made for the first contact, or for a gap
-        below the skin.
+        Index of the entry of the two bodies; -1 if there is none. Then the function
+        adds one if two spheres touch or have a gap below the skin.
     i, j : int
         The two bodies A and B.
     scratch : array
@@ -254,7 +253,7 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch
     Returns
     -------
     float
-        The smallest gap of two spheres that do not touch, or the skin where none is
+        The smallest gap of two spheres that do not touch, or the skin if no gap is
         smaller [m].
     """
     rows = bodies.rows
@@ -263,7 +262,8 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch
     shape_b = clumps.shape[j]
     n_a = clumps.sizes[shape_a]
     n_b = clumps.sizes[shape_b]
-    # Places relative to the centre of A lose fewer digits than those in the world.
+    # Positions relative to the centre of A have smaller rounding errors than positions in
+    # the world.
     x, y, z = vector_at(rows[i], POSITION)
     write_sphere_positions(
         rows[i],
@@ -294,10 +294,10 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch
     for k in range(WATCHED_AFTER_SEARCH + 1):
         scratch[GAPS + k] = skin
     for a in range(n_a):
-        # Only gaps below the largest of the smallest ones matter.
+        # only gaps below the largest of the smallest gaps so far matter
         limit = scratch[LARGEST_GAP]
         ax, ay, az = read_sphere_centre(scratch, SPHERES_A, a)
-        # a sphere of A that is far from the bounding sphere of B is skipped
+        # skip a sphere of A that is far from the bounding sphere of B
         dx, dy, dz = ax - bx, ay - by, az - bz
         radius_a = read_sphere_radius(scratch, SPHERES_A, a)
         reach = radius_a + radius_b + limit
@@ -307,8 +307,7 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch
         ):
             continue
         for b in range(n_b):
-            # spheres with larger gaps, and those that are in contact already, are
-            # skipped
+            # skip spheres with larger gaps, and those that already have a contact
             if scratch[EXCESS + b] >= 0.0 or (
                 entry >= 0 and is_set(pairs.touching_bits[entry], a * largest_count + b)
             ):
@@ -316,7 +315,7 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch
             gap = math.sqrt(scratch[SQUARED_DISTANCES + b]) - (
                 radius_a + read_sphere_radius(scratch, SPHERES_B, b)
             )
-            # spheres that are apart: keep the gap if it is among the smallest
+            # if the spheres do not touch, keep the gap if it is among the smallest
             if gap > 0.0:
                 if gap < scratch[LARGEST_GAP]:
                     insert_gap(scratch, gap, a, b)
@@ -387,10 +386,10 @@ def sphere_gap(bodies, clumps, i, j, a, b):
 
 
 @inlined
-def drop_watched_pair(pairs, entry, k):
+def drop_watched_pair(pairs, entry, slot):
     """Remove a pair of spheres from those that an entry watches.
 
-    The last watched pair moves to its place.
+    The last watched pair moves to its slot.
 
     Parameters
     ----------
@@ -398,25 +397,25 @@ def drop_watched_pair(pairs, entry, k):
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
     entry : int
         Index of the entry.
-    k : int
+    slot : int
         Index of the pair among those that it watches.
     """
     last = pairs.n_watched[entry] - 1
     pairs.n_watched[entry] = last
-    pairs.watched[entry, k, 0] = pairs.watched[entry, last, 0]
-    pairs.watched[entry, k, 1] = pairs.watched[entry, last, 1]
-    pairs.watched_limit[entry, k] = pairs.watched_limit[entry, last]
+    pairs.watched[entry, slot, 0] = pairs.watched[entry, last, 0]
+    pairs.watched[entry, slot, 1] = pairs.watched[entry, last, 1]
+    pairs.watched_limit[entry, slot] = pairs.watched_limit[entry, last]
 
 
 @inlined
 def check_watched_pairs(bodies, pairs, counts, clumps, entry, i, j):
     """Check the watched pairs of spheres of one entry that are due.
 
-    Pairs that touch become contacts, the others get new limits. A pair is due when the
-    sum of the displacements of bodies i and j has reached its limit. The smallest of all
-    limits is written as that of the entry.
+    Pairs that touch become contacts, and the others get new limits. A pair is due when
+    the sum of the displacements of bodies i and j has reached its limit. The entry gets
+    the smallest of all limits.
 
-    The function is inlined: a call would take longer than the check, since the arrays
+    The function is inlined, because a call would take longer than the check: the arrays
     are some 300 arguments.
 
     Parameters
@@ -444,7 +443,7 @@ def check_watched_pairs(bodies, pairs, counts, clumps, entry, i, j):
             gap = sphere_gap(bodies, clumps, i, j, a, b)
             if gap <= 0.0:
                 add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b)
-                # another pair is at this slot now, so the slot does not grow
+                # another pair has this slot now, so check this slot again
                 drop_watched_pair(pairs, entry, slot)
                 continue
             limit = displacement_sum + gap
@@ -458,7 +457,7 @@ def check_watched_pairs(bodies, pairs, counts, clumps, entry, i, j):
 def update_near_clumps(bodies, pairs, counts, grid, clumps, scratch, ghost):
     """Check all entries of two clumps that are due.
 
-    An entry without contacts and with a gap of a skin or more is dropped.
+    An entry is dropped if it has no contacts and all its gaps reach the skin.
 
     Parameters
     ----------
@@ -488,7 +487,7 @@ def update_near_clumps(bodies, pairs, counts, grid, clumps, scratch, ghost):
         i = np.int64(first[entry])
         j = np.int64(second[entry])
         displacement_sum = bodies.displacement[i] + bodies.displacement[j]
-        # Until the limit of all other pairs of spheres, only watched pairs are checked.
+        # before the limit of all other pairs of spheres, check only the watched pairs
         if displacement_sum < pairs.unwatched_limit[entry]:
             check_watched_pairs(bodies, pairs, counts, clumps, entry, i, j)
         else:
@@ -504,9 +503,9 @@ def update_near_clumps(bodies, pairs, counts, grid, clumps, scratch, ghost):
 
 @inlined
 def add_clump_pair_if_near(bodies, pairs, counts, grid, clumps, i, j, scratch):
-    """Make an entry of two clumps that have none, where they are nearer than the skin.
+    """Add an entry of two clumps that have none if they are nearer than the skin.
 
-    Their bounding spheres are compared first.
+    The function compares the bounding spheres first.
 
     Parameters
     ----------
@@ -538,11 +537,10 @@ def add_clump_pair_if_near(bodies, pairs, counts, grid, clumps, i, j, scratch):
 
 @kernel
 def retire_spheres(bodies, pairs, counts, clumps, n_ended, ghost):
-    """Drop contacts of spheres that ended, and let their entries watch the spheres.
+    """Drop contacts of spheres that have ended, and let their entries watch the spheres.
 
-    The contacts are dropped from the last to the first: a dropped contact is replaced
-    by the last one of the list, which has not ended or is dropped already, so the
-    indices of the remaining ones stay valid.
+    The loop drops the last contact first: the last contact of the list replaces it, so
+    the indices of the remaining ones stay valid.
 
     Parameters
     ----------
@@ -556,8 +554,8 @@ def retire_spheres(bodies, pairs, counts, clumps, n_ended, ghost):
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     n_ended : int
-        The first n_ended numbers of `pairs.ended` are places of contacts, in increasing
-        order. The other arrays of contacts are read at these places.
+        Number of these contacts. Their indices are `pairs.ended[:n_ended]`, in increasing
+        order.
     ghost : int
         Index of the ghost: a body without mass that never moves. Unused elements of the
         lists hold this index.
@@ -565,14 +563,14 @@ def retire_spheres(bodies, pairs, counts, clumps, n_ended, ghost):
     for index in range(n_ended - 1, -1, -1):
         contact = pairs.ended[index]
         entry = pairs.entry[contact]
-        # the spheres may touch again once the two bodies have used up this gap
+        # the spheres cannot touch again before the bodies have moved by this gap together
         limit = (
             bodies.displacement[pairs.first[contact]]
             + bodies.displacement[pairs.second[contact]]
             + pairs.gap[contact]
         )
         pairs.near_limit[entry] = min(pairs.near_limit[entry], limit)
-        # Watch them, or, where no slot is free, let the next full search come earlier.
+        # watch the spheres, or, if no slot is free, let the next full search come earlier
         slot = pairs.n_watched[entry]
         if slot < MOST_WATCHED:
             pairs.watched[entry, slot, 0] = pairs.spheres[contact, 0]
