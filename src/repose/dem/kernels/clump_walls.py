@@ -9,7 +9,7 @@ As in `walls`, `WallContacts.limit` holds one number for each wall and body. It 
 from the shortest distance of the body's spheres that do not touch.
 
 Reads `Bodies.rows`, `Clumps` and the walls. Writes the lists of `WallContacts` (body,
-wall, feature, data), its bits `touching_bits` and `past_bits`, its `limit`, `counts`,
+wall, feature, data), its `touching_bits`, `past_bits` and `limit`, `counts`,
 `Clumps.mesh_sphere`, and scratch arrays.
 """
 
@@ -222,11 +222,11 @@ def forget_sphere_contact(contacts, clumps, counts, length_index, k):
 
 @inlined
 def find_free_distance(gap, distance_beyond, radius, past_bits, sphere, is_leaning):
-    """Return how far a sphere may move before it can touch a wall [m]; 0.0 if it touches.
+    """Return how far a sphere may move before it touches a wall [m]; 0.0 for contact.
 
-    A sphere is past the wall if it overlaps the surface beyond the wall's end or has its
-    centre behind the surface, unless its body leans on another wall. It stays past the
-    wall until it is clear of the surface.
+    A sphere is past the wall if it overlaps the surface beyond the wall's end or has
+    its centre behind the surface, unless its body leans on another wall. It stays past
+    the wall until it is clear of the surface.
 
     Parameters
     ----------
@@ -402,7 +402,7 @@ def find_sphere_wall_contacts(
 
 @inlined
 def write_clump_spheres(bodies, clumps, i, sphere_scratch):
-    """Write centres and radii of the spheres of body i, in world axes, to scratch memory.
+    """Write centres and radii of the spheres of body i, in world axes, to an array.
 
     Parameters
     ----------
@@ -603,8 +603,8 @@ def find_sphere_mesh_contacts(
     """
     n_contacts = counts[state.N_MESHED]
     contacts = contacts_by_sphere(meshed, clumps)
-    # Update features and normals of the body's contacts, so that the search does not find
-    # these contacts again as new ones.
+    # Update features and normals of the body's contacts, so that the search does not
+    # find these contacts again as new ones.
     for k in range(n_contacts):
         if meshed.body[k] == i and meshed.wall[k] == mesh:
             follow_sphere_contact(
@@ -647,7 +647,7 @@ def find_sphere_mesh_contacts(
             geometry,
         )
         least_distance = min(least_distance, free_distance)
-        # the search wrote this index to `mesh_sphere` of new contacts; write the body, too
+        # the search wrote this index to `mesh_sphere`; write the body of new contacts
         for k in range(n_before, counts[state.N_MESHED]):
             meshed.body[k] = i
             write_contact_sphere(meshed, clumps, k, i, sphere)

@@ -2,7 +2,7 @@
 
 A clump is a rigid body of spheres. A pair of clumps has an *entry* when two of its
 spheres that do not touch are nearer than the skin. A *contact* is a pair of touching
-spheres; it stores the place of its entry. So entries keep their places, and a place
+spheres; it stores the index of its entry. So entries keep their indices, and an element
 that becomes free is a hole, which is used again. `sphere_search` decides what is in the
 lists; the functions here keep them consistent.
 
@@ -62,27 +62,29 @@ class SpherePairs(NamedTuple):
         Any  # (entries,): limit of all pairs of spheres that are not watched
     )
     n_contacts: Any  # (entries,): number of contacts
-    touching_bits: Any  # (entries, words): which pairs of spheres touch, a bit each
+    touching_bits: (
+        Any  # (entries, words): which pairs of spheres touch, one bit for each
+    )
     watched: Any  # (entries, MOST_WATCHED, 2): pairs of spheres that do not touch
     watched_limit: Any  # (entries, MOST_WATCHED): sum of displacements at their checks
     n_watched: Any  # (entries,): number of watched pairs
-    free: Any  # (entries,): places of the holes
+    free: Any  # (entries,): indices of the holes
     # chains of partners, see `state.Grid.chain`
     partner: Any  # (2 * entries,)
     link: Any  # (2 * entries,)
 
 
 def new_clumps(shapes, shape, scale, n_meshed):
-    """Make the arrays of the shapes of clumps.
+    """Return the arrays of the shapes of clumps.
 
     Parameters
     ----------
     shapes : sequence of Clump
         The shapes.
     shape, scale : ndarray (N,)
-        Number of the shape and scale of each body.
+        Index of the shape and scale of each body.
     n_meshed : int
-        Room of the list of contacts with meshes.
+        Capacity of the list of contacts with meshes.
 
     Returns
     -------
@@ -102,18 +104,18 @@ def new_clumps(shapes, shape, scale, n_meshed):
 
 
 def new_sphere_pairs(n_contacts, n_entries, most_spheres, ghost, n_state):
-    """Make the empty lists for contacts of spheres and for entries of bodies.
+    """Return empty lists for contacts of spheres and for entries of bodies.
 
     Parameters
     ----------
     n_contacts, n_entries : int
-        Room of the lists.
+        Capacities of the lists.
     most_spheres : int
-        Spheres of the largest clump.
+        Number of spheres of the largest clump.
     ghost : int
-        The absent body, with which unused places are filled.
+        Index of the ghost, the absent body that fills unused elements.
     n_state : int
-        Rows that the force laws keep.
+        Number of rows of a contact that the force laws keep.
 
     Returns
     -------
@@ -121,7 +123,7 @@ def new_sphere_pairs(n_contacts, n_entries, most_spheres, ghost, n_state):
         The lists.
     """
     n_contacts = state.round_up_to_tiles(n_contacts)
-    # words with a bit for each pair of spheres
+    # number of words with one bit for each pair of spheres, rounded up
     n_words = -(-most_spheres * most_spheres // WORD_BITS)
     return SpherePairs(
         **state.equal_arrays("first second", n_contacts, np.uint32, ghost),
@@ -142,7 +144,10 @@ def new_sphere_pairs(n_contacts, n_entries, most_spheres, ghost, n_state):
 
 @inlined
 def is_set(words, bit):
-    """Return whether a bit is set in a row of 64-bit words; `bit` counts through it."""
+    """Return whether a bit is set in a row of 64-bit words.
+
+    `bit` is the index of the bit, which counts through all words.
+    """
     return (words[bit // WORD_BITS] >> np.uint64(bit % WORD_BITS)) & np.uint64(
         1
     ) != np.uint64(0)
@@ -150,26 +155,26 @@ def is_set(words, bit):
 
 @inlined
 def set_bit(words, bit):
-    """Set a bit in a row of 64-bit words; `bit` counts through it."""
+    """Set a bit in a row of 64-bit words, in place; for `bit` see `is_set`."""
     words[bit // WORD_BITS] |= np.uint64(1) << np.uint64(bit % WORD_BITS)
 
 
 @inlined
 def clear_bit(words, bit):
-    """Clear a bit in a row of 64-bit words; `bit` counts through it."""
+    """Clear a bit in a row of 64-bit words, in place; for `bit` see `is_set`."""
     words[bit // WORD_BITS] &= ~(np.uint64(1) << np.uint64(bit % WORD_BITS))
 
 
 @inlined
 def count_set_bits(word):
-    """Count the bits of a 64-bit word that are set."""
-    # count the bits of each pair of bits, then of each group of four, then of each byte
+    """Return the number of set bits of a 64-bit word."""
+    # count the set bits in each group of two bits, then of four and of eight bits
     word -= (word >> np.uint64(1)) & np.uint64(0x5555555555555555)
     word = (word & np.uint64(0x3333333333333333)) + (
         (word >> np.uint64(2)) & np.uint64(0x3333333333333333)
     )
     word = (word + (word >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
-    # the product adds all bytes in the highest one
+    # the product adds all bytes in its highest byte
     return np.int64((word * np.uint64(0x0101010101010101)) >> np.uint64(56))
 
 
@@ -184,7 +189,7 @@ def largest_sphere_count(clumps):
 
 @inlined
 def pair_bit(clumps, a, b):
-    """Return the number of the bit of spheres a and b in `SpherePairs.touching_bits`."""
+    """Return the index of the bit of spheres a and b in `SpherePairs.touching_bits`."""
     return a * largest_sphere_count(clumps) + b
 
 
@@ -192,7 +197,8 @@ def pair_bit(clumps, a, b):
 def add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b):
     """Append the contact of sphere a of body i with sphere b of body j.
 
-    The spring of the contact is relaxed. Nothing happens where the list has no room.
+    The spring of the contact is relaxed. The function does nothing if the list is full,
+    except that it sets `counts[FULL]`.
 
     Parameters
     ----------
@@ -217,12 +223,12 @@ def add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b):
     pairs.entry[k] = entry
     pairs.spheres[k, 0] = a
     pairs.spheres[k, 1] = b
-    # the entry has one contact more, and knows that the two spheres touch
+    # the entry has one more contact, and stores that the two spheres touch
     pairs.n_contacts[entry] += 1
     set_bit(pairs.touching_bits[entry], pair_bit(clumps, a, b))
-    # the normal (0, 0, 1) stands until the geometry is calculated
+    # the normal is (0, 0, 1) until the geometry is calculated
     put_contact(pairs.data, k, 0.0, 0.0, 1.0)
-    # the geometry that the contact keeps: places and radii of its spheres
+    # the contact stores centres and radii of its spheres
     tile = pairs.data[k // LANES]
     lane = k % LANES
     spheres_a = clumps.spheres[clumps.shape[i]]
@@ -243,9 +249,9 @@ def add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b):
 def drop_sphere_contact(pairs, counts, clumps, k, ghost):
     """Remove contact k of two spheres from its entry and from the list.
 
-    The last contact moves to its place. The element that becomes free holds two ghosts.
-    These are in the same place, but without radii they do not overlap, and without a
-    law's state they do not cohere.
+    The last contact moves to index k. The element that becomes free gets two ghosts. No
+    force acts between them: their spheres have the same centre but no radius, and the
+    rows of the force law are zero.
 
     Parameters
     ----------
@@ -276,14 +282,14 @@ def drop_sphere_contact(pairs, counts, clumps, k, ghost):
     pairs.spheres[k, 0] = pairs.spheres[last, 0]
     pairs.spheres[k, 1] = pairs.spheres[last, 1]
     move_contact(pairs.data, last, k)
-    # its old place holds ghosts
+    # the old element of the last contact gets ghosts
     write_pair(pairs.first, pairs.second, last, ghost, ghost)
     put_contact(pairs.data, last, 0.0, 0.0, 1.0)
 
 
 @inlined
 def add_entry(pairs, counts, grid, i, j):
-    """Add an entry of bodies i and j, in a hole or at the end of the list.
+    """Add an entry of bodies i and j in a hole or at the end of the list.
 
     Parameters
     ----------
@@ -302,7 +308,7 @@ def add_entry(pairs, counts, grid, i, j):
     int
         Index of the entry, or -1 if there is no room.
     """
-    # take a hole, if there is one
+    # use a hole if there is one
     if counts[state.N_FREE] > 0:
         counts[state.N_FREE] -= 1
         entry = pairs.free[counts[state.N_FREE]]
@@ -317,7 +323,7 @@ def add_entry(pairs, counts, grid, i, j):
 
 @inlined
 def drop_entry(pairs, counts, grid, entry, ghost):
-    """Delete an entry without contacts; its place becomes a hole, which is never due.
+    """Delete an entry without contacts; it becomes a hole, which is never due.
 
     Parameters
     ----------
@@ -346,8 +352,8 @@ def chain_entries(pairs, counts, grid, ghost):
     """Chain the partners of each body of `Grid.moved_list`, from its entries.
 
     A chain is a linked list of the bodies with which a body has an entry, see
-    `neighbours.chain_partner`. The last entries of the list come first; the loop ends
-    when all links are found.
+    `neighbours.chain_partner`. The loop begins at the end of the list
+    and ends when all links are made.
 
     Parameters
     ----------
@@ -369,10 +375,10 @@ def chain_entries(pairs, counts, grid, ghost):
         i = pairs.near_first[np.uint64(entry)]
         j = pairs.near_second[np.uint64(entry)]
         entry -= 1
-        # a hole in the list
+        # skip a hole in the list
         if i == ghost:
             continue
-        # one link if i is in the list of moved bodies, and one if j is
+        # add a link for each of i and j that is in the list of moved bodies
         n_used = chain_partner(pairs, grid, n_used, i, j)
         n_used = chain_partner(pairs, grid, n_used, j, i)
 
@@ -399,7 +405,7 @@ def drop_entries_of_gone(bodies, pairs, counts, grid, clumps, ghost):
         lists hold this index.
     """
     presence = bodies.presence
-    # from the end, since a dropped contact is replaced by the last one
+    # begin at the end, because the last contact replaces a dropped one
     for k in range(counts[state.N_PAIRS] - 1, -1, -1):
         # one of the two bodies is gone
         if (
@@ -407,7 +413,7 @@ def drop_entries_of_gone(bodies, pairs, counts, grid, clumps, ghost):
             or presence[pairs.second[k]] != state.PRESENT
         ):
             drop_sphere_contact(pairs, counts, clumps, k, ghost)
-    # entries without contacts stay at their places as holes
+    # the dropped entries remain in the list as holes
     for entry in range(counts[state.N_NEAR]):
         i = pairs.near_first[entry]
         j = pairs.near_second[entry]

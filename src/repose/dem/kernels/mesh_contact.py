@@ -60,11 +60,11 @@ EdgeValues = namedtuple("EdgeValues", "gap slope second_derivative distance_alon
 
 @inlined
 def ascent_step(gradient_u, gradient_w, q_uu, q_uw, q_ww, f):
-    """Return the step of a normal towards the largest gap f of a body and a vertex [rad].
+    """Return the step of a normal towards the largest gap from a vertex [rad].
 
-    f is the gap along the normal. The step is one of Newton's
-    method on the unit sphere, or a scaled gradient step where the Hessian -(Q + f I) is
-    not definite. A step longer than LONGEST_STEP is cut.
+    f is the gap of the body and the vertex along the normal. The step is one of
+    Newton's method on the unit sphere, or a scaled gradient step where the Hessian -(Q
+    + f I) is not definite. A step longer than LONGEST_STEP is cut.
 
     Parameters
     ----------
@@ -107,8 +107,8 @@ def ascent_step(gradient_u, gradient_w, q_uu, q_uw, q_ww, f):
 def blended_curvature(angle, radius):
     """Return the curvature of a rounded edge at an angle from the face's normal.
 
-    It is 0 at the normal and 1 / radius from the angle BLEND_ANGLE on, with a smooth step
-    between, so that the stiffness of a contact does not jump there.
+    It is 0 at the normal and 1 / radius from the angle BLEND_ANGLE on, with a smooth
+    step between, so that the stiffness of a contact does not jump there.
 
     Parameters
     ----------
@@ -493,8 +493,8 @@ def write_vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
     for k in range(meshes.corners[feature, 0], meshes.corners[feature, 1]):
         face_x, face_y, face_z = vector_at(meshes.normals[k], 0)
         nearest_cosine = max(nearest_cosine, nx * face_x + ny * face_y + nz * face_z)
-    # The tangent u lies along the nearest edge: the curvature along it begins at zero, as
-    # on the edge itself. A lower bound avoids a division by zero where u is normal.
+    # The tangent u lies along the nearest edge: the curvature along it begins at zero,
+    # as on the edge itself. A lower bound avoids a division by zero where u is normal.
     along_n = nx * ux + ny * uy + nz * uz
     ux, uy, uz = ux - along_n * nx, uy - along_n * ny, uz - along_n * nz
     inverse_length = 1.0 / math.sqrt(max(ux * ux + uy * uy + uz * uz, 1e-30))
@@ -567,7 +567,8 @@ def solve_vertex(row, parts, meshes, feature, geometry):
     vertex_x, vertex_y, vertex_z = vector_at(vertex, PLACE)
     centre_x, centre_y, centre_z = vector_at(row, POSITION)
     x, y, z = vertex_x - centre_x, vertex_y - centre_y, vertex_z - centre_z
-    # Start from the direction of the vertex, or from the face normal of the largest gap.
+    # Start from the direction of the vertex, or from the face normal of the largest
+    # gap.
     inverse_length = 1.0 / max(math.sqrt(x * x + y * y + z * z), 1e-300)
     best_x, best_y, best_z = x * inverse_length, y * inverse_length, z * inverse_length
     best_gap = (

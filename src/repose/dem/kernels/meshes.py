@@ -5,8 +5,8 @@ feature. A contact that leaves its feature moves, with its spring, to the featur
 the body touches now. `mesh_contact` has the solvers.
 
 A body is a smooth body, or the sphere of a clump (see `clump_walls`). `row` is its row
-in the frame of the mesh. `contacts` is the list of contacts with meshes, `n_contacts` its
-length. Reads `Bodies.rows` and `Meshes`. Writes the lists of `WallContacts` (body,
+in the frame of the mesh. `contacts` is the list of contacts with meshes, `n_contacts`
+its length. Reads `Bodies.rows` and `Meshes`. Writes the lists of `WallContacts` (body,
 wall, feature, data), `counts`, and the marks `Meshes.seen` and `Meshes.stamp` of a
 search.
 """
@@ -42,8 +42,9 @@ from .walls import (
 
 # A search reaches this far beyond the body's box (fraction of the body's radius).
 SEARCH_MARGIN = 0.5
-# The next feature of a contact is searched for this far about its place (share of the body's
-# radius), among features whose normal differs by less than the angle of this cosine.
+# The next feature of a contact is searched for this far about its place (share of the
+# body's radius), among features whose normal differs by less than the angle of this
+# cosine.
 HAND_OVER_REACH = 0.05
 LEAST_NORMAL_COSINE = 0.9
 
@@ -53,7 +54,9 @@ CellBlock = namedtuple("CellBlock", "first_x last_x first_y last_y first_z last_
 
 @inlined
 def meet_in_gentle_kink(meshes, face, other):
-    """Return whether a feature is a face that meets another one in a gentle concave kink.
+    """Return whether a feature is a face that meets another one in a gentle kink.
+
+    Such a kink is concave, with an angle below the limit in `features`.
 
     A body touches only that one of such faces that it overlaps most.
 
@@ -75,7 +78,7 @@ def meet_in_gentle_kink(meshes, face, other):
 
 @inlined
 def has_contact_with_feature(contacts, meshes, n_contacts, body, feature, ignored):
-    """Return whether a body already touches a feature or its neighbour at a gentle kink.
+    """Return whether a body already touches a feature or a neighbour at a gentle kink.
 
     Parameters
     ----------
@@ -277,7 +280,7 @@ def search_mesh(row, contacts, counts, parts, walls, meshes, mesh, i, radius, ge
     if distance > 0.0:
         return distance
 
-    # The cells that a box around the body overlaps, which is SEARCH_MARGIN larger than the body.
+    # find the cells that overlap the body's box, enlarged by SEARCH_MARGIN
     free_distance = SEARCH_MARGIN * radius
     half_x = extent(row, parts, 1.0, 0.0, 0.0) + free_distance
     half_y = extent(row, parts, 0.0, 1.0, 0.0) + free_distance
@@ -321,8 +324,8 @@ def solve_last_feature(
 ):
     """Solve for the contact with the feature of the last step, from its last normal.
 
-    Like in `walls.follow_wall_contact`, a fixed number of Newton steps is enough for the small
-    motion of one time step.
+    A fixed number of Newton steps is enough for the small motion of one time step, as
+    in `walls.follow_wall_contact`.
 
     Parameters
     ----------
@@ -345,8 +348,8 @@ def solve_last_feature(
     Returns
     -------
     float
-        How far inside the feature the contact lies; negative outside. For a face it is a
-        length [m], for an edge the smaller of a length [m] and an angle [rad], for a
+        How far inside the feature the contact lies; negative outside. For a face it is
+        a length [m], for an edge the smaller of a length [m] and an angle [rad], for a
         vertex a sine. Only the sign is used.
     """
     data = meshes.data[feature]
@@ -445,8 +448,8 @@ def hand_over_contact(
                     ):
                         continue
                     other_nx, other_ny, other_nz = normal_of(other_geometry)
-                    # keep the feature whose normal is nearest to the last normal, unless
-                    # another contact of the body has this feature
+                    # keep the feature whose normal is nearest to the last normal,
+                    # unless another contact of the body has this feature
                     cosine = nx * other_nx + ny * other_ny + nz * other_nz
                     if cosine > best_cosine and not has_contact_with_feature(
                         contacts, meshes, n_contacts, contacts.body[k], feature, k

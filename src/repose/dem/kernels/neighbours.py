@@ -301,7 +301,8 @@ def add_contact(pairs, counts, grid, i, j, normal):
 def drop_contact(pairs, counts, grid, k, ghost):
     """Remove touching pair k from the list and move the last pair to its index.
 
-    The element that becomes free holds two ghosts, so that a whole tile can be computed.
+    The element that becomes free holds two ghosts, so that a whole tile can be
+    computed.
 
     Parameters
     ----------
@@ -329,7 +330,7 @@ def drop_contact(pairs, counts, grid, k, ghost):
 
 @inlined
 def solve_near_gap(bodies, pairs, grid, parts, k, normal):
-    """Solve for the gap of near pair k from the normal of its last check; return it [m].
+    """Return the gap of near pair k [m], which is solved from its last normal.
 
     The new normal is written to the pair.
 
@@ -501,8 +502,8 @@ def count_pairs_of_moved(pair_counts, grid, counts):
 def drop_near_pairs_of_moved(pairs, counts, grid):
     """Drop the near pairs of the bodies of `Grid.moved_list`.
 
-    The loop begins at the end of the list, where the newest pairs are, and ends when all
-    pairs of these bodies are dropped.
+    The loop begins at the end of the list, where the newest pairs are, and ends when
+    all pairs of these bodies are dropped.
 
     Parameters
     ----------
@@ -562,8 +563,8 @@ def chain_partner(pairs, grid, n_used, i, j):
 def chain_contacts(pairs, counts, grid):
     """Chain the touching partners of each body of `Grid.moved_list`.
 
-    So the search for near pairs of these bodies can skip the bodies that they touch. The
-    chains (see `chain_partner`) must be empty before.
+    So the search for near pairs of these bodies can skip the bodies that they touch.
+    The chains (see `chain_partner`) must be empty before.
 
     Parameters
     ----------

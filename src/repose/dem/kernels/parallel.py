@@ -1,17 +1,16 @@
 """One large simulation on several threads, with the same result for any number of them.
 
-The work of a step is cut into SHARES, a number that does not depend on the threads. Each
-share of the contacts has loads of its own, and these are added up in a fixed order. So
-the result is the same, bit for bit, for any number of threads.
+The work of a step is cut into SHARES, a number that does not depend on the threads.
+Each share of the contacts has loads of its own, and these are added up in a fixed
+order. So the result is the same, bit for bit, for any number of threads.
 
-Every thread runs `advance_shared`. The steps of one round are separated by a barrier
-(`atomics`). Shares of work that write nothing in common are spread over the threads; the
-lists (pairs that meet, part or move on) are changed by the first thread alone while the
-others wait.
+Every thread runs `advance_shared`. A barrier (`atomics`) separates the phases of a time
+step. Shares that write to different memory are distributed over the threads. Only the
+first thread changes the lists of pairs, while the others wait.
 
 Near pairs lie in blocks of `state.BLOCK`. A block whose bodies are nearly at rest is
-skipped until its pairs may have used up their slack. For that, bodies are in groups of
-neighbours in memory, whose paths are in `Grid.paths`.
+skipped as long as none of its pairs can be due. For that, bodies that are neighbours in
+memory form groups, whose paths are in `Grid.paths`.
 
 Reads and writes most arrays of a simulation (see `state`), and `Shared`.
 """
@@ -38,30 +37,32 @@ from .rigid import handle_events, integrate
 from .rows import LANES
 
 SHARES = 8
-# Smaller simulations have one share: they gain nothing from threads.
+# Smaller simulations have one share, because threads do not make them faster.
 FEWEST_BODIES = 4096
-REORDER_EVERY = 1000  # steps after which bodies are numbered again (see `order`)
-# Share of the skin: for paths of one step below it, whole blocks of pairs can be skipped.
+REORDER_EVERY = 1000  # steps after which bodies get new indices (see `order`)
+# Whole blocks of pairs can be skipped if the paths in one step are below this fraction
+# of the skin.
 CALM_SHARE = 1e-3
-# Values of `Pairs.near_check` in place of a path: the pairs of the block have changed, or
-# the block is checked in the next step.
+# Values of `Pairs.near_check` instead of a path: the pairs of the block have changed,
+# or the block is checked in the next step.
 CHANGED, DUE = 0.0, -1.0
 ALL_STEPS, LAST_STEP = 0, 1  # rows of `Grid.paths`
-STOP = 0  # place in `Shared.flags` that ends the run
+STOP = 0  # index in `Shared.flags` of the flag that ends the run
 
 
 @inlined
 def share_range(n_items, share, group_size):
-    """Return the first item of a share of n items, and the end of the share.
+    """Return the first item of a share of all items, and the end of the share.
 
     Parameters
     ----------
     n_items : int
         Number of items.
     share : int
-        Number of the share, 0 to SHARES - 1.
+        Index of the share, 0 to SHARES - 1.
     group_size : int
-        A share has whole groups of this many items, but for the last group.
+        A share consists of whole groups of this many items. The last group may be
+        smaller.
     """
     n_groups = (n_items + group_size - 1) // group_size
     begin = n_groups * share // SHARES * group_size
@@ -71,10 +72,7 @@ def share_range(n_items, share, group_size):
 
 @kernel
 def smallest_slack(displacement, first, second, limit, begin, end):
-    """Return the least way that one of the pairs `begin` to `end` has left [m].
-
-    It is a lower bound of the distance by which the pairs may come nearer before one of
-    them is due.
+    """Return how far the bodies of some pairs may move before one pair is due [m].
 
     Parameters
     ----------
@@ -85,11 +83,11 @@ def smallest_slack(displacement, first, second, limit, begin, end):
     limit : array (pairs,)
         Sum of the displacements of both bodies at which the pair is due [m].
     begin, end : int
-        First pair, and end of the pairs.
+        First of these pairs, and their end.
     """
     smallest = math.inf
     for k in range(begin, end):
-        # an index without a sign: the compiled code need not handle negative ones
+        # unsigned, see `neighbours.find_next_due`
         pair = np.uint64(k)
         path = displacement[first[pair]] + displacement[second[pair]]
         smallest = min(smallest, limit[pair] - path)
@@ -98,10 +96,10 @@ def smallest_slack(displacement, first, second, limit, begin, end):
 
 @inlined
 def group_shift(bodies):
-    """Return the shift of bits that turns a body's number into that of its group.
+    """Return the bit shift that turns the index of a body into that of its group.
 
-    A group has 2^bits bodies, which are whole tiles, and there are at most
-    state.MOST_GROUPS groups: so a set of groups fits into the bits of one number.
+    A group has 2^shift bodies, which are whole tiles. There are at most
+    state.MOST_GROUPS groups, so the bits of one number can represent a set of groups.
     """
     shift = 5  # one tile of 32 bodies
     while bodies.displacement.shape[0] >> shift >= state.MOST_GROUPS:
@@ -111,7 +109,7 @@ def group_shift(bodies):
 
 @kernel
 def find_groups(first, second, begin, end, shift):
-    """Return the groups of all bodies of some pairs: bit g is set for group g.
+    """Return the groups of all bodies of some pairs as a number with bit g for group g.
 
     Parameters
     ----------
@@ -120,7 +118,7 @@ def find_groups(first, second, begin, end, shift):
     begin, end : int
         First of these pairs, and their end.
     shift : int
-        The shift from a body's number to that of its group, see `group_shift`.
+        The bit shift from a body's index to that of its group, see `group_shift`.
     """
     groups = 0
     for k in range(begin, end):
@@ -141,7 +139,7 @@ def sum_group_paths(paths, groups):
     groups : int
         Bit g is set for each of these groups g.
     """
-    # from the lowest bit to the highest one that is set
+    # from the lowest bit to the highest bit that is set
     total = 0.0
     group = 0
     while groups >> group > 0:
@@ -155,7 +153,8 @@ def sum_group_paths(paths, groups):
 def record_group_paths(bodies, counts, grid):
     """Write the longest path of each group's bodies in this step to `Grid.paths`.
 
-    A group is several tiles; the longest path of each tile is in `Bodies.longest_path`.
+    A group consists of tiles; the longest path of each tile is in
+    `Bodies.longest_path`.
 
     Parameters
     ----------
@@ -174,7 +173,7 @@ def record_group_paths(bodies, counts, grid):
         for tile in range(begin, min(begin + tiles_per_group, n_tiles)):
             path = max(path, bodies.longest_path[tile])
         group = begin // tiles_per_group
-        # the sum over all steps, and that of this step alone
+        # the sum over all steps, and the path of this step
         grid.paths[ALL_STEPS, group] += path
         grid.paths[LAST_STEP, group] = path
 
@@ -183,10 +182,10 @@ def record_group_paths(bodies, counts, grid):
 def find_touching_in_block(
     bodies, pairs, grid, parts, begin, end, touching, first_index, normal
 ):
-    """Find the near pairs of one block that touch.
+    """Write the near pairs of one block that touch to an array, and count them.
 
-    Pairs that are due are checked; those that do not touch get new limits. The lists
-    are not changed, since other threads read them.
+    Pairs that are due are checked. Those that do not touch get new limits. The lists
+    are not changed, because other threads read them.
 
     Parameters
     ----------
@@ -201,9 +200,9 @@ def find_touching_in_block(
     begin, end : int
         First pair of the block, and its end.
     touching : array of int
-        The pairs that touch are written to it.
+        The indices of the pairs that touch are written to it.
     first_index : int
-        Place in `touching` of the first one.
+        Index in `touching` of the first of them.
     normal : array (3,)
         Working memory for a unit normal; it is overwritten.
 
@@ -217,40 +216,40 @@ def find_touching_in_block(
     second = pairs.near_second
     limit = pairs.near_limit
     n_found = 0
-    k = find_next_due(displacement, first, second, limit, begin, end)
-    while k < end:
-        # a pair that is due: solve for its gap
-        gap = solve_near_gap(bodies, pairs, grid, parts, k, normal)
+    pair = find_next_due(displacement, first, second, limit, begin, end)
+    while pair < end:
+        # solve for the gap of a pair that is due
+        gap = solve_near_gap(bodies, pairs, grid, parts, pair, normal)
         if gap <= 0.0:
-            touching[first_index + n_found] = k
+            touching[first_index + n_found] = pair
             n_found += 1
         else:
             # the pair cannot touch before its bodies have moved by the gap
-            limit[k] = displacement[first[k]] + displacement[second[k]] + gap
-        k = find_next_due(displacement, first, second, limit, k + 1, end)
+            limit[pair] = displacement[first[pair]] + displacement[second[pair]] + gap
+        pair = find_next_due(displacement, first, second, limit, pair + 1, end)
     return n_found
 
 
 @inlined
 def find_touching_in_share(bodies, pairs, grid, parts, begin, end, touching, normal):
-    """Find the near pairs of one share that touch, and write them to `touching`.
+    """Write the near pairs of one share that touch to an array, and count them.
 
-    A block whose bodies are nearly at rest is skipped until its slack may be used up: two
-    bodies come nearer by at most twice the sum of the longest paths of all groups with
-    bodies in the block.
+    A block whose bodies are nearly at rest is skipped as long as none of its pairs can
+    be due. Two bodies come nearer by at most twice the sum of the
+    longest paths of all groups with bodies in the block.
 
     Parameters
     ----------
     bodies, pairs, grid : Bodies, Pairs, Grid
-        The arrays.
+        The arrays of the simulation, see `state`.
     parts : int
-        That of `Physics`.
+        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     begin, end : int
         The pairs of the share; `begin` is the first pair of a block.
     touching : array (near,)
-        The pairs that touch are written to it from place `begin` on.
+        The indices of the pairs that touch are written to it from index `begin` on.
     normal : array (3,)
-        Scratch.
+        Working memory for a unit normal; it is overwritten.
 
     Returns
     -------
@@ -267,7 +266,7 @@ def find_touching_in_share(bodies, pairs, grid, parts, begin, end, touching, nor
         block = block_begin // state.BLOCK
         groups = pairs.near_groups[block]
         path = sum_group_paths(grid.paths[ALL_STEPS], groups)
-        # the bodies of this block have moved too little to be due
+        # the bodies of this block have moved too little for a pair to be due
         if path < pairs.near_check[block]:
             continue
         block_end = min(block_begin + state.BLOCK, end)
@@ -282,12 +281,12 @@ def find_touching_in_share(bodies, pairs, grid, parts, begin, end, touching, nor
             begin + n_found,
             normal,
         )
-        # a block that has other pairs than at the last check may have other groups
+        # if the pairs of the block have changed, its groups may have changed, too
         if pairs.near_check[block] == CHANGED:
             groups = find_groups(first, second, block_begin, block_end, shift)
             pairs.near_groups[block] = groups
-        # where the bodies are nearly at rest, the next check is when half of the slack
-        # is used up; else it is in the next step
+        # The next check is in the next step. If the bodies are nearly at rest, it is
+        # when the sum of the paths has grown by half of the slack.
         pairs.near_check[block] = DUE
         if 2.0 * sum_group_paths(grid.paths[LAST_STEP], groups) < calm_path:
             slack = smallest_slack(
@@ -300,10 +299,11 @@ def find_touching_in_share(bodies, pairs, grid, parts, begin, end, touching, nor
 
 @inlined
 def add_found_contacts(pairs, counts, grid, touching, n_touching, begins):
-    """Turn the near pairs that touch into contacts, in an order that no thread changes.
+    """Turn the near pairs that touch into contacts.
 
-    The last pair is dropped first: the last near pair of the list takes its place, so
-    the indices of the remaining ones stay valid.
+    The order does not depend on the number of threads. The loop drops the last pair
+    first: the last near pair of the list replaces it, so the indices of the remaining
+    ones stay valid.
 
     Parameters
     ----------
@@ -315,9 +315,10 @@ def add_found_contacts(pairs, counts, grid, touching, n_touching, begins):
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     touching : array of int
-        Places of these pairs in the list of near pairs, in increasing order.
+        Indices of these pairs in the list of near pairs, in increasing order in each
+        share.
     n_touching, begins : array of int (SHARES,)
-        Number of pairs that each share found, and where they begin in `touching`.
+        Number of pairs that each share found, and their first index in `touching`.
     """
     for share in range(SHARES - 1, -1, -1):
         begin = begins[share]
@@ -353,32 +354,33 @@ def advance_shared(
     thread,
     n_steps,
 ):
-    """Run the part of one thread in a number of steps; return the steps made.
+    """Run one thread's part of a number of time steps; return the number of steps made.
 
     Parameters
     ----------
     bodies, pairs, flat, curved, meshed, grid, walls, meshes, counts, physics
         The simulation, see `state`.
     tiles, body_tiles, scratches : array
-        Scratch arrays; row `thread` of each is that of this thread.
+        Working memory; row `thread` of each array belongs to this thread.
     shared : Shared
         What the threads share.
     thread : int
-        Number of this thread. It handles the shares thread, thread + threads, and so on.
+        Index of this thread. It handles the shares thread, thread + n_threads, and so
+        on.
     n_steps : int
         Number of steps.
     """
     n_threads = tiles.shape[0]
     ghost = grid.cell.shape[0]
-    is_first = thread == 0
+    is_first_thread = thread == 0
     contact_tile = tiles[thread]
     body_tile = body_tiles[thread]
     scratch = state.split_scratch(scratches[thread])
-    begins = shared.begins
+    share_begins = shared.begins
     n_found = shared.n_found
     for step in range(n_steps):
-        # Begin the step, unless a list may become too short.
-        if is_first:
+        # Begin the step, or stop if a list may become too short in it.
+        if is_first_thread:
             lists_have_room = has_room(pairs, flat, curved, meshed, counts)
             shared.flags[STOP] = 0 if lists_have_room else 1
             if lists_have_room:
@@ -399,10 +401,10 @@ def advance_shared(
         if shared.flags[STOP] != 0:
             return step
 
-        # Find the near pairs that touch; then change the lists, and handle the walls.
+        # Find the near pairs that touch. Then change the lists and handle the walls.
         for share in range(thread, SHARES, n_threads):
             begin, end = share_range(counts[state.N_NEAR], share, state.BLOCK)
-            begins[share] = begin
+            share_begins[share] = begin
             n_found[share] = find_touching_in_share(
                 bodies,
                 pairs,
@@ -414,8 +416,10 @@ def advance_shared(
                 scratch.normal,
             )
         wait_for_all(shared.counters, n_threads)
-        if is_first:
-            add_found_contacts(pairs, counts, grid, shared.touching, n_found, begins)
+        if is_first_thread:
+            add_found_contacts(
+                pairs, counts, grid, shared.touching, n_found, share_begins
+            )
             renew_pairs(
                 bodies, pairs, (), counts, grid, physics.parts, scratch.normal, ghost
             )
@@ -435,45 +439,54 @@ def advance_shared(
             )
         wait_for_all(shared.counters, n_threads)
 
-        # Forces of the pairs; then retire the pairs that parted.
+        # Calculate the forces of the pairs. Then move pairs that have parted to the
+        # near pairs.
         for share in range(thread, SHARES, n_threads):
             begin, end = share_range(counts[state.N_PAIRS], share, LANES)
-            begins[share] = begin
+            share_begins[share] = begin
             n_found[share] = pair_forces(
                 bodies, pairs, (), counts, physics, contact_tile, share, begin, end
             )
         wait_for_all(shared.counters, n_threads)
-        if is_first:
+        if is_first_thread:
             for share in range(SHARES - 1, -1, -1):
                 retire_pairs(
-                    bodies, pairs, counts, grid, begins[share], n_found[share], ghost
+                    bodies,
+                    pairs,
+                    counts,
+                    grid,
+                    share_begins[share],
+                    n_found[share],
+                    ghost,
                 )
             counts[state.STEPS] += 1
         wait_for_all(shared.counters, n_threads)
 
-        # Move the bodies; then handle their events.
+        # Move the bodies. Then handle their events.
         for share in range(thread, SHARES, n_threads):
             begin, end = share_range(counts[state.N_BODIES], share, LANES)
-            begins[share] = begin
+            share_begins[share] = begin
             n_found[share] = integrate(bodies, counts, physics, body_tile, begin, end)
         wait_for_all(shared.counters, n_threads)
-        if is_first:
+        if is_first_thread:
             time = counts[state.STEPS] * physics.dt
             for share in range(SHARES):
-                handle_events(bodies, grid, counts, begins[share], n_found[share], time)
+                handle_events(
+                    bodies, grid, counts, share_begins[share], n_found[share], time
+                )
             record_group_paths(bodies, counts, grid)
     return n_steps
 
 
 def run_threads(arrays, tiles, shared, n_steps):
-    """Run `advance_shared` on as many threads as there are scratch tiles.
+    """Run `advance_shared` on one thread for each row of the working memory.
 
     Parameters
     ----------
     arrays : sequence
         The first arguments of `advance_shared`, from `bodies` to `physics`.
     tiles : sequence of ndarray
-        The scratch arrays of all threads: `tiles`, `body_tiles` and `scratches`.
+        The working memory of all threads: `tiles`, `body_tiles` and `scratches`.
     shared : Shared
         What the threads share.
     n_steps : int
@@ -482,7 +495,7 @@ def run_threads(arrays, tiles, shared, n_steps):
     Returns
     -------
     int
-        The steps made.
+        Number of steps made.
     """
 
     # every thread runs the same function, with its own number

@@ -1,8 +1,8 @@
-"""Renewal of the neighbour list: bodies that moved far get new pairs, gone bodies none.
+"""Renewal of the neighbour list for bodies that have moved far or left the simulation.
 
 Bodies that moved by half a skin are in `Grid.moved_list`; `renew_pairs` finds their
-neighbours again. `drop_contacts_of_gone` removes all contacts of bodies that left the simulation.
-`clumps` is an empty tuple in a simulation of smooth bodies, see `forces`.
+neighbours again. `drop_contacts_of_gone` removes all contacts of bodies that left the
+simulation. `clumps` is an empty tuple in a simulation of smooth bodies, see `forces`.
 
 Reads `Bodies.rows` and `Bodies.presence`. Writes all arrays of `Grid`, the lists of
 pairs and of contacts with walls, `counts`, and the columns of motion of gone bodies.
@@ -23,12 +23,12 @@ from .neighbours import (
 from .rigid import stop_body
 from .sphere_search import add_clump_pair_if_near
 
-UNMARKED = -1  # value of `Grid.mark` of a body that is marked with none
+UNMARKED = -1  # value of `Grid.mark` of a body without a mark
 
 
 @inlined
 def add_pair_if_near(bodies, pairs, clumps, counts, grid, parts, i, j, scratch):
-    """List the pair of bodies i and j where they touch or are near.
+    """Add the pair of bodies i and j to the lists if the bodies touch or are near.
 
     Parameters
     ----------
@@ -37,7 +37,7 @@ def add_pair_if_near(bodies, pairs, clumps, counts, grid, parts, i, j, scratch):
     pairs : Pairs or SpherePairs
         The lists of pairs, of smooth bodies or of clumps.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     counts : array (COUNTS,) of int
         Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
         on are its indices.
@@ -49,7 +49,7 @@ def add_pair_if_near(bodies, pairs, clumps, counts, grid, parts, i, j, scratch):
     i, j : int
         The two bodies, which are not listed yet; i is the lower number.
     scratch : array
-        Scratch for a normal (3,); of clumps `Scratch.spheres`.
+        Working memory: a normal (3,) for smooth bodies, `Scratch.spheres` for clumps.
     """
     if len(clumps) == 0:
         add_smooth_pair_if_near(bodies, pairs, counts, grid, parts, i, j, scratch)
@@ -59,9 +59,10 @@ def add_pair_if_near(bodies, pairs, clumps, counts, grid, parts, i, j, scratch):
 
 @kernel
 def list_pairs_of_body(bodies, pairs, clumps, counts, grid, parts, i, scratch):
-    """List the pairs of body i again, with bodies in its cell and the cells around.
+    """Add the pairs of body i with near bodies in its cell and the cells around it.
 
-    Bodies whose `grid.mark` is i are skipped: their pairs with i are listed already. Of
+    Bodies whose `grid.mark` is i are skipped, because their pairs with i are in the
+    list. Of
     two bodies that both moved, the one with the lower number lists the pair.
 
     Parameters
@@ -71,7 +72,7 @@ def list_pairs_of_body(bodies, pairs, clumps, counts, grid, parts, i, scratch):
     pairs : Pairs or SpherePairs
         The lists of pairs, of smooth bodies or of clumps.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     counts : array (COUNTS,) of int
         Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
         on are its indices.
@@ -83,24 +84,23 @@ def list_pairs_of_body(bodies, pairs, clumps, counts, grid, parts, i, scratch):
     i : int
         Index of the body.
     scratch : array
-        Scratch for a normal (3,); of clumps `Scratch.spheres`.
+        Working memory: a normal (3,) for smooth bodies, `Scratch.spheres` for clumps.
     """
-    # The number of cells along each axis, and the indices of the body's cell along
-    # them.
+    # the number of cells along each axis, and the indices of the body's cell
     n_x, n_y, n_z = grid.shape[0], grid.shape[1], grid.shape[2]
     cell = grid.cell[i]
     cell_z = cell % n_z
     cell_y = (cell // n_z) % n_y
     cell_x = cell // (n_z * n_y)
-    # The cell before, its own, and the next one along each axis. The cells repeat, so of
-    # fewer than three cells each is visited once.
+    # Visit the body's cell and those before and after it along each axis. The cells
+    # repeat, so visit each cell once if there are fewer than three.
     for offset_x in range(min(n_x, 3)):
         x = (cell_x + offset_x - 1) % n_x
         for offset_y in range(min(n_y, 3)):
             y = (cell_y + offset_y - 1) % n_y
             for offset_z in range(min(n_z, 3)):
                 z = (cell_z + offset_z - 1) % n_z
-                # all bodies of this cell, which form a linked list
+                # loop over the linked list of the bodies of this cell
                 j = grid.head[(x * n_y + y) * n_z + z]
                 while j >= 0:
                     is_listed_by_j = grid.moved[j] == 1 and j < i
@@ -121,9 +121,9 @@ def list_pairs_of_body(bodies, pairs, clumps, counts, grid, parts, i, scratch):
 
 @inlined
 def mark_partners(pairs, grid, i, mark):
-    """Write a mark to all bodies with which body i has a pair already.
+    """Write a mark to all bodies that already have a pair with body i.
 
-    They are in the chain of partners of i (see `neighbours.chain_partner`).
+    These bodies are in the chain of partners of i (see `neighbours.chain_partner`).
 
     Parameters
     ----------
@@ -134,8 +134,8 @@ def mark_partners(pairs, grid, i, mark):
     i : int
         Index of the body.
     mark : int
-        Is written to `grid.mark`: i while the pairs of i are listed, UNMARKED after
-        that.
+        The value that is written to `grid.mark`: i before the search for pairs of i,
+        and UNMARKED after it.
     """
     chain_link = grid.chain[i]
     while chain_link >= 0:
@@ -145,11 +145,11 @@ def mark_partners(pairs, grid, i, mark):
 
 @kernel
 def renew_pairs(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
-    """List the pairs of the bodies of `Grid.moved_list` again, and empty this list.
+    """Find the pairs of the bodies of `Grid.moved_list` again, and empty this list.
 
-    Near pairs of smooth bodies are dropped and found again. Touching pairs stay, since
-    they have springs, and so do the entries of clumps; their bodies are chained, so
-    that the search does not list them a second time.
+    Near pairs of smooth bodies are dropped and found again. Touching pairs stay,
+    because they have springs, and entries of clumps stay, too. The bodies of these
+    pairs are chained, so that the search does not add the pairs a second time.
 
     Parameters
     ----------
@@ -158,7 +158,7 @@ def renew_pairs(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
     pairs : Pairs or SpherePairs
         The lists of pairs, of smooth bodies or of clumps.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     counts : array (COUNTS,) of int
         Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
         on are its indices.
@@ -168,7 +168,7 @@ def renew_pairs(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
         Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
         are spheres.
     scratch : array
-        Scratch for a normal (3,); of clumps `Scratch.spheres`.
+        Working memory: a normal (3,) for smooth bodies, `Scratch.spheres` for clumps.
     ghost : int
         Index of the ghost: a body without mass that never moves. Unused elements of the
         lists hold this index.
@@ -178,7 +178,7 @@ def renew_pairs(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
         return
     if len(clumps) == 0:
         drop_near_pairs_of_moved(pairs, counts, grid)
-    # Put the bodies into the cells of their present positions.
+    # Move the bodies to the cells of their present positions.
     for index in range(n_moved):
         i = grid.moved_list[index]
         remove_from_cell(grid, i)
@@ -189,7 +189,8 @@ def renew_pairs(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
         chain_contacts(pairs, counts, grid)
     else:
         chain_entries(pairs, counts, grid, ghost)
-    # Find the other pairs. While those of a body are listed, its partners are marked.
+    # Find the other pairs. During the search for pairs of a body, its partners are
+    # marked.
     for index in range(n_moved):
         i = grid.moved_list[index]
         if bodies.presence[i] == state.PRESENT:
@@ -206,7 +207,7 @@ def renew_pairs(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
 
 @inlined
 def drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost):
-    """Drop the touching pairs (of clumps the entries, too) of bodies that are gone.
+    """Drop the touching pairs, and the entries of clumps, of bodies that are gone.
 
     Parameters
     ----------
@@ -215,7 +216,7 @@ def drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost):
     pairs : Pairs or SpherePairs
         The lists of pairs, of smooth bodies or of clumps.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     counts : array (COUNTS,) of int
         Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
         on are its indices.
@@ -227,7 +228,7 @@ def drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost):
     """
     presence = bodies.presence
     if len(clumps) == 0:
-        # from the end, since a dropped contact is replaced by the last one
+        # begin at the end, because the last contact replaces a dropped one
         for k in range(counts[state.N_PAIRS] - 1, -1, -1):
             if (
                 presence[pairs.first[k]] != state.PRESENT
@@ -249,7 +250,7 @@ def drop_wall_contacts_of_gone(presence, contacts, clumps, counts, length_index,
     contacts : WallContacts
         The list of contacts with walls of one kind.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     counts : array (COUNTS,) of int
         Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
         on are its indices.
@@ -259,7 +260,7 @@ def drop_wall_contacts_of_gone(presence, contacts, clumps, counts, length_index,
         Index of the ghost: a body without mass that never moves. Unused elements of the
         lists hold this index.
     """
-    # from the end, since a dropped contact is replaced by the last one
+    # begin at the end, because the last contact replaces a dropped one
     for k in range(counts[length_index] - 1, -1, -1):
         if presence[contacts.body[k]] != state.PRESENT:
             drop_touch(contacts, clumps, counts, length_index, k, ghost)
@@ -271,7 +272,7 @@ def drop_contacts_of_gone(
 ):
     """Drop all contacts of the bodies that went below the floor in the last step.
 
-    These bodies are in `Grid.moved_list`; they are stopped.
+    These bodies are in `Grid.moved_list`. The function also stops them.
 
     Parameters
     ----------
@@ -282,7 +283,7 @@ def drop_contacts_of_gone(
     flat, curved, meshed : WallContacts
         Contacts with planes, with curved walls and with meshes.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     counts : array (COUNTS,) of int
         Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
         on are its indices.

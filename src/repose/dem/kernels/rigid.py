@@ -7,7 +7,7 @@ it, move the bodies, and copy the columns back. `scratch` is this scratch tile, 
 the bodies' tile of `Bodies.motion`, `first_body` the number of the tile's first body.
 
 Reads and clears `Bodies.load`. Writes `Bodies.rows`, `motion`, `displacement`,
-`resting`, `touched`, `longest`, `wall_margin`, `event`, `events`, `exit_time` and
+`resting`, `touched`, `longest_path`, `wall_margin`, `event`, `events`, `exit_time` and
 `presence`, and `counts`.
 """
 
@@ -31,8 +31,8 @@ from .state import (
 )
 from .vectors import squared_length
 
-# Bits of `Bodies.event`: the body fell through the exit height; it moved by half a skin,
-# so its neighbours are found again; it went below the floor.
+# Bits of `Bodies.event`: the body fell through the exit height; it moved by half a
+# skin, so its neighbours are found again; it went below the floor.
 FELL, MOVED_FAR, BELOW_FLOOR = 1, 2, 4
 
 # First rows of the scratch tile.
@@ -46,9 +46,10 @@ INVERSE_MASS = ROWS + state.INVERSE_MASS * LANES
 def move_centres(scratch, gx, gy, gz, dt):
     """Move the centres of a tile's bodies by one step under their loads and gravity.
 
-    Semi-implicit Euler: first the velocity changes, then the new one moves the centre.
-    Writes the velocities and positions, the height before the step (row BEFORE) and the
-    length of the path (row PATH). Absent bodies have no mass and do not move.
+    The method is semi-implicit Euler: first the velocity changes, then the new velocity
+    moves the centre. The function writes the velocities and positions, the height
+    before the step (row BEFORE) and the length of the path (row PATH). Absent bodies
+    have no mass and do not move.
 
     Parameters
     ----------
@@ -63,7 +64,7 @@ def move_centres(scratch, gx, gy, gz, dt):
     for lane in range(LANES):
         inverse_mass = scratch[INVERSE_MASS + lane]
         is_present = 1.0 if inverse_mass > 0.0 else 0.0
-        velocity_per_force = dt * inverse_mass  # change of velocity per force
+        velocity_per_force = dt * inverse_mass
         vx, vy, vz = lane_vector(scratch, VELOCITY, lane)
         fx, fy, fz = lane_vector(scratch, LOAD, lane)
         vx = flush_tiny(vx + velocity_per_force * fx + is_present * dt * gx)
@@ -83,8 +84,8 @@ def add_paths_and_count_events(
     """Add the paths of a tile's bodies to their displacements, and count events.
 
     An event is a fall through the exit height, a motion by half a skin, or a fall below
-    the floor, see `find_body_events`. The loop has no branches, so it is vector code; events
-    are rare.
+    the floor, see `find_body_events`. The loop has no branches, so it is vector code;
+    events are rare.
 
     Parameters
     ----------
@@ -95,7 +96,7 @@ def add_paths_and_count_events(
         The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
         and so on. `state` names the rows.
     displacement : array (bodies,)
-        `Bodies.displacement` [m]; is updated.
+        `Bodies.displacement` [m]; it is updated.
     first_body : int
         Index of the tile's first body.
     exit_height, floor_height : float
@@ -123,10 +124,10 @@ def add_paths_and_count_events(
 
 @inlined
 def longest_path(scratch):
-    """Return the longest path of a tile's bodies in this step; overwrite the paths.
+    """Return the longest path of a tile's bodies in this step [m]; overwrite the paths.
 
-    Each round keeps the longer one of every two paths. Unlike a plain maximum, this
-    becomes vector code.
+    Each pass of the loop keeps the longer path of each pair. The compiler turns this
+    into vector code, which it cannot do with an ordinary maximum.
 
     Parameters
     ----------
@@ -148,8 +149,7 @@ def longest_path(scratch):
 def find_body_events(bodies, physics, scratch, motion, lane, i):
     """Return the events of body i as bits FELL, MOVED_FAR and BELOW_FLOOR; 0 for none.
 
-    A body falls in the step in which its centre goes from above the exit height to
-    below it.
+    The event FELL is in the step in which the centre passes the exit height downwards.
 
     Parameters
     ----------
@@ -184,8 +184,8 @@ def find_body_events(bodies, physics, scratch, motion, lane, i):
 def handle_events(bodies, grid, counts, begin, n_events, time):
     """Handle the events of bodies in this step.
 
-    A body that fell gets an exit time. One below the floor is gone. Those that moved
-    far or are gone are marked: their neighbours are found again.
+    A body that fell gets an exit time. A body below the floor is gone. Bodies that have
+    moved far or are gone are marked, so that their neighbours are found again.
 
     Parameters
     ----------
@@ -210,17 +210,17 @@ def handle_events(bodies, grid, counts, begin, n_events, time):
         if event & BELOW_FLOOR:
             bodies.presence[i] = state.GONE
             counts[state.N_GONE] += 1
-        # a body that is gone loses its neighbours by the same way
+        # the search for neighbours also drops the pairs of a body that is gone
         if event & (MOVED_FAR | BELOW_FLOOR):
             mark_moved(grid, counts, i)
 
 
 @inlined
 def sum_loads(bodies, tile_number, scratch):
-    """Write the sum of the shares of a tile's loads to the rows LOAD, and clear them.
+    """Write the sum of the shares of a tile's loads to the rows LOAD; clear the shares.
 
-    A share that no contact touched is zero and is skipped. The shares are added in
-    their order, whichever thread made them, so the sum has the same bits.
+    A share is zero and is skipped if no contact has written to it. The order of the sum
+    does not depend on the threads, so the sum always has the same bits.
 
     Parameters
     ----------
@@ -248,7 +248,7 @@ def sum_loads(bodies, tile_number, scratch):
 
 @inlined
 def move_single_load(bodies, tile_number, scratch):
-    """Move the only share of a tile's loads to the rows LOAD.
+    """Copy the only share of a tile's loads to the rows LOAD, and clear the share.
 
     Parameters
     ----------
@@ -268,10 +268,10 @@ def move_single_load(bodies, tile_number, scratch):
 
 @inlined
 def prefetch_tile_ahead(bodies, tile_number):
-    """Ask for the data of the tile after the next one: its rows, loads and motion.
+    """Prefetch rows, loads and motion of the tile after the next one into the cache.
 
-    In a large simulation they are not in the cache. When the step comes to that tile,
-    they have arrived. A line of the cache holds WIDTH numbers.
+    In a large simulation they are not in the cache. They arrive before the loop reaches
+    that tile. A cache line holds WIDTH numbers.
 
     Parameters
     ----------
@@ -285,7 +285,7 @@ def prefetch_tile_ahead(bodies, tile_number):
         return
     is_turning = bodies.resting[next_tile] == 0
     first_body = next_tile * LANES
-    # of a tile at rest, only the first columns of the rows are read
+    # for a tile at rest, the step reads only the first columns of the rows
     for i in range(first_body, first_body + LANES):
         prefetch(bodies.rows, i, 0)
         if is_turning:
@@ -295,7 +295,7 @@ def prefetch_tile_ahead(bodies, tile_number):
         if bodies.touched[share, next_tile]:
             for i in range(first_body, first_body + LANES):
                 prefetch(bodies.load[share], i, 0)
-    # of a tile at rest, only the row RENEWAL of the motion is read
+    # for a tile at rest, the step reads only the row RENEWAL of the motion
     first = QUATERNION if is_turning else RENEWAL
     end = state.RADIUS + LANES if is_turning else INVERSE_MOMENTS
     for index in range(first, end, WIDTH):
@@ -335,7 +335,7 @@ def scatter_rows(bodies, first_body, scratch, n_columns):
 def integrate(bodies, counts, physics, scratch, begin, end):
     """Advance bodies `begin` to `end` by one step, and clear their loads.
 
-    Where the loads have several shares, the longest path of each tile is written to
+    If the loads have several shares, the longest path of each tile is written to
     `bodies.longest_path` and subtracted from `bodies.wall_margin`.
 
     Parameters
@@ -351,14 +351,13 @@ def integrate(bodies, counts, physics, scratch, begin, end):
         Working memory for a tile of LANES bodies. Lane k of a row is
         `scratch[row + k]`, and `body_tile` names the rows.
     begin, end : int
-        The bodies; `begin` is the first one of a tile. `end` may be beyond the last
-        one.
+        First body of the range, and its end. `begin` is the first body of a tile; `end`
+        may be larger than the number of bodies.
 
     Returns
     -------
     int
-        Number of bodies with events. They are listed in `bodies.events` from place
-        `begin` on.
+        Number of bodies with events. `bodies.events` lists them from index `begin` on.
     """
     dt = physics.dt
     gx, gy, gz = vector_at(physics.gravity, 0)
@@ -371,8 +370,8 @@ def integrate(bodies, counts, physics, scratch, begin, end):
         tile = first_body // LANES
         motion = bodies.motion[tile]
         is_resting = bodies.resting[tile] == 1
-        # Of a tile in which nothing turned, only the first eight columns are read and
-        # written: position, velocity, inverse mass.
+        # In a tile without rotating bodies, only the first eight columns are read and
+        # written. They contain position, velocity and inverse mass.
         n_read = WIDTH if is_resting else n_columns
         gather(bodies.rows, n_read, bodies.indices, first_body, scratch, ROWS)
         if n_shares > 1:
@@ -396,7 +395,7 @@ def integrate(bodies, counts, physics, scratch, begin, end):
                 frame_y,
                 frame_z,
             )
-        # a tile that begins to turn has all its columns written
+        # all columns are written if a body of the tile rotates now
         bodies.resting[tile] = 0 if is_turning else 1
         n_written = n_columns if is_turning else n_read
         scatter_rows(bodies, first_body, scratch, n_written)
@@ -408,7 +407,7 @@ def integrate(bodies, counts, physics, scratch, begin, end):
             physics.exit_height,
             physics.floor_height,
         )
-        # few tiles have events, so the others skip the loop over the lanes
+        # few tiles have events; the others skip the loop over the lanes
         if n_in_tile > 0:
             for lane in range(min(LANES, end_body - first_body)):
                 event = find_body_events(
@@ -427,9 +426,10 @@ def integrate(bodies, counts, physics, scratch, begin, end):
 
 @kernel
 def write_body_shape(bodies, i, parts, scratch):
-    """Write inverse inertia and shape of body i to its row, as it is oriented now.
+    """Write inverse inertia and shape of body i, as it is now oriented, to its row.
 
-    No body moves, and no other row changes. It is called when a body is added.
+    No body moves, and no other row changes. The function is called when a body is
+    added.
 
     Parameters
     ----------
@@ -450,16 +450,16 @@ def write_body_shape(bodies, i, parts, scratch):
         bodies.rows[i, state.SPHERE_RADIUS] = motion[state.RADIUS + lane]
         return
     write_shapes(scratch, motion, parts)
-    # the columns of the inverse inertia, then those of the shape
+    # copy the columns of the inverse inertia and then those of the shape
     for column in range(state.INVERSE_INERTIA, SHAPE + max(PART * parts, 4)):
         bodies.rows[i, column] = scratch[ROWS + column * LANES + lane]
 
 
 @kernel
 def stop_body(bodies, i):
-    """Stop body i, which is gone: without mass no force moves it.
+    """Stop body i, which is gone, and remove its mass so that no force moves it.
 
-    No wall is searched for it any more, as it is never due.
+    The body is never due for a search of walls again.
 
     Parameters
     ----------
@@ -473,5 +473,5 @@ def stop_body(bodies, i):
     set_vector(row, state.ANGULAR_VELOCITY, 0.0, 0.0, 0.0)
     row[state.INVERSE_MASS] = 0.0
     write_vector(bodies.motion[i // LANES], ANGULAR_MOMENTUM, i % LANES, 0.0, 0.0, 0.0)
-    # no wall is searched again
+    # the body is never due for a search of walls
     bodies.wall_check[i] = math.inf

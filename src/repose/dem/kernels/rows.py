@@ -3,8 +3,8 @@
 A tile is a flat array of doubles. It consists of rows of LANES numbers. A row is one
 quantity, a lane is one contact or one body:
 
-    tile[row + lane]                     a scalar of a lane; `row` is a multiple of LANES
-    tile[row + c * LANES + lane]         component c of a vector or matrix of a lane
+    tile[row + lane]               a scalar of a lane; `row` is a multiple of LANES
+    tile[row + c * LANES + lane]   component c of a vector or matrix of a lane
 
 The name of a row is the index of its first number, so `GAP` stands for the numbers
 tile[GAP : GAP + LANES]. `Rows` assigns these indices to the quantities of a tile. The

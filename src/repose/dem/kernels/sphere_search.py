@@ -62,7 +62,7 @@ LARGEST_GAP = GAPS + WATCHED_AFTER_SEARCH  # index of the largest of the smalles
 def write_sphere_positions(
     row, spheres, n_spheres, scale, origin_x, origin_y, origin_z, scratch, first
 ):
-    """Write centres and radii of all spheres of a clump, in world axes, to scratch memory.
+    """Write centres and radii of all spheres of a clump, in world axes, to an array.
 
     Parameters
     ----------
@@ -176,7 +176,7 @@ def insert_gap(scratch, gap, a, b):
     gap : float
         The new gap, below the largest of them [m].
     a, b : int
-        Indices of the spheres of A and B that have it.
+        Indices of the spheres of A and B with this gap.
     """
     index = WATCHED_AFTER_SEARCH
     # move the larger gaps up by one
@@ -192,11 +192,11 @@ def insert_gap(scratch, gap, a, b):
 
 @inlined
 def watch_nearest_spheres(bodies, pairs, entry, i, j, skin, scratch):
-    """Write the pairs of spheres with the smallest gaps to an entry, after a full search.
+    """Write the pairs of spheres with the smallest gaps to an entry.
 
-    The entry watches these pairs. Each of them gets a limit: the sum of both
-    displacements at which its spheres may touch. The entry gets the smallest of these
-    limits, and one limit of all other pairs.
+    The entry watches these pairs after a full search. Each of them gets a limit: the
+    sum of both displacements at which its spheres may touch. The entry gets the
+    smallest of these limits, and one limit of all other pairs.
 
     Parameters
     ----------
@@ -262,8 +262,8 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch
     shape_b = clumps.shape[j]
     n_a = clumps.sizes[shape_a]
     n_b = clumps.sizes[shape_b]
-    # Positions relative to the centre of A have smaller rounding errors than positions in
-    # the world.
+    # Positions relative to the centre of A have smaller rounding errors than positions
+    # in the world.
     x, y, z = vector_at(rows[i], POSITION)
     write_sphere_positions(
         rows[i],
@@ -398,7 +398,7 @@ def drop_watched_pair(pairs, entry, slot):
     entry : int
         Index of the entry.
     slot : int
-        Index of the pair among those that it watches.
+        Slot of the pair among those that the entry watches.
     """
     last = pairs.n_watched[entry] - 1
     pairs.n_watched[entry] = last
@@ -537,7 +537,7 @@ def add_clump_pair_if_near(bodies, pairs, counts, grid, clumps, i, j, scratch):
 
 @kernel
 def retire_spheres(bodies, pairs, counts, clumps, n_ended, ghost):
-    """Drop contacts of spheres that have ended, and let their entries watch the spheres.
+    """Drop contacts of spheres that have ended; their entries watch the spheres.
 
     The loop drops the last contact first: the last contact of the list replaces it, so
     the indices of the remaining ones stay valid.
@@ -554,8 +554,8 @@ def retire_spheres(bodies, pairs, counts, clumps, n_ended, ghost):
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     n_ended : int
-        Number of these contacts. Their indices are `pairs.ended[:n_ended]`, in increasing
-        order.
+        Number of these contacts. Their indices are `pairs.ended[:n_ended]`, in
+        increasing order.
     ghost : int
         Index of the ghost: a body without mass that never moves. Unused elements of the
         lists hold this index.
@@ -563,14 +563,14 @@ def retire_spheres(bodies, pairs, counts, clumps, n_ended, ghost):
     for index in range(n_ended - 1, -1, -1):
         contact = pairs.ended[index]
         entry = pairs.entry[contact]
-        # the spheres cannot touch again before the bodies have moved by this gap together
+        # the spheres cannot touch before the bodies have together moved by this gap
         limit = (
             bodies.displacement[pairs.first[contact]]
             + bodies.displacement[pairs.second[contact]]
             + pairs.gap[contact]
         )
         pairs.near_limit[entry] = min(pairs.near_limit[entry], limit)
-        # watch the spheres, or, if no slot is free, let the next full search come earlier
+        # watch the spheres; if no slot is free, let the next full search come earlier
         slot = pairs.n_watched[entry]
         if slot < MOST_WATCHED:
             pairs.watched[entry, slot, 0] = pairs.spheres[contact, 0]

@@ -16,14 +16,14 @@ from .rows import LANES, Rows
 CACHE_LINE = 8  # doubles in a cache line
 BLOCK = 256  # near pairs of a large simulation that are checked together
 MOST_GROUPS = 60  # groups of bodies; each group is one bit of an int64
-# Velocities and springs below this absolute value are set to zero [SI units]. The square
-# of this number is not denormal yet.
+# Velocities and springs below this absolute value are set to zero [SI units]. The
+# square of this number is not denormal yet.
 TINY = 1e-100
 # Sums of path lengths over some thousand steps are exact to this distance [m].
 ROUNDING = 1e-12
 
-# Indices in `Grid.lengths`: edge of a cell, largest distance of two centres whose bodies
-# may touch, skin of the neighbour list; all in m.
+# Indices in `Grid.lengths`: edge of a cell, largest distance of two centres whose
+# bodies may touch, skin of the neighbour list; all in m.
 CELL, REACH, SKIN = range(3)
 
 # ---- Columns of `Bodies.rows` -------------------------------------------------------
@@ -35,7 +35,7 @@ INVERSE_MASS = 6
 ANGULAR_VELOCITY = 7  # (3)
 INVERSE_INERTIA = 10  # (6): xx, xy, xz, yy, yz, zz
 # The shape. Smooth bodies: PART columns for each ellipsoid, its symmetric matrix
-# R diag(a^2, b^2, c^2) R' as xx, xy, xz, yy, yz, zz. Clumps: the quaternion (w, x, y, z).
+# R diag(a^2, b^2, c^2) R' as xx, xy, xz, yy, yz, zz. Clumps: quaternion (w, x, y, z).
 SHAPE = 16
 PART = 6
 # Spheres have no inertia and no shape there, only their radius.
@@ -53,7 +53,8 @@ DASHPOTS = 7  # sum of tangential dashpots times the squares of their arms
 LOAD_COLUMNS = 8
 
 # ---- Rows of a tile of `Bodies.motion` ----------------------------------------------
-# Data that only the motion of a body needs. For a tile at rest, a step reads only RENEWAL.
+# Data that only the motion of a body needs. For a tile at rest, a step reads only
+# RENEWAL.
 _motion = Rows()
 QUATERNION = _motion.take(4)  # (w, x, y, z), from the body's axes to the world's
 ANGULAR_MOMENTUM = _motion.take(3)
@@ -70,9 +71,10 @@ MOTION_ROWS = _motion.count
 _pair = Rows()
 NORMAL = _pair.take(3)  # from body A to body B, or into the wall
 PAIR_STATE = _pair.end
-# The rows of a contact with a wall have two meanings. With a plane: its offset along the
-# normal, the middle of its disc (3), and the squared radius of its disc. With a cone,
-# ring or mesh: the azimuth of the contact (for a mesh the angle about an edge), the gap.
+# The rows of a contact with a wall have two meanings. With a plane: its offset along
+# the normal, the middle of its disc (3), and the squared radius of its disc. With a
+# cone, ring or mesh: the azimuth of the contact (for a mesh the angle about an edge),
+# the gap.
 _wall = Rows(_pair.end)
 AZIMUTH = OFFSET = _wall.take()
 MIDDLE = GAP = _wall.take(3)
@@ -152,7 +154,7 @@ class Bodies(NamedTuple):
 
 
 class Grid(NamedTuple):
-    """The cells in which neighbours are searched for; lists of bodies linked by number."""
+    """The cells for the search of neighbours, with linked lists of their bodies."""
 
     cell: Any  # (N,): the cell of each body, or -1
     following: Any  # (N,): the next body in the same cell, or -1
@@ -201,7 +203,8 @@ class WallContacts(NamedTuple):
     # infinite unless the body is past the wall, see `walls`.
     allowed_overlap: Any
     # (W, N), clumps: which spheres of a body touch the wall, and which are past it, as
-    # bits. Those of meshes are written again in every step. Empty tuples for smooth bodies.
+    # bits. Those of meshes are written again in every step. Empty tuples for smooth
+    # bodies.
     touching_bits: Any
     past_bits: Any
 
@@ -283,7 +286,7 @@ def flush_tiny(value):
 
 @inlined
 def split_scratch(memory):
-    """Return a `Scratch` whose arrays are views of `memory`, an array of SCRATCH numbers.
+    """Return a `Scratch` whose arrays are views of an array of SCRATCH numbers.
 
     Kernels allocate nothing, so Python makes this array for each thread.
     """
@@ -369,8 +372,9 @@ def new_bodies(n_bodies, parts, shares=1):
     -------
     Bodies
         The arrays have whole tiles and at least one body more than n. This body n is
-        always absent. It is the "ghost" that stands in the unused lanes of contact tiles:
-        it has no mass, so no force moves it, and a small shape, so its geometry is finite.
+        always absent. It is the "ghost" that stands in the unused lanes of contact
+        tiles: it has no mass, so no force moves it, and a small shape, so its geometry
+        is finite.
     """
     n_tiles = n_bodies // LANES + 1
     n_places = LANES * n_tiles
@@ -438,8 +442,8 @@ def new_grid(n_bodies, lower, upper, cell):
 
     The grid has at most CELLS_PER_BODY cells per body (or FEWEST_CELLS), so the memory
     depends on the number of bodies and not on the box. The cells repeat in space like
-    the tiles of a floor: a point outside the grid belongs to the cell at the same position
-    of the repetition.
+    the tiles of a floor: a point outside the grid belongs to the cell at the same
+    position of the repetition.
 
     Parameters
     ----------

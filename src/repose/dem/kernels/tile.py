@@ -470,8 +470,8 @@ def is_on_disc(contacts, lane, x, y, z, nx, ny, nz):
     Parameters
     ----------
     contacts : array
-        Tile of contacts with planes; its rows MIDDLE and SQUARED_RADIUS are the disc's middle
-        [m] and squared radius [m2], infinite for a plane without an edge.
+        Tile of contacts with planes; its rows MIDDLE and SQUARED_RADIUS are the disc's
+        middle [m] and squared radius [m2], infinite for a plane without an edge.
     lane : int
         Lane of the contact in its tile, 0 to LANES - 1.
     x, y, z : float

@@ -45,8 +45,8 @@ from .state import (
     RING_RADIUS,
 )
 
-# Where a concave wall is nearly as curved as the body, the relative curvature is at least
-# this fraction of the body's curvature, so that R* stays finite.
+# Where a concave wall is nearly as curved as the body, the relative curvature is at
+# least this fraction of the body's curvature, so that R* stays finite.
 LEAST_RELATIVE_CURVATURE = 0.1
 LEAST_DISTANCE = 1e-30  # two points nearer than this have no direction [m]
 # Smallest radius of a cone's circle at a contact [m]. It avoids the infinite curvature
@@ -56,7 +56,7 @@ SMALLEST_CIRCLE = 1e-6
 # function is not concave and Newton's method would go to a minimum.
 LONGEST_TURN = 0.2
 UPHILL_TURN = 0.05
-# Second derivatives below this size are rounding errors [m].
+# Second derivatives below this size are too uncertain for Newton's method [m].
 LEAST_SECOND_DERIVATIVE = 1e-7
 MOST_ITERATIONS = 40
 STEP_TOLERANCE = 1e-9  # step at which a search ends [rad]
@@ -241,8 +241,8 @@ def make_ring_step(row, parts, ring, theta, nx, ny, nz):
     """Make one Newton step towards the point of a ring's circle nearest to a body.
 
     The unknowns are the angle theta of the nearest point of the circle and the normal
-    n, which changes by a step (step_u, step_w) in its tangent plane. The equations for n are
-    eliminated, so that one equation for theta remains.
+    n, which changes by a step (step_u, step_w) in its tangent plane. The equations for
+    n are eliminated, so that one equation for theta remains.
 
     Parameters
     ----------
@@ -282,8 +282,8 @@ def make_ring_step(row, parts, ring, theta, nx, ny, nz):
     # Mixed derivatives: how the gradient along u and w changes with theta.
     mixed_u = ux * tx + uy * ty
     mixed_w = wx * tx + wy * ty
-    # The equations for n have the matrix A = Q + f I. Where it is not positive definite,
-    # use a multiple of the unit matrix.
+    # The equations for n have the matrix A = Q + f I. Where it is not positive
+    # definite, use a multiple of the unit matrix.
     a_uu = q_uu + f
     a_ww = q_ww + f
     trace = q_uu + q_ww
@@ -295,8 +295,8 @@ def make_ring_step(row, parts, ring, theta, nx, ny, nz):
         a_ww = trace
         q_uw = 0.0
         determinant = a_uu * a_ww
-    # Eliminate n: its step is A^-1 (gradient + mixed * turn), where `turn` is the step of
-    # theta. The response of n to theta is A^-1 mixed. Then solve for `turn`.
+    # Eliminate n: its step is A^-1 (gradient + mixed * turn), where `turn` is the step
+    # of theta. The response of n to theta is A^-1 mixed. Then solve for `turn`.
     response_u = (a_ww * mixed_u - q_uw * mixed_w) / determinant
     response_w = (a_uu * mixed_w - q_uw * mixed_u) / determinant
     reduced_second_derivative = (
@@ -449,7 +449,7 @@ def solve_cone(row, parts, cone, theta):
 
 @inlined
 def solve_ring(row, parts, ring, theta, nx, ny, nz):
-    """Return angle and normal (theta, nx, ny, nz) of the nearest point of a ring's circle.
+    """Return angle and normal (theta, nx, ny, nz) of a ring's point nearest to a body.
 
     The search begins at the arguments, which are those of `make_ring_step`.
     """

@@ -1,13 +1,15 @@
 """The search for new contacts with walls, for bodies that may have reached one.
 
-The *path* of a body is the sum of its displacement and that of the walls so far. A search
-of a wall returns how far the body may move before the next search; the path at which that
-is used up is `WallContacts.limit`. The smallest of a body's limits is `Bodies.wall_check`,
-and the least way left in a tile of bodies is `Bodies.wall_margin`. `clumps` is an empty
-tuple in a simulation of smooth bodies, see `forces`.
+The *path* of a body is its displacement plus that of the walls, both until now. A
+search of a wall returns how far the body may move before the next search.
+`WallContacts.limit` is the path at which this search is due. `Bodies.wall_check` is the
+smallest limit of a body. `Bodies.wall_margin` is the smallest distance that is left
+until a body of a tile is due. `clumps` is an empty tuple in a simulation of smooth
+bodies, see `forces`.
 
-Reads `Bodies.rows` and the walls. Writes `Bodies.wall_check`, `wall_margin` and `passed`,
-the lists and limits of `WallContacts`, `counts`, and scratch arrays.
+Reads `Bodies.rows` and the walls. Writes `Bodies.wall_check`, `wall_margin` and
+`below_curved_walls`, the lists and limits of `WallContacts`, `counts`, and scratch
+arrays.
 """
 
 import math
@@ -40,7 +42,7 @@ def find_plane_contacts(
     curved : WallContacts
         The contacts with cones, tubes and rings.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     counts : array (COUNTS,) of int
@@ -93,7 +95,7 @@ def find_curved_wall_contacts(
     curved : WallContacts
         The contacts with cones, tubes and rings.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     counts : array (COUNTS,) of int
@@ -106,7 +108,7 @@ def find_curved_wall_contacts(
     i : int
         Index of the body.
     path : float
-        Displacement of the body and the walls so far [m].
+        Displacement of the body plus that of the walls, until now [m].
     scratch : Scratch
         Working memory of this thread (`state.Scratch`); it is overwritten.
 
@@ -160,7 +162,7 @@ def search_due_walls(
     curved : WallContacts
         The contacts with cones, tubes and rings.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     counts : array (COUNTS,) of int
@@ -171,10 +173,10 @@ def search_due_walls(
     i : int
         Index of the body.
     path : float
-        Displacement of the body and the walls so far [m].
+        Displacement of the body plus that of the walls, until now [m].
     curved_walls_above : float
-        All curved walls lie above this height [m]. A body that was once wholly below it
-        is not searched against them again.
+        All curved walls lie above this height [m]. A body that was once completely
+        below it is no longer searched for contacts with them.
     scratch : Scratch
         Working memory of this thread (`state.Scratch`); it is overwritten.
 
@@ -183,11 +185,11 @@ def search_due_walls(
     float
         The path at the body's next search [m].
     """
-    # all searches of this body use the places of its spheres
+    # all searches of this body use the positions of its spheres
     if len(clumps) > 0:
         write_clump_spheres(bodies, clumps, i, scratch.spheres)
     next_search = math.inf
-    # planes that are due; each gets a new limit
+    # search the planes that are due; each gets a new limit
     for wall in range(walls.planes.shape[0]):
         if path >= flat.limit[wall, i]:
             free_distance = find_plane_contacts(
@@ -195,13 +197,13 @@ def search_due_walls(
             )
             flat.limit[wall, i] = path + free_distance
         next_search = min(next_search, flat.limit[wall, i])
-    # the highest point of the body at most
+    # no point of the body is higher than this
     highest_point = bodies.rows[i, state.POSITION + 2] + bounding_radius(bodies, i)
     if highest_point < curved_walls_above:
         bodies.below_curved_walls[i] = 1
     if bodies.below_curved_walls[i]:
         return next_search
-    # curved walls that are due
+    # search the curved walls that are due
     for wall in range(walls.cones.shape[0] + walls.rings.shape[0]):
         if path >= curved.limit[wall, i]:
             free_distance = find_curved_wall_contacts(
@@ -226,7 +228,7 @@ def search_due_bodies(
     begin,
     end,
 ):
-    """Search the walls for those bodies of a range that are due.
+    """Find new contacts with walls for those bodies of a range that are due.
 
     Parameters
     ----------
@@ -237,7 +239,7 @@ def search_due_bodies(
     curved : WallContacts
         The contacts with cones, tubes and rings.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     counts : array (COUNTS,) of int
@@ -252,10 +254,10 @@ def search_due_bodies(
     begin, end : int
         First body of the range, and its end.
     """
-    approach = walls.approach[state.WALL_PATH]
+    wall_path = walls.approach[state.WALL_PATH]
     for i in range(begin, end):
-        # body and wall may have come nearer by this path in all
-        path = bodies.displacement[i] + approach
+        # body and wall may have come nearer by this path in total
+        path = bodies.displacement[i] + wall_path
         if path >= bodies.wall_check[i]:
             bodies.wall_check[i] = search_due_walls(
                 bodies,
@@ -273,21 +275,21 @@ def search_due_bodies(
 
 
 @inlined
-def smallest_wall_margin(bodies, approach, begin, end):
-    """Return the least way left until one of some bodies is due for walls [m].
+def smallest_wall_margin(bodies, wall_path, begin, end):
+    """Return the smallest path left until a body of a range is due for a search [m].
 
     Parameters
     ----------
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
-    approach : float
+    wall_path : float
         How far any wall may have come nearer until now [m].
     begin, end : int
-        First of these bodies, and their end.
+        First body of the range, and its end.
     """
     margin = math.inf
     for i in range(begin, end):
-        path = bodies.displacement[i] + approach
+        path = bodies.displacement[i] + wall_path
         margin = min(margin, bodies.wall_check[i] - path)
     return margin
 
@@ -296,10 +298,10 @@ def smallest_wall_margin(bodies, approach, begin, end):
 def find_new_wall_contacts(
     bodies, flat, curved, clumps, walls, counts, parts, curved_walls_above, scratch
 ):
-    """Find new contacts with planes, cones, tubes and rings, of bodies that are due.
+    """Find new contacts with planes, cones, tubes and rings for bodies that are due.
 
     In a large simulation whose walls stand still, a tile of LANES bodies is skipped
-    until the paths of its fastest bodies may have used up its `wall_margin`.
+    until its fastest bodies may have moved by its `wall_margin`.
 
     Parameters
     ----------
@@ -310,7 +312,7 @@ def find_new_wall_contacts(
     curved : WallContacts
         The contacts with cones, tubes and rings.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     counts : array (COUNTS,) of int
@@ -319,13 +321,13 @@ def find_new_wall_contacts(
     parts : int
         Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     curved_walls_above : float
-        All curved walls lie above this height [m]; a body that was once wholly below it
-        is searched on planes only.
+        All curved walls lie above this height [m]. A body that was once completely
+        below it is only searched for contacts with planes.
     scratch : Scratch
         Working memory of this thread (`state.Scratch`); it is overwritten.
     """
     n_bodies = counts[state.N_BODIES]
-    # A large simulation has several shares of the loads.
+    # only a large simulation has several shares of the loads
     if bodies.load.shape[0] == 1 or walls.approach[state.WALLS_MOVE] > 0.0:
         search_due_bodies(
             bodies,
@@ -341,7 +343,7 @@ def find_new_wall_contacts(
             n_bodies,
         )
         return
-    # One tile of bodies after another; `first_body` is the number of its first body.
+    # one tile of bodies after another
     for first_body in range(0, n_bodies, LANES):
         tile = first_body // LANES
         if bodies.wall_margin[tile] > state.ROUNDING:
@@ -360,10 +362,10 @@ def find_new_wall_contacts(
             first_body,
             end,
         )
-        # how far the bodies of this tile may move until one of them is due again
-        approach = walls.approach[state.WALL_PATH]
+        # how far the bodies of this tile may move until one of them is due
+        wall_path = walls.approach[state.WALL_PATH]
         bodies.wall_margin[tile] = smallest_wall_margin(
-            bodies, approach, first_body, end
+            bodies, wall_path, first_body, end
         )
 
 
@@ -380,7 +382,7 @@ def find_mesh_contacts(
     meshed : WallContacts
         The contacts with meshes.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes
@@ -439,7 +441,7 @@ def find_mesh_contacts(
 def find_new_mesh_contacts(
     bodies, meshed, clumps, walls, meshes, counts, parts, scratch
 ):
-    """Find new contacts with meshes, of all present bodies that are due.
+    """Find new contacts with meshes for all present bodies that are due.
 
     A mesh is due when the path of a body has reached `WallContacts.limit`.
 
@@ -450,7 +452,7 @@ def find_new_mesh_contacts(
     meshed : WallContacts
         The contacts with meshes.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes
@@ -463,11 +465,11 @@ def find_new_mesh_contacts(
     scratch : Scratch
         Working memory of this thread (`state.Scratch`); it is overwritten.
     """
-    approach = walls.approach[state.WALL_PATH]
+    wall_path = walls.approach[state.WALL_PATH]
     for mesh in range(meshes.box.shape[0]):
         for i in range(counts[state.N_BODIES]):
-            # body and mesh may have come nearer by this path in all
-            path = bodies.displacement[i] + approach
+            # body and mesh may have come nearer by this path in total
+            path = bodies.displacement[i] + wall_path
             if path < meshed.limit[mesh, i] or bodies.presence[i] != state.PRESENT:
                 continue
             free_distance = find_mesh_contacts(

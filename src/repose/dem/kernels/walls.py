@@ -8,11 +8,11 @@ point, to decide whether the body is on the wall.
 A contact begins when a body in front of the wall reaches it. A body that overlaps the
 wall's surface beyond the wall's end, or from behind, is "past the wall": a contact that
 began with this overlap would throw the body away. So the body gets no contact until it
-has been clear of the surface. `WallContacts.allowed_overlap` is the largest overlap with
-which a contact may begin. It is infinite unless the body is past the wall. For a body
-past a curved wall it is the overlap with the other wall from which the body slides onto
-this one. For a body past a plane it is 0.0; a body slides from a curved wall onto the
-plane with at most the overlap that it has with the curved wall.
+has been clear of the surface. `WallContacts.allowed_overlap` is the largest overlap
+with which a contact may begin. It is infinite unless the body is past the wall. For a
+body past a curved wall it is the overlap with the other wall from which the body slides
+onto this one. For a body past a plane it is 0.0; a body slides from a curved wall onto
+the plane with at most the overlap that it has with the curved wall.
 
 Reads `Bodies.rows` and the rows of the walls. Writes the lists of `WallContacts` (body,
 wall, data), its `limit` and `allowed_overlap`, and `counts`.
@@ -413,8 +413,8 @@ def search_cone(
     """
     cone = walls.cones[wall]
     spacing = 2.0 * math.pi / state.STARTS
-    # Calculate the overlap phi at equally spaced angles. Reading `row` and `cone` outside
-    # of the loop would change the last bits of the result, see `jit`.
+    # Calculate the overlap phi at equally spaced angles. Reading `row` and `cone`
+    # outside of the loop would change the last bits of the result, see `jit`.
     for start in range(state.STARTS):
         nx = cone[state.CONE_NORMAL_R] * COSINES[start]
         ny = cone[state.CONE_NORMAL_R] * SINES[start]
@@ -620,8 +620,8 @@ def search_plane(bodies, contacts, curved, counts, parts, plane, wall, i, geomet
         contacts.allowed_overlap[wall, i] = 0.0
     if contacts.allowed_overlap[wall, i] == 0.0:
         # The body stays past the wall unless it slides onto the disc from a curved wall
-        # that ends there, as from a rim onto a lid. Then its overlap with the curved wall
-        # is larger than that with the disc.
+        # that ends there, as from a rim onto a lid. Then its overlap with the curved
+        # wall is larger than that with the disc.
         overlap = overlap_with_other_walls(curved, counts[state.N_CURVED], i, -1)
         if height < 0.0 or not is_on_disc or -gap > overlap:
             return -gap
@@ -807,8 +807,8 @@ def search_curved_wall(bodies, curved, walls, counts, parts, wall, i, path, scra
     profile = scratch.profile
     geometry = scratch.geometry
     radius = bounding_radius(bodies, i)
-    # The allowed overlap grows by the distance moved since the last search. A body that is
-    # past a wall is searched again after NEXT_SEARCH_BEYOND_END.
+    # The allowed overlap grows by the distance moved since the last search. A body that
+    # is past a wall is searched again after NEXT_SEARCH_BEYOND_END.
     allowed_overlap = curved.allowed_overlap[wall, i]
     distance_moved = path - curved.limit[wall, i] + NEXT_SEARCH_BEYOND_END * radius
     curved.allowed_overlap[wall, i] = math.inf
