@@ -352,7 +352,7 @@ def find_sphere_wall_contacts(
     float
         How far the body may move before the next search [m].
     """
-    least_distance = math.inf
+    shortest_distance = math.inf
     if length_index == state.N_CURVED:
         touching_bits = find_touching_spheres(contacts.touching_bits, i)
     else:
@@ -389,7 +389,7 @@ def find_sphere_wall_contacts(
             is_leaning,
         )
         if free_distance > 0.0:
-            least_distance = min(least_distance, free_distance)
+            shortest_distance = min(shortest_distance, free_distance)
             continue
         k = add_sphere_wall_contact(
             contacts, counts, length_index, clumps, i, wall, sphere, geometry
@@ -397,7 +397,7 @@ def find_sphere_wall_contacts(
         # the contact with a plane stores a copy of the plane
         if length_index == state.N_PLANE and k >= 0:
             write_plane(contacts.data[k // LANES], k % LANES, walls.planes[wall])
-    return least_distance
+    return shortest_distance
 
 
 @inlined
@@ -450,7 +450,7 @@ def write_sphere_as_body(walls, frame, x, y, z, radius, local_row):
 
 
 @inlined
-def contacts_by_sphere(meshed, clumps):
+def contacts_by_sphere(mesh_contacts, clumps):
     """Return the contacts with meshes, with indices of spheres in place of bodies.
 
     So a search can treat a sphere of a clump like a body. The arrays are the same, not
@@ -458,21 +458,21 @@ def contacts_by_sphere(meshed, clumps):
 
     Parameters
     ----------
-    meshed : WallContacts
+    mesh_contacts : WallContacts
         The contacts with meshes.
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     """
     return state.WallContacts(
         clumps.mesh_sphere,
-        meshed.wall,
-        meshed.feature,
-        meshed.data,
-        meshed.limit,
-        meshed.ended,
-        meshed.allowed_overlap,
-        meshed.touching_bits,
-        meshed.past_bits,
+        mesh_contacts.wall,
+        mesh_contacts.feature,
+        mesh_contacts.data,
+        mesh_contacts.limit,
+        mesh_contacts.ended,
+        mesh_contacts.allowed_overlap,
+        mesh_contacts.touching_bits,
+        mesh_contacts.past_bits,
     )
 
 
@@ -481,7 +481,7 @@ def follow_sphere_contact(
     bodies,
     walls,
     meshes,
-    meshed,
+    mesh_contacts,
     clumps,
     n_contacts,
     k,
@@ -503,7 +503,7 @@ def follow_sphere_contact(
         Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes
         The features of all meshes (`features.Meshes`).
-    meshed : WallContacts
+    mesh_contacts : WallContacts
         The contacts with meshes.
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
@@ -523,12 +523,12 @@ def follow_sphere_contact(
     bool
         Whether the contact continues.
     """
-    contacts = contacts_by_sphere(meshed, clumps)
-    frame = mesh_frame(walls, meshed.wall[k])
+    contacts = contacts_by_sphere(mesh_contacts, clumps)
+    frame = mesh_frame(walls, mesh_contacts.wall[k])
     # the sphere in the frame of the mesh
-    tile = meshed.data[k // LANES]
+    tile = mesh_contacts.data[k // LANES]
     lane = k % LANES
-    row = bodies.rows[meshed.body[k]]
+    row = bodies.rows[mesh_contacts.body[k]]
     arm_x, arm_y, arm_z = sphere_arm(row, tile, lane)
     radius = tile[clump_tile.RADIUS + lane]
     x, y, z = vector_at(row, state.POSITION)
@@ -536,7 +536,7 @@ def follow_sphere_contact(
         walls, frame, x + arm_x, y + arm_y, z + arm_z, radius, local_row
     )
     # the sphere is followed as a body of one ellipsoid
-    is_lasting = follow_feature_contact(
+    contact_continues = follow_feature_contact(
         local_row,
         radius,
         1,
@@ -552,13 +552,13 @@ def follow_sphere_contact(
     )
     # the arm of the contact from the clump's centre
     shift_arm(geometry, arm_x, arm_y, arm_z)
-    return is_lasting
+    return contact_continues
 
 
 @inlined
 def find_sphere_mesh_contacts(
     bodies,
-    meshed,
+    mesh_contacts,
     clumps,
     walls,
     meshes,
@@ -576,7 +576,7 @@ def find_sphere_mesh_contacts(
     ----------
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
-    meshed : WallContacts
+    mesh_contacts : WallContacts
         The contacts with meshes.
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
@@ -602,16 +602,16 @@ def find_sphere_mesh_contacts(
         How far the body may move before the next search [m].
     """
     n_contacts = counts[state.N_MESHED]
-    contacts = contacts_by_sphere(meshed, clumps)
+    contacts = contacts_by_sphere(mesh_contacts, clumps)
     # Update features and normals of the body's contacts, so that the search does not
     # find these contacts again as new ones.
     for k in range(n_contacts):
-        if meshed.body[k] == i and meshed.wall[k] == mesh:
+        if mesh_contacts.body[k] == i and mesh_contacts.wall[k] == mesh:
             follow_sphere_contact(
                 bodies,
                 walls,
                 meshes,
-                meshed,
+                mesh_contacts,
                 clumps,
                 n_contacts,
                 k,
@@ -621,10 +621,12 @@ def find_sphere_mesh_contacts(
                 local_row,
             )
             nx, ny, nz = normal_of(geometry)
-            write_vector(meshed.data[k // LANES], state.NORMAL, k % LANES, nx, ny, nz)
+            write_vector(
+                mesh_contacts.data[k // LANES], state.NORMAL, k % LANES, nx, ny, nz
+            )
     write_clump_spheres(bodies, clumps, i, sphere_scratch)
     frame = mesh_frame(walls, mesh)
-    least_distance = math.inf
+    shortest_distance = math.inf
     for sphere in range(clumps.sizes[clumps.shape[i]]):
         x, y, z = read_sphere_centre(sphere_scratch, SPHERES_A, sphere)
         radius = read_sphere_radius(sphere_scratch, SPHERES_A, sphere)
@@ -646,9 +648,9 @@ def find_sphere_mesh_contacts(
             radius,
             geometry,
         )
-        least_distance = min(least_distance, free_distance)
+        shortest_distance = min(shortest_distance, free_distance)
         # the search wrote this index to `mesh_sphere`; write the body of new contacts
         for k in range(n_before, counts[state.N_MESHED]):
-            meshed.body[k] = i
-            write_contact_sphere(meshed, clumps, k, i, sphere)
-    return least_distance
+            mesh_contacts.body[k] = i
+            write_contact_sphere(mesh_contacts, clumps, k, i, sphere)
+    return shortest_distance

@@ -28,7 +28,7 @@ from .neighbours import (
 from .rows import LANES
 from .state import MOST_SPHERES
 
-WORD_BITS = 64  # bits of a word of flags
+BITS = 64  # bits of a word of flags
 MOST_WATCHED = 16  # pairs of spheres that an entry watches, at most
 SPHERE_RADIUS_ROW = 3  # of `Clumps.spheres`, after the centre
 
@@ -124,7 +124,7 @@ def new_sphere_pairs(n_contacts, n_entries, most_spheres, ghost, n_state):
     """
     n_contacts = state.round_up_to_tiles(n_contacts)
     # number of words with one bit for each pair of spheres, rounded up
-    n_words = -(-most_spheres * most_spheres // WORD_BITS)
+    n_words = -(-most_spheres * most_spheres // BITS)
     return SpherePairs(
         **state.equal_arrays("first second", n_contacts, np.uint32, ghost),
         entry=np.zeros(n_contacts, np.uint32),
@@ -148,21 +148,19 @@ def is_set(words, bit):
 
     `bit` is the index of the bit, which counts through all words.
     """
-    return (words[bit // WORD_BITS] >> np.uint64(bit % WORD_BITS)) & np.uint64(
-        1
-    ) != np.uint64(0)
+    return (words[bit // BITS] >> np.uint64(bit % BITS)) & np.uint64(1) != np.uint64(0)
 
 
 @inlined
 def set_bit(words, bit):
     """Set a bit in a row of 64-bit words, in place; for `bit` see `is_set`."""
-    words[bit // WORD_BITS] |= np.uint64(1) << np.uint64(bit % WORD_BITS)
+    words[bit // BITS] |= np.uint64(1) << np.uint64(bit % BITS)
 
 
 @inlined
 def clear_bit(words, bit):
     """Clear a bit in a row of 64-bit words, in place; for `bit` see `is_set`."""
-    words[bit // WORD_BITS] &= ~(np.uint64(1) << np.uint64(bit % WORD_BITS))
+    words[bit // BITS] &= ~(np.uint64(1) << np.uint64(bit % BITS))
 
 
 @inlined
@@ -352,8 +350,8 @@ def chain_entries(pairs, counts, grid, ghost):
     """Chain the partners of each body of `Grid.moved_list`, from its entries.
 
     A chain is a linked list of the bodies with which a body has an entry, see
-    `neighbours.chain_partner`. The loop begins at the end of the list
-    and ends when all links are made.
+    `neighbours.chain_partner`. The loop begins at the end of the list and ends when all
+    links are made.
 
     Parameters
     ----------

@@ -372,7 +372,7 @@ def solve_edge(row, parts, edge, geometry):
     inside_distance : float
         How far inside the feature it lies [m]: between the ends of the edge and between
         the normals of its two faces. OUTSIDE where the arc has no maximum.
-    best : float
+    largest_gap : float
         The largest f found [m].
     """
     low = 0.0
@@ -380,10 +380,10 @@ def solve_edge(row, parts, edge, geometry):
     # f and its slope at the normals of both faces
     first = edge_values(row, parts, edge, low)
     last = edge_values(row, parts, edge, high)
-    best = max(first.gap, last.gap)
+    largest_gap = max(first.gap, last.gap)
     inside_distance = min(first.slope, -last.slope)
     if inside_distance < -SLACK:
-        return 0.0, OUTSIDE, best
+        return 0.0, OUTSIDE, largest_gap
     # If f rises at the first normal and falls at the last one, a maximum lies between.
     # Otherwise it is at one of both ends.
     if first.slope > 0.0 and last.slope < 0.0:
@@ -412,7 +412,7 @@ def solve_edge(row, parts, edge, geometry):
     inside_distance = min(
         inside_distance, min(distance_along, edge[EDGE_LENGTH] - distance_along)
     )
-    return angle, inside_distance, max(best, geometry[contact_geometry.GAP])
+    return angle, inside_distance, max(largest_gap, geometry[contact_geometry.GAP])
 
 
 @inlined
@@ -641,9 +641,9 @@ def solve_feature(row, parts, meshes, feature, radius, geometry):
     is_edge = meshes.kind[feature] == EDGE
     # Return early if the body's bounding sphere does not reach the feature. (x, y, z)
     # is the vector from the body's centre to the nearest point of the feature.
-    place_x, place_y, place_z = vector_at(data, PLACE)
+    nearest_x, nearest_y, nearest_z = vector_at(data, PLACE)
     centre_x, centre_y, centre_z = vector_at(row, POSITION)
-    x, y, z = place_x - centre_x, place_y - centre_y, place_z - centre_z
+    x, y, z = nearest_x - centre_x, nearest_y - centre_y, nearest_z - centre_z
     if is_edge:
         wx, wy, wz = vector_at(data, EDGE_ALONG)
         distance_along = min(max(-(x * wx + y * wy + z * wz), 0.0), data[EDGE_LENGTH])
@@ -657,10 +657,10 @@ def solve_feature(row, parts, meshes, feature, radius, geometry):
     if distance > 0.0:
         return 0.0, OUTSIDE, distance
     if is_edge:
-        angle, inside_distance, best = solve_edge(row, parts, data, geometry)
+        angle, inside_distance, largest_gap = solve_edge(row, parts, data, geometry)
         if inside_distance == OUTSIDE:
-            geometry[contact_geometry.GAP] = best
-        return angle, inside_distance, best
+            geometry[contact_geometry.GAP] = largest_gap
+        return angle, inside_distance, largest_gap
     # a sine times the radius is a length, like the distances inside other features
     sine = solve_vertex(row, parts, meshes, feature, geometry)
     return 0.0, sine * radius, geometry[contact_geometry.GAP]

@@ -116,7 +116,7 @@ def cell_range(meshes, mesh, axis, low, high):
     """
     cell_edge = meshes.box[mesh, 6]
     lower = meshes.box[mesh, axis]
-    # cells are cubes
+    # cells are cubes; `Meshes.box` has the corners of the box, then the edge of a cell
     first = math.floor((low - lower) / cell_edge)
     last = math.floor((high - lower) / cell_edge)
     return max(first, 0), min(last, meshes.cells[mesh, axis] - 1)
@@ -707,7 +707,7 @@ def refresh_mesh_contacts(
 @inlined
 def find_body_mesh_contacts(
     bodies,
-    meshed,
+    mesh_contacts,
     walls,
     meshes,
     counts,
@@ -724,7 +724,7 @@ def find_body_mesh_contacts(
     ----------
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
-    meshed : WallContacts
+    mesh_contacts : WallContacts
         The contacts with meshes.
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
@@ -753,7 +753,7 @@ def find_body_mesh_contacts(
         parts,
         walls,
         meshes,
-        meshed,
+        mesh_contacts,
         counts,
         mesh,
         i,
@@ -764,5 +764,5 @@ def find_body_mesh_contacts(
     row = row_in_wall_frame(walls, frame, bodies.rows[i], parts, local_row)
     radius = bounding_radius(bodies, i)
     return search_mesh(
-        row, meshed, counts, parts, walls, meshes, mesh, i, radius, geometry
+        row, mesh_contacts, counts, parts, walls, meshes, mesh, i, radius, geometry
     )

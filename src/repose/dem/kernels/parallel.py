@@ -235,8 +235,8 @@ def find_touching_in_share(bodies, pairs, grid, parts, begin, end, touching, nor
     """Write the near pairs of one share that touch to an array, and count them.
 
     A block whose bodies are nearly at rest is skipped as long as none of its pairs can
-    be due. Two bodies come nearer by at most twice the sum of the
-    longest paths of all groups with bodies in the block.
+    be due. Two bodies come nearer by at most twice the sum of the longest paths of all
+    groups with bodies in the block.
 
     Parameters
     ----------
@@ -339,9 +339,9 @@ def add_found_contacts(pairs, counts, grid, touching, n_touching, begins):
 def advance_shared(
     bodies,
     pairs,
-    flat,
-    curved,
-    meshed,
+    plane_contacts,
+    curved_contacts,
+    mesh_contacts,
     grid,
     walls,
     meshes,
@@ -358,7 +358,7 @@ def advance_shared(
 
     Parameters
     ----------
-    bodies, pairs, flat, curved, meshed, grid, walls, meshes, counts, physics
+    bodies, pairs, plane_contacts, curved_contacts, mesh_contacts, grid, walls, meshes, counts, physics
         The simulation, see `state`.
     tiles, body_tiles, scratches : array
         Working memory; row `thread` of each array belongs to this thread.
@@ -381,15 +381,17 @@ def advance_shared(
     for step in range(n_steps):
         # Begin the step, or stop if a list may become too short in it.
         if is_first_thread:
-            lists_have_room = has_room(pairs, flat, curved, meshed, counts)
+            lists_have_room = has_room(
+                pairs, plane_contacts, curved_contacts, mesh_contacts, counts
+            )
             shared.flags[STOP] = 0 if lists_have_room else 1
             if lists_have_room:
                 begin_step(
                     bodies,
                     pairs,
-                    flat,
-                    curved,
-                    meshed,
+                    plane_contacts,
+                    curved_contacts,
+                    mesh_contacts,
                     (),
                     grid,
                     walls,
@@ -425,9 +427,9 @@ def advance_shared(
             )
             wall_contacts_and_forces(
                 bodies,
-                flat,
-                curved,
-                meshed,
+                plane_contacts,
+                curved_contacts,
+                mesh_contacts,
                 (),
                 walls,
                 meshes,
@@ -498,7 +500,7 @@ def run_threads(arrays, tiles, shared, n_steps):
         Number of steps made.
     """
 
-    # every thread runs the same function, with its own number
+    # every thread runs the same function, with its own index
     def run(thread):
         return advance_shared(*arrays, *tiles, shared, thread, n_steps)
 

@@ -47,7 +47,7 @@ def add_pair_if_near(bodies, pairs, clumps, counts, grid, parts, i, j, scratch):
         Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
         are spheres.
     i, j : int
-        The two bodies, which are not listed yet; i is the lower number.
+        The two bodies, which are not a pair of the lists yet; i is the lower index.
     scratch : array
         Working memory: a normal (3,) for smooth bodies, `Scratch.spheres` for clumps.
     """
@@ -62,8 +62,8 @@ def list_pairs_of_body(bodies, pairs, clumps, counts, grid, parts, i, scratch):
     """Add the pairs of body i with near bodies in its cell and the cells around it.
 
     Bodies whose `grid.mark` is i are skipped, because their pairs with i are in the
-    list. Of
-    two bodies that both moved, the one with the lower number lists the pair.
+    list. If both bodies of a pair have moved, the pair is added for the body with the
+    lower index.
 
     Parameters
     ----------
@@ -268,7 +268,15 @@ def drop_wall_contacts_of_gone(presence, contacts, clumps, counts, length_index,
 
 @kernel
 def drop_contacts_of_gone(
-    bodies, pairs, flat, curved, meshed, clumps, counts, grid, ghost
+    bodies,
+    pairs,
+    plane_contacts,
+    curved_contacts,
+    mesh_contacts,
+    clumps,
+    counts,
+    grid,
+    ghost,
 ):
     """Drop all contacts of the bodies that went below the floor in the last step.
 
@@ -280,7 +288,7 @@ def drop_contacts_of_gone(
         State of all bodies, and the loads on them (`state.Bodies`).
     pairs : Pairs or SpherePairs
         The lists of pairs, of smooth bodies or of clumps.
-    flat, curved, meshed : WallContacts
+    plane_contacts, curved_contacts, mesh_contacts : WallContacts
         Contacts with planes, with curved walls and with meshes.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple if all bodies are smooth.
@@ -295,9 +303,15 @@ def drop_contacts_of_gone(
     """
     presence = bodies.presence
     drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost)
-    drop_wall_contacts_of_gone(presence, flat, clumps, counts, state.N_PLANE, ghost)
-    drop_wall_contacts_of_gone(presence, curved, clumps, counts, state.N_CURVED, ghost)
-    drop_wall_contacts_of_gone(presence, meshed, clumps, counts, state.N_MESHED, ghost)
+    drop_wall_contacts_of_gone(
+        presence, plane_contacts, clumps, counts, state.N_PLANE, ghost
+    )
+    drop_wall_contacts_of_gone(
+        presence, curved_contacts, clumps, counts, state.N_CURVED, ghost
+    )
+    drop_wall_contacts_of_gone(
+        presence, mesh_contacts, clumps, counts, state.N_MESHED, ghost
+    )
     for index in range(counts[state.N_MOVED]):
         i = grid.moved_list[index]
         if presence[i] != state.PRESENT:

@@ -102,7 +102,8 @@ def write_sphere_positions(
 def read_sphere_centre(scratch, first, sphere):
     """Return the centre of a sphere that `write_sphere_positions` wrote [m].
 
-    `first` is SPHERES_A or SPHERES_B, k the number of the sphere in its body.
+    `first` is SPHERES_A or SPHERES_B, and `sphere` is the index of the sphere in its
+    body.
     """
     return (
         scratch[first + sphere],
@@ -115,7 +116,8 @@ def read_sphere_centre(scratch, first, sphere):
 def read_sphere_radius(scratch, first, sphere):
     """Return the radius of a sphere that `write_sphere_positions` wrote [m].
 
-    `first` is SPHERES_A or SPHERES_B, k the number of the sphere in its body.
+    `first` is SPHERES_A or SPHERES_B, and `sphere` is the index of the sphere in its
+    body.
     """
     return scratch[first + 3 * MOST_SPHERES + sphere]
 
@@ -124,7 +126,8 @@ def read_sphere_radius(scratch, first, sphere):
 def count_near_spheres(scratch, a, n_spheres, limit):
     """Count the spheres of clump B whose gap to one sphere of clump A is below a limit.
 
-    The function compares squared distances, because square roots are slow.
+    The function compares squared distances, because square roots are slow. It writes
+    these to the row SQUARED_DISTANCES of `scratch`, and differences to the row EXCESS.
 
     Parameters
     ----------

@@ -356,7 +356,7 @@ def equal_arrays(names, shape, dtype, fill_value=0):
 
 
 def new_bodies(n_bodies, parts, shares=1):
-    """Make the arrays for n bodies, all of them absent.
+    """Return the arrays for a number of bodies, all of them absent.
 
     Parameters
     ----------
@@ -371,8 +371,8 @@ def new_bodies(n_bodies, parts, shares=1):
     Returns
     -------
     Bodies
-        The arrays have whole tiles and at least one body more than n. This body n is
-        always absent. It is the "ghost" that stands in the unused lanes of contact
+        The arrays have whole tiles and at least one more body. This body, with index
+        `n_bodies`, is always absent. It is the "ghost" in the unused lanes of contact
         tiles: it has no mass, so no force moves it, and a small shape, so its geometry
         is finite.
     """
@@ -411,7 +411,7 @@ def new_bodies(n_bodies, parts, shares=1):
 
 
 def copy_motion(motion, row, n_columns, n_bodies):
-    """Copy a quantity of the first n bodies from `Bodies.motion` to a table.
+    """Return a copy of a quantity of the first bodies of `Bodies.motion` as a table.
 
     Parameters
     ----------
@@ -426,7 +426,7 @@ def copy_motion(motion, row, n_columns, n_bodies):
 
     Returns
     -------
-    ndarray (n, columns)
+    ndarray (n_bodies, n_columns)
         One row for each body.
     """
     # select the rows of the quantity from an array (tiles, rows, lanes)
@@ -438,7 +438,7 @@ def copy_motion(motion, row, n_columns, n_bodies):
 
 
 def new_grid(n_bodies, lower, upper, cell):
-    """Make the cells for n bodies in a box, with an edge of `cell` [m].
+    """Return the cells for bodies in a box, with an edge of `cell` [m].
 
     The grid has at most CELLS_PER_BODY cells per body (or FEWEST_CELLS), so the memory
     depends on the number of bodies and not on the box. The cells repeat in space like
@@ -475,7 +475,7 @@ def new_grid(n_bodies, lower, upper, cell):
 
 
 def new_contacts(n_contacts, rows):
-    """Make tiles for n contacts, all unused.
+    """Return tiles for contacts, all unused.
 
     Unused lanes hold a valid normal, (0, 0, 1), so that their geometry is finite.
 
@@ -498,7 +498,9 @@ def new_contacts(n_contacts, rows):
 
 
 def contact_rows(data, n_contacts):
-    """Copy the first n contacts of an array of tiles to a table (n, rows of a tile).
+    """Return a copy of the first contacts of an array of tiles as a table.
+
+    The table has a row for each contact and a column for each row of a tile.
 
     `data` (tiles, rows * LANES) has one contact in each lane.
     """
@@ -514,7 +516,7 @@ def round_up_to_tiles(n_contacts):
 
 
 def new_pairs(n_contacts, n_near, ghost, n_state):
-    """Make the lists for touching and near pairs of smooth bodies, both empty.
+    """Return empty lists for touching and near pairs of smooth bodies.
 
     Parameters
     ----------
@@ -546,7 +548,7 @@ def new_pairs(n_contacts, n_near, ghost, n_state):
 
 
 def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost, rows, are_clumps):
-    """Make the empty list for contacts with the walls of one kind.
+    """Return an empty list for contacts with the walls of one kind.
 
     Parameters
     ----------

@@ -467,12 +467,8 @@ def polar_coordinates(x, y):
     (x, y) is the point as seen along the axis. The azimuth of a point on the axis is 0.
     """
     distance = math.sqrt(x * x + y * y)
-    inverse_length = 1.0 / max(distance, LEAST_DISTANCE)
-    cos, sin = (
-        (x * inverse_length, y * inverse_length)
-        if distance > LEAST_DISTANCE
-        else (1.0, 0.0)
-    )
+    inverse = 1.0 / max(distance, LEAST_DISTANCE)
+    cos, sin = (x * inverse, y * inverse) if distance > LEAST_DISTANCE else (1.0, 0.0)
     return distance, cos, sin
 
 

@@ -29,7 +29,16 @@ from .walls import search_curved_wall, search_plane
 
 @inlined
 def find_plane_contacts(
-    bodies, flat, curved, clumps, walls, counts, parts, wall, i, scratch
+    bodies,
+    plane_contacts,
+    curved_contacts,
+    clumps,
+    walls,
+    counts,
+    parts,
+    wall,
+    i,
+    scratch,
 ):
     """Find new contacts of body i with a plane.
 
@@ -37,9 +46,9 @@ def find_plane_contacts(
     ----------
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
-    flat : WallContacts
+    plane_contacts : WallContacts
         The contacts with planes.
-    curved : WallContacts
+    curved_contacts : WallContacts
         The contacts with cones, tubes and rings.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple if all bodies are smooth.
@@ -66,11 +75,19 @@ def find_plane_contacts(
         plane = walls.planes[wall]
         geometry = scratch.geometry
         return search_plane(
-            bodies, flat, curved, counts, parts, plane, wall, i, geometry
+            bodies,
+            plane_contacts,
+            curved_contacts,
+            counts,
+            parts,
+            plane,
+            wall,
+            i,
+            geometry,
         )
     return find_sphere_wall_contacts(
         bodies,
-        flat,
+        plane_contacts,
         state.N_PLANE,
         clumps,
         walls,
@@ -84,7 +101,7 @@ def find_plane_contacts(
 
 @inlined
 def find_curved_wall_contacts(
-    bodies, curved, clumps, walls, counts, parts, wall, i, path, scratch
+    bodies, curved_contacts, clumps, walls, counts, parts, wall, i, path, scratch
 ):
     """Find new contacts of body i with a cone, tube or ring.
 
@@ -92,7 +109,7 @@ def find_curved_wall_contacts(
     ----------
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
-    curved : WallContacts
+    curved_contacts : WallContacts
         The contacts with cones, tubes and rings.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple if all bodies are smooth.
@@ -119,11 +136,11 @@ def find_curved_wall_contacts(
     """
     if len(clumps) == 0:
         return search_curved_wall(
-            bodies, curved, walls, counts, parts, wall, i, path, scratch
+            bodies, curved_contacts, walls, counts, parts, wall, i, path, scratch
         )
     return find_sphere_wall_contacts(
         bodies,
-        curved,
+        curved_contacts,
         state.N_CURVED,
         clumps,
         walls,
@@ -138,8 +155,8 @@ def find_curved_wall_contacts(
 @kernel
 def search_due_walls(
     bodies,
-    flat,
-    curved,
+    plane_contacts,
+    curved_contacts,
     clumps,
     walls,
     counts,
@@ -157,9 +174,9 @@ def search_due_walls(
     ----------
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
-    flat : WallContacts
+    plane_contacts : WallContacts
         The contacts with planes.
-    curved : WallContacts
+    curved_contacts : WallContacts
         The contacts with cones, tubes and rings.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple if all bodies are smooth.
@@ -191,12 +208,21 @@ def search_due_walls(
     next_search = math.inf
     # search the planes that are due; each gets a new limit
     for wall in range(walls.planes.shape[0]):
-        if path >= flat.limit[wall, i]:
+        if path >= plane_contacts.limit[wall, i]:
             free_distance = find_plane_contacts(
-                bodies, flat, curved, clumps, walls, counts, parts, wall, i, scratch
+                bodies,
+                plane_contacts,
+                curved_contacts,
+                clumps,
+                walls,
+                counts,
+                parts,
+                wall,
+                i,
+                scratch,
             )
-            flat.limit[wall, i] = path + free_distance
-        next_search = min(next_search, flat.limit[wall, i])
+            plane_contacts.limit[wall, i] = path + free_distance
+        next_search = min(next_search, plane_contacts.limit[wall, i])
     # no point of the body is higher than this
     highest_point = bodies.rows[i, state.POSITION + 2] + bounding_radius(bodies, i)
     if highest_point < curved_walls_above:
@@ -205,20 +231,29 @@ def search_due_walls(
         return next_search
     # search the curved walls that are due
     for wall in range(walls.cones.shape[0] + walls.rings.shape[0]):
-        if path >= curved.limit[wall, i]:
+        if path >= curved_contacts.limit[wall, i]:
             free_distance = find_curved_wall_contacts(
-                bodies, curved, clumps, walls, counts, parts, wall, i, path, scratch
+                bodies,
+                curved_contacts,
+                clumps,
+                walls,
+                counts,
+                parts,
+                wall,
+                i,
+                path,
+                scratch,
             )
-            curved.limit[wall, i] = path + free_distance
-        next_search = min(next_search, curved.limit[wall, i])
+            curved_contacts.limit[wall, i] = path + free_distance
+        next_search = min(next_search, curved_contacts.limit[wall, i])
     return next_search
 
 
 @inlined
 def search_due_bodies(
     bodies,
-    flat,
-    curved,
+    plane_contacts,
+    curved_contacts,
     clumps,
     walls,
     counts,
@@ -234,9 +269,9 @@ def search_due_bodies(
     ----------
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
-    flat : WallContacts
+    plane_contacts : WallContacts
         The contacts with planes.
-    curved : WallContacts
+    curved_contacts : WallContacts
         The contacts with cones, tubes and rings.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple if all bodies are smooth.
@@ -261,8 +296,8 @@ def search_due_bodies(
         if path >= bodies.wall_check[i]:
             bodies.wall_check[i] = search_due_walls(
                 bodies,
-                flat,
-                curved,
+                plane_contacts,
+                curved_contacts,
                 clumps,
                 walls,
                 counts,
@@ -296,7 +331,15 @@ def smallest_wall_margin(bodies, wall_path, begin, end):
 
 @kernel
 def find_new_wall_contacts(
-    bodies, flat, curved, clumps, walls, counts, parts, curved_walls_above, scratch
+    bodies,
+    plane_contacts,
+    curved_contacts,
+    clumps,
+    walls,
+    counts,
+    parts,
+    curved_walls_above,
+    scratch,
 ):
     """Find new contacts with planes, cones, tubes and rings for bodies that are due.
 
@@ -307,9 +350,9 @@ def find_new_wall_contacts(
     ----------
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
-    flat : WallContacts
+    plane_contacts : WallContacts
         The contacts with planes.
-    curved : WallContacts
+    curved_contacts : WallContacts
         The contacts with cones, tubes and rings.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple if all bodies are smooth.
@@ -331,8 +374,8 @@ def find_new_wall_contacts(
     if bodies.load.shape[0] == 1 or walls.approach[state.WALLS_MOVE] > 0.0:
         search_due_bodies(
             bodies,
-            flat,
-            curved,
+            plane_contacts,
+            curved_contacts,
             clumps,
             walls,
             counts,
@@ -351,8 +394,8 @@ def find_new_wall_contacts(
         end = min(first_body + LANES, n_bodies)
         search_due_bodies(
             bodies,
-            flat,
-            curved,
+            plane_contacts,
+            curved_contacts,
             clumps,
             walls,
             counts,
@@ -371,7 +414,7 @@ def find_new_wall_contacts(
 
 @inlined
 def find_mesh_contacts(
-    bodies, meshed, clumps, walls, meshes, counts, parts, mesh, i, scratch
+    bodies, mesh_contacts, clumps, walls, meshes, counts, parts, mesh, i, scratch
 ):
     """Find new contacts of body i with a mesh.
 
@@ -379,7 +422,7 @@ def find_mesh_contacts(
     ----------
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
-    meshed : WallContacts
+    mesh_contacts : WallContacts
         The contacts with meshes.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple if all bodies are smooth.
@@ -410,7 +453,7 @@ def find_mesh_contacts(
     if len(clumps) == 0:
         return find_body_mesh_contacts(
             bodies,
-            meshed,
+            mesh_contacts,
             walls,
             meshes,
             counts,
@@ -423,7 +466,7 @@ def find_mesh_contacts(
         )
     return find_sphere_mesh_contacts(
         bodies,
-        meshed,
+        mesh_contacts,
         clumps,
         walls,
         meshes,
@@ -439,7 +482,7 @@ def find_mesh_contacts(
 
 @kernel
 def find_new_mesh_contacts(
-    bodies, meshed, clumps, walls, meshes, counts, parts, scratch
+    bodies, mesh_contacts, clumps, walls, meshes, counts, parts, scratch
 ):
     """Find new contacts with meshes for all present bodies that are due.
 
@@ -449,7 +492,7 @@ def find_new_mesh_contacts(
     ----------
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
-    meshed : WallContacts
+    mesh_contacts : WallContacts
         The contacts with meshes.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple if all bodies are smooth.
@@ -470,9 +513,21 @@ def find_new_mesh_contacts(
         for i in range(counts[state.N_BODIES]):
             # body and mesh may have come nearer by this path in total
             path = bodies.displacement[i] + wall_path
-            if path < meshed.limit[mesh, i] or bodies.presence[i] != state.PRESENT:
+            if (
+                path < mesh_contacts.limit[mesh, i]
+                or bodies.presence[i] != state.PRESENT
+            ):
                 continue
             free_distance = find_mesh_contacts(
-                bodies, meshed, clumps, walls, meshes, counts, parts, mesh, i, scratch
+                bodies,
+                mesh_contacts,
+                clumps,
+                walls,
+                meshes,
+                counts,
+                parts,
+                mesh,
+                i,
+                scratch,
             )
-            meshed.limit[mesh, i] = path + free_distance
+            mesh_contacts.limit[mesh, i] = path + free_distance

@@ -384,7 +384,7 @@ def search_cone(
 
     The overlap phi depends on an angle about the cone's axis. It is calculated at
     STARTS equally spaced angles. The solver starts at each angle whose overlap is not
-    smaller than that of both neighbours.
+    smaller than that of either neighbour.
 
     Parameters
     ----------
@@ -425,7 +425,7 @@ def search_cone(
             + extent(row, parts, nx, ny, cone[state.CONE_NORMAL_Z])
             - cone[state.CONE_OFFSET]
         )
-    least_distance = FAR
+    shortest_distance = FAR
     for start in range(state.STARTS):
         overlap = profile[start]
         # the angles form a circle: profile[-1], the last one, is before profile[0]
@@ -449,8 +449,8 @@ def search_cone(
             distance_moved,
             geometry,
         )
-        least_distance = min(least_distance, free_distance)
-    return least_distance if least_distance < FAR else 0.0
+        shortest_distance = min(shortest_distance, free_distance)
+    return shortest_distance if shortest_distance < FAR else 0.0
 
 
 @kernel
@@ -472,7 +472,7 @@ def search_ring(
 
     The distance between the body and the circle in the middle of the ring is calculated
     at STARTS equally spaced angles. The solver starts at each angle whose distance is
-    not larger than that of both neighbours.
+    not larger than that of either neighbour.
 
     Parameters
     ----------
@@ -513,7 +513,7 @@ def search_ring(
     for start in range(state.STARTS):
         nx, ny, nz, distance = direction_to_ring(row, ring, start)
         profile[start] = distance - extent(row, parts, nx, ny, nz)
-    least_distance = FAR
+    shortest_distance = FAR
     for start in range(state.STARTS):
         start_distance = profile[start]
         # the angles form a circle: profile[-1], the last one, is before profile[0]
@@ -539,8 +539,8 @@ def search_ring(
             distance_moved,
             geometry,
         )
-        least_distance = min(least_distance, free_distance)
-    return least_distance if least_distance < FAR else 0.0
+        shortest_distance = min(shortest_distance, free_distance)
+    return shortest_distance if shortest_distance < FAR else 0.0
 
 
 @inlined
@@ -572,14 +572,16 @@ def distance_from_disc_axis(row, parts, nx, ny, nz, dx, dy, dz):
 
 
 @kernel
-def search_plane(bodies, contacts, curved, counts, parts, plane, wall, i, geometry):
+def search_plane(
+    bodies, plane_contacts, curved_contacts, counts, parts, plane, wall, i, geometry
+):
     """Search for the contact of body i with a plane, and add it if the body touches.
 
     Parameters
     ----------
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
-    contacts, curved : WallContacts
+    plane_contacts, curved_contacts : WallContacts
         The lists of contacts with planes, and with cones and rings.
     counts : array (COUNTS,) of int
         Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
@@ -610,27 +612,29 @@ def search_plane(bodies, contacts, curved, counts, parts, plane, wall, i, geomet
     height = nx * dx + ny * dy + nz * dz  # distance of the centre from the plane
     gap = height - extent(row, parts, nx, ny, nz)
     if gap > 0.0:
-        contacts.allowed_overlap[wall, i] = math.inf
+        plane_contacts.allowed_overlap[wall, i] = math.inf
         return gap
     distance = distance_from_disc_axis(row, parts, nx, ny, nz, dx, dy, dz)
     is_on_disc = distance <= plane[state.PLANE_RADIUS]
     # The body is past the wall if its touching point is beyond the edge of the disc, or
     # if its centre is behind the disc.
     if height < 0.0 or not is_on_disc:
-        contacts.allowed_overlap[wall, i] = 0.0
-    if contacts.allowed_overlap[wall, i] == 0.0:
+        plane_contacts.allowed_overlap[wall, i] = 0.0
+    if plane_contacts.allowed_overlap[wall, i] == 0.0:
         # The body stays past the wall unless it slides onto the disc from a curved wall
         # that ends there, as from a rim onto a lid. Then its overlap with the curved
         # wall is larger than that with the disc.
-        overlap = overlap_with_other_walls(curved, counts[state.N_CURVED], i, -1)
+        overlap = overlap_with_other_walls(
+            curved_contacts, counts[state.N_CURVED], i, -1
+        )
         if height < 0.0 or not is_on_disc or -gap > overlap:
             return -gap
-        contacts.allowed_overlap[wall, i] = math.inf
-    # a new contact; it keeps a copy of the plane
+        plane_contacts.allowed_overlap[wall, i] = math.inf
+    # add a new contact, which stores a copy of the plane
     set_vector(geometry, contact_geometry.NORMAL, nx, ny, nz)
-    k = add_wall_contact(contacts, counts, state.N_PLANE, i, wall, geometry)
+    k = add_wall_contact(plane_contacts, counts, state.N_PLANE, i, wall, geometry)
     if k >= 0:
-        write_plane(contacts.data[k // LANES], k % LANES, plane)
+        write_plane(plane_contacts.data[k // LANES], k % LANES, plane)
     return FAR
 
 
@@ -774,14 +778,16 @@ def search_sphere(
 
 
 @inlined
-def search_curved_wall(bodies, curved, walls, counts, parts, wall, i, path, scratch):
+def search_curved_wall(
+    bodies, curved_contacts, walls, counts, parts, wall, i, path, scratch
+):
     """Search for contacts of smooth body i with a cone or ring.
 
     Parameters
     ----------
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
-    curved : WallContacts
+    curved_contacts : WallContacts
         The contacts with cones, tubes and rings.
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
@@ -809,14 +815,16 @@ def search_curved_wall(bodies, curved, walls, counts, parts, wall, i, path, scra
     radius = bounding_radius(bodies, i)
     # The allowed overlap grows by the distance moved since the last search. A body that
     # is past a wall is searched again after NEXT_SEARCH_BEYOND_END.
-    allowed_overlap = curved.allowed_overlap[wall, i]
-    distance_moved = path - curved.limit[wall, i] + NEXT_SEARCH_BEYOND_END * radius
-    curved.allowed_overlap[wall, i] = math.inf
+    allowed_overlap = curved_contacts.allowed_overlap[wall, i]
+    distance_moved = (
+        path - curved_contacts.limit[wall, i] + NEXT_SEARCH_BEYOND_END * radius
+    )
+    curved_contacts.allowed_overlap[wall, i] = math.inf
     row = row_in_wall_frame(walls, wall, bodies.rows[i], parts, scratch.local_row)
     if parts == state.SPHERES:
         return search_sphere(
             row,
-            curved,
+            curved_contacts,
             counts,
             walls,
             wall,
@@ -829,7 +837,7 @@ def search_curved_wall(bodies, curved, walls, counts, parts, wall, i, path, scra
     if wall < walls.cones.shape[0]:
         return search_cone(
             row,
-            curved,
+            curved_contacts,
             counts,
             parts,
             walls,
@@ -843,7 +851,7 @@ def search_curved_wall(bodies, curved, walls, counts, parts, wall, i, path, scra
         )
     return search_ring(
         row,
-        curved,
+        curved_contacts,
         counts,
         parts,
         walls,
