@@ -63,8 +63,8 @@ def ascent_step(gradient_u, gradient_w, q_uu, q_uw, q_ww, f):
     """Return the step of a normal towards the largest gap from a vertex [rad].
 
     f is the gap of the body and the vertex along the normal. The step is one of
-    Newton's method on the unit sphere, or a scaled gradient step where the Hessian -(Q
-    + f I) is not definite. A step longer than LONGEST_STEP is cut.
+    Newton's method on the unit sphere. It is a scaled gradient step where the Hessian
+    -(Q + f I) is not definite. A step longer than LONGEST_STEP is shortened.
 
     Parameters
     ----------
@@ -143,29 +143,16 @@ def write_face_contact(row, parts, face, geometry):
     nx, ny, nz = vector_at(face, FACE_NORMAL)
     x, y, z = vector_at(row, POSITION)
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
-    support, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
+    # the body's extent h along n, outermost point along u and w, and curvature matrix Q
+    h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
-    gap = face[FACE_OFFSET] - (nx * x + ny * y + nz * z + support)
+    gap = face[FACE_OFFSET] - (nx * x + ny * y + nz * z + h)
     radius = math.sqrt(q_uu * q_ww - q_uw * q_uw)
     write_contact(
-        geometry,
-        nx,
-        ny,
-        nz,
-        gap,
-        radius,
-        support,
-        along_u,
-        along_w,
-        ux,
-        uy,
-        uz,
-        wx,
-        wy,
-        wz,
+        geometry, nx, ny, nz, gap, radius, h, along_u, along_w, ux, uy, uz, wx, wy, wz
     )
-    # The distance of the contact point p from the nearest side of the triangle.
+    # Find the distance of the contact point from the nearest side of the triangle.
     arm_x, arm_y, arm_z = arm_of(geometry)
     point_x, point_y, point_z = x + arm_x, y + arm_y, z + arm_z
     inside_distance = 1e300
@@ -226,12 +213,13 @@ def edge_support(row, parts, edge, nx, ny, nz, ux, uy, uz):
     values : EdgeValues
         The gap along n, its first and second derivative by the angle, and the
         distance along the edge.
-    support, along_u, along_w, q_uu, q_uw, q_ww : float
+    h, along_u, along_w, q_uu, q_uw, q_ww : float
         Support terms of the body, see `geometry.support_terms`; w is along the edge
         [m].
     """
     wx, wy, wz = vector_at(edge, EDGE_ALONG)
-    support, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
+    # the body's extent h along n, outermost point along u and w, and curvature matrix Q
+    h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
     start_x, start_y, start_z = vector_at(edge, PLACE)
@@ -240,13 +228,13 @@ def edge_support(row, parts, edge, nx, ny, nz, ux, uy, uz):
     dx, dy, dz = start_x - x, start_y - y, start_z - z
     # the gap to the edge without its rounding, its derivative by the angle, and the
     # distance along the edge
-    sharp_gap = nx * dx + ny * dy + nz * dz - support
+    sharp_gap = nx * dx + ny * dy + nz * dz - h
     slope = ux * dx + uy * dy + uz * dz - along_u
     distance_along = along_w - (wx * dx + wy * dy + wz * dz)
     values = EdgeValues(
         sharp_gap - edge[RADIUS_COLUMN], slope, -(sharp_gap + q_uu), distance_along
     )
-    return values, support, along_u, along_w, q_uu, q_uw, q_ww
+    return values, h, along_u, along_w, q_uu, q_uw, q_ww
 
 
 @inlined
@@ -266,7 +254,7 @@ def edge_values(row, parts, edge, angle):
         Angle of the normal from that of the first face [rad].
     """
     nx, ny, nz, ux, uy, uz = edge_axes(edge, angle)
-    values, _support, _along_u, _along_w, _q_uu, _q_uw, _q_ww = edge_support(
+    values, _h, _along_u, _along_w, _q_uu, _q_uw, _q_ww = edge_support(
         row, parts, edge, nx, ny, nz, ux, uy, uz
     )
     return values
@@ -274,7 +262,7 @@ def edge_values(row, parts, edge, angle):
 
 @kernel
 def write_edge_contact(row, parts, edge, angle, geometry):
-    """Fill `geometry` for a body and an edge, at an angle of largest gap f.
+    """Fill `geometry` for a body and an edge, at the angle of the largest gap f.
 
     Parameters
     ----------
@@ -296,7 +284,7 @@ def write_edge_contact(row, parts, edge, angle, geometry):
     """
     nx, ny, nz, ux, uy, uz = edge_axes(edge, angle)
     wx, wy, wz = vector_at(edge, EDGE_ALONG)
-    values, support, along_u, along_w, q_uu, q_uw, q_ww = edge_support(
+    values, h, along_u, along_w, q_uu, q_uw, q_ww = edge_support(
         row, parts, edge, nx, ny, nz, ux, uy, uz
     )
     # the curvature grows with the angle from the nearer normal of both faces
@@ -310,7 +298,7 @@ def write_edge_contact(row, parts, edge, angle, geometry):
         nz,
         values.gap,
         radius,
-        support,
+        h,
         along_u,
         along_w,
         ux,
@@ -327,8 +315,9 @@ def write_edge_contact(row, parts, edge, angle, geometry):
 def edge_angle_step(slope, second_derivative):
     """Return the next step of an angle about an edge towards the maximum of f [rad].
 
-    It is a Newton step, or a short step uphill where f is not concave. `slope` and
-    `second_derivative` are the first and second derivative of f by the angle [m].
+    The step is one of Newton's method, or a short step uphill where f is not concave.
+    `slope` and `second_derivative` are the first and second derivative of f by the
+    angle [m].
     """
     return (
         -slope / second_derivative
@@ -370,8 +359,8 @@ def solve_edge(row, parts, edge, geometry):
     angle : float
         Where the maximum is [rad].
     inside_distance : float
-        How far inside the feature it lies [m]: between the ends of the edge and between
-        the normals of its two faces. OUTSIDE where the arc has no maximum.
+        How far inside the feature the maximum lies [m]: between the ends of the edge
+        and between the normals of its two faces. OUTSIDE if the arc has no maximum.
     largest_gap : float
         The largest f found [m].
     """
@@ -417,10 +406,9 @@ def solve_edge(row, parts, edge, geometry):
 
 @inlined
 def vertex_gap_and_step(row, parts, vertex, nx, ny, nz):
-    """Return f of a vertex for a normal n, and the step to the next normal.
+    """Return the gap of a body and a rounded vertex along n, and the next step of n.
 
-    f is the gap of the body and the rounded vertex along n; the step is towards its
-    maximum.
+    The step is towards the normal of the largest gap.
 
     Parameters
     ----------
@@ -440,7 +428,8 @@ def vertex_gap_and_step(row, parts, vertex, nx, ny, nz):
         The step along the two vectors of `geometry.tangents` [rad].
     """
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
-    support, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
+    # the body's extent h along n, outermost point along u and w, and curvature matrix Q
+    h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
     vertex_x, vertex_y, vertex_z = vector_at(vertex, PLACE)
@@ -448,7 +437,7 @@ def vertex_gap_and_step(row, parts, vertex, nx, ny, nz):
     # (dx, dy, dz) is the vector from the body's centre to the vertex
     dx, dy, dz = vertex_x - x, vertex_y - y, vertex_z - z
     # the distance of the vertex from the body along n, and its gradient
-    sharp_gap = nx * dx + ny * dy + nz * dz - support
+    sharp_gap = nx * dx + ny * dy + nz * dz - h
     gradient_u = dx * ux + dy * uy + dz * uz - along_u
     gradient_w = dx * wx + dy * wy + dz * wz - along_w
     step_u, step_w = ascent_step(gradient_u, gradient_w, q_uu, q_uw, q_ww, sharp_gap)
@@ -457,7 +446,7 @@ def vertex_gap_and_step(row, parts, vertex, nx, ny, nz):
 
 @kernel
 def write_vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
-    """Fill `geometry` for a body and a vertex, for a normal of largest gap.
+    """Fill `geometry` for a body and a vertex, at the normal of the largest gap.
 
     Parameters
     ----------
@@ -475,8 +464,8 @@ def write_vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
     Returns
     -------
     float
-        How far the normal lies inside the vertex's set, as a sine: the least over all
-        its edges. It is negative where the normal is not between those of all faces.
+        How far the normal lies inside the vertex's set of normals, as a sine. It is the
+        smallest sine over all edges, and negative outside of the set.
     """
     vertex = meshes.data[feature]
     # Find the edge to which the normal is nearest.
@@ -500,7 +489,8 @@ def write_vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
     inverse_length = 1.0 / math.sqrt(max(ux * ux + uy * uy + uz * uz, 1e-30))
     ux, uy, uz = ux * inverse_length, uy * inverse_length, uz * inverse_length
     wx, wy, wz = ny * uz - nz * uy, nz * ux - nx * uz, nx * uy - ny * ux
-    support, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
+    # the body's extent h along n, outermost point along u and w, and curvature matrix Q
+    h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
     edge_radius = vertex[RADIUS_COLUMN]
@@ -510,7 +500,7 @@ def write_vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
         nx * (vertex_x - x)
         + ny * (vertex_y - y)
         + nz * (vertex_z - z)
-        - support
+        - h
         - edge_radius
     )
     # the curvatures along u and across it, by the angles from the nearest face and edge
@@ -520,21 +510,7 @@ def write_vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
     wall_curvature_u = min(wall_curvature_w, blended_curvature(to_edge, edge_radius))
     radius = effective_radius(q_uu, q_uw, q_ww, wall_curvature_u, wall_curvature_w)
     write_contact(
-        geometry,
-        nx,
-        ny,
-        nz,
-        gap,
-        radius,
-        support,
-        along_u,
-        along_w,
-        ux,
-        uy,
-        uz,
-        wx,
-        wy,
-        wz,
+        geometry, nx, ny, nz, gap, radius, h, along_u, along_w, ux, uy, uz, wx, wy, wz
     )
     return smallest_sine
 
@@ -627,9 +603,9 @@ def solve_feature(row, parts, meshes, feature, radius, geometry):
     angle : float
         Angle about an edge [rad]; 0.0 for other features.
     inside_distance : float
-        How far inside the feature the contact lies [m]; OUTSIDE where there is none.
+        How far inside the feature the contact lies [m]; OUTSIDE if there is none.
     free_distance : float
-        Where positive, a lower bound of the distance from the body to the feature [m].
+        If positive, a lower bound of the distance from the body to the feature [m].
     """
     data = meshes.data[feature]
     if meshes.kind[feature] == FACE:

@@ -358,8 +358,10 @@ def advance_shared(
 
     Parameters
     ----------
-    bodies, pairs, plane_contacts, curved_contacts, mesh_contacts, grid, walls, meshes, counts, physics
-        The simulation, see `state`.
+    bodies, pairs, plane_contacts, curved_contacts, mesh_contacts : arrays
+        Bodies, pairs and contacts of the simulation, see `state`.
+    grid, walls, meshes, counts, physics : arrays
+        The rest of the simulation, see `state`.
     tiles, body_tiles, scratches : array
         Working memory; row `thread` of each array belongs to this thread.
     shared : Shared

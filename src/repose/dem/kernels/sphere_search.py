@@ -81,7 +81,7 @@ def write_sphere_positions(
     first : int
         Index of the first row: SPHERES_A or SPHERES_B.
     """
-    # The quaternion (qw, qx, qy, qz) turns the spheres' centres into the world.
+    # The quaternion (qw, qx, qy, qz) rotates the spheres' centres into world axes.
     qw = row[SHAPE]
     qx, qy, qz = vector_at(row, SHAPE + 1)
     body_x, body_y, body_z = vector_at(row, POSITION)
@@ -336,7 +336,7 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch
 
 @inlined
 def sphere_in_world(bodies, clumps, i, sphere):
-    """Return centre (x, y, z) and radius of sphere k of body i, in the world [m].
+    """Return centre (x, y, z) and radius of a sphere of body i, in the world [m].
 
     Parameters
     ----------
@@ -352,7 +352,7 @@ def sphere_in_world(bodies, clumps, i, sphere):
     row = bodies.rows[i]
     spheres = clumps.spheres[clumps.shape[i]]
     scale = clumps.scale[i]
-    # The quaternion (qw, qx, qy, qz) turns the sphere's centre into the world.
+    # The quaternion (qw, qx, qy, qz) rotates the sphere's centre into world axes.
     qw = row[SHAPE]
     qx, qy, qz = vector_at(row, SHAPE + 1)
     body_x, body_y, body_z = vector_at(row, POSITION)

@@ -86,7 +86,7 @@ def effective_radius(q_uu, q_uw, q_ww, wall_curvature_u, wall_curvature_w):
 
 @inlined
 def limit_turn(turn):
-    """Cut a step of an angle [rad] to LONGEST_TURN, whatever its sign."""
+    """Return a step of an angle [rad], limited to LONGEST_TURN in both directions."""
     return min(max(turn, -LONGEST_TURN), LONGEST_TURN)
 
 
@@ -140,12 +140,13 @@ def cone_derivatives(row, parts, cone, theta):
     cos, sin, nx, ny, nz, ux, uy, uz, wx, wy, wz = cone_axes(cone, theta)
     normal_r = cone[CONE_NORMAL_R]
     x, y, _z = vector_at(row, POSITION)
-    support, along_u, along_w, q_uu, _q_uw, _q_ww = support_terms(
+    # the body's extent h along n, outermost point along u and w, and curvature matrix Q
+    h, along_u, along_w, q_uu, _q_uw, _q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
     # the body's outermost point along n, seen from above
-    px = x + support * nx + along_u * ux + along_w * wx
-    py = y + support * ny + along_u * uy + along_w * wy
+    px = x + h * nx + along_u * ux + along_w * wx
+    py = y + h * ny + along_u * uy + along_w * wy
     # phi changes as the normal turns along u; the surface's curvature adds to the
     # second derivative
     slope = normal_r * (ux * px + uy * py)
@@ -179,7 +180,7 @@ def climb_cone(row, parts, cone, theta):
 
 @kernel
 def write_cone_contact(row, parts, cone, theta, geometry):
-    """Fill `geometry` for a body that touches a cone, at an angle of largest overlap.
+    """Fill `geometry` for a body and a cone, at the angle of the largest overlap.
 
     Parameters
     ----------
@@ -201,33 +202,22 @@ def write_cone_contact(row, parts, cone, theta, geometry):
     """
     cos, sin, nx, ny, nz, ux, uy, uz, wx, wy, wz = cone_axes(cone, theta)
     x, y, z = vector_at(row, POSITION)
-    support, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
+    # the body's extent h along n, outermost point along u and w, and curvature matrix Q
+    h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
-    gap = cone[CONE_OFFSET] - (nx * x + ny * y + nz * z + support)
+    gap = cone[CONE_OFFSET] - (nx * x + ny * y + nz * z + h)
     # the effective radius depends on the contact point and is written below
     write_contact(
-        geometry,
-        nx,
-        ny,
-        nz,
-        gap,
-        0.0,
-        support,
-        along_u,
-        along_w,
-        ux,
-        uy,
-        uz,
-        wx,
-        wy,
-        wz,
+        geometry, nx, ny, nz, gap, 0.0, h, along_u, along_w, ux, uy, uz, wx, wy, wz
     )
 
     # (px, py, pz) is the contact point
     px, py, pz = x + geometry[ARM], y + geometry[ARM + 1], z + geometry[ARM + 2]
-    distance = max(cos * px + sin * py, SMALLEST_CIRCLE)  # from the axis
-    # a cone curves towards the body, with the radius distance / n_r along the circle
+    distance = max(
+        cos * px + sin * py, SMALLEST_CIRCLE
+    )  # of the contact point from the axis
+    # a cone is concave: its curvature along the circle is negative
     wall_curvature_u = -cone[CONE_NORMAL_R] / distance
     geometry[RADIUS] = effective_radius(q_uu, q_uw, q_ww, wall_curvature_u, 0.0)
 
@@ -268,11 +258,12 @@ def make_ring_step(row, parts, ring, theta, nx, ny, nz):
     x, y, z = vector_at(row, POSITION)
     dx, dy, dz = radius * cos - x, radius * sin - y, ring[RING_HEIGHT] - z
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
-    support, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
+    # the body's extent h along n, outermost point along u and w, and curvature matrix Q
+    h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
     # The distance f of body and circle, and its gradient along u and w.
-    f = nx * dx + ny * dy + nz * dz - support
+    f = nx * dx + ny * dy + nz * dz - h
     gradient_u = dx * ux + dy * uy + dz * uz - along_u
     gradient_w = dx * wx + dy * wy + dz * wz - along_w
     # Derivatives of f by theta. (tx, ty) is the derivative of the point of the circle.
@@ -382,7 +373,8 @@ def write_ring_contact(row, parts, ring, theta, nx, ny, nz, geometry):
     inverse_length = 1.0 / math.sqrt(ux * ux + uy * uy + uz * uz)
     ux, uy, uz = ux * inverse_length, uy * inverse_length, uz * inverse_length
     wx, wy, wz = ny * uz - nz * uy, nz * ux - nx * uz, nx * uy - ny * ux
-    support, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
+    # the body's extent h along n, outermost point along u and w, and curvature matrix Q
+    h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
     # From the body's surface to the circle in the middle of the torus, less the radius
@@ -391,28 +383,14 @@ def write_ring_contact(row, parts, ring, theta, nx, ny, nz, geometry):
         nx * (ring[RING_RADIUS] * cos - x)
         + ny * (ring[RING_RADIUS] * sin - y)
         + nz * (ring[RING_HEIGHT] - z)
-        - support
+        - h
         - ring[RING_EDGE_RADIUS]
     )
     outward = nx * cos + ny * sin  # component of n away from the axis
     wall_curvature_u, wall_curvature_w = ring_curvatures(ring, outward)
     radius = effective_radius(q_uu, q_uw, q_ww, wall_curvature_u, wall_curvature_w)
     write_contact(
-        geometry,
-        nx,
-        ny,
-        nz,
-        gap,
-        radius,
-        support,
-        along_u,
-        along_w,
-        ux,
-        uy,
-        uz,
-        wx,
-        wy,
-        wz,
+        geometry, nx, ny, nz, gap, radius, h, along_u, along_w, ux, uy, uz, wx, wy, wz
     )
     return (
         outward * ring[RING_GATE_A_R] + nz * ring[RING_GATE_A_Z] >= 0.0
@@ -497,7 +475,7 @@ def write_sphere_cone_contact(x, y, z, radius, cone, geometry):
     normal_r = cone[CONE_NORMAL_R]
     normal_z = cone[CONE_NORMAL_Z]
     gap = cone[CONE_OFFSET] - normal_r * distance - normal_z * z - radius
-    # a cone curves towards the body, with the radius circle / n_r
+    # a cone is concave: its curvature along the circle is negative
     circle_radius = max(distance + (radius + 0.5 * gap) * normal_r, SMALLEST_CIRCLE)
     contact_radius = effective_radius(
         radius, 0.0, radius, -normal_r / circle_radius, 0.0

@@ -562,7 +562,7 @@ def distance_from_disc_axis(row, parts, nx, ny, nz, dx, dy, dz):
         From the body's centre to the middle of the disc [m].
     """
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
-    _support, along_u, along_w, _q_uu, _q_uw, _q_ww = support_terms(
+    _h, along_u, along_w, _q_uu, _q_uw, _q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
     # measure from the axis of the disc instead of the body's centre
