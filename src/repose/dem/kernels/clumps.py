@@ -38,8 +38,8 @@ class Clumps(NamedTuple):
 
     spheres: Any  # (S, 4, MOST_SPHERES): centre (3) and radius of each sphere
     sizes: Any  # (S,): number of spheres
-    shape: Any  # (N,): number of a body's shape
-    scale: Any  # (N,): factor of a body's lengths
+    shape: Any  # (N,): index of a body's shape
+    scale: Any  # (N,): lengths of a body over those of its shape
     mesh_sphere: Any  # of each contact with a mesh: body * MOST_SPHERES + sphere
 
 

@@ -42,9 +42,9 @@ from .walls import (
 
 # A search reaches this far beyond the body's box (fraction of the body's radius).
 SEARCH_MARGIN = 0.5
-# The next feature of a contact is searched for this far about its place (share of the
-# body's radius), among features whose normal differs by less than the angle of this
-# cosine.
+# A contact that leaves its feature may move to features within this distance of the
+# contact point (fraction of the body's radius) if the cosine of the angle between both
+# normals is above the second constant.
 HAND_OVER_REACH = 0.05
 LEAST_NORMAL_COSINE = 0.9
 

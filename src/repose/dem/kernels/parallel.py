@@ -46,7 +46,7 @@ CALM_SHARE = 1e-3
 # Values of `Pairs.near_check` instead of a path: the pairs of the block have changed,
 # or the block is checked in the next step.
 CHANGED, DUE = 0.0, -1.0
-ALL_STEPS, LAST_STEP = 0, 1  # rows of `Grid.paths`
+ALL_STEPS, LAST_STEP = 0, 1  # rows of `Grid.paths`: sum of all steps, last step
 STOP = 0  # index in `Shared.flags` of the flag that ends the run
 
 

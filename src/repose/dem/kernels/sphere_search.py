@@ -42,13 +42,14 @@ from .neighbours import find_next_due
 from .rows import vector_at
 from .state import MOST_SPHERES, POSITION, SHAPE, bounding_radius
 
-# Pairs that are watched after a full search; the other slots are for contacts that end.
+# Number of pairs that are watched after a full search. The other slots are for contacts
+# that end.
 WATCHED_AFTER_SEARCH = MOST_WATCHED - 4
 # Indices in the scratch array: the spheres of A and those of B, four rows each.
 SPHERES_A = 0
 SPHERES_B = 4 * MOST_SPHERES
-# Of one sphere of A and each sphere of B: the squared distance of their centres, and by
-# how much it exceeds that of a pair whose gap is calculated.
+# For one sphere of A and each sphere of B: the squared distance of their centres, and by
+# how much it exceeds that of two spheres whose gap is calculated.
 SQUARED_DISTANCES = 8 * MOST_SPHERES
 EXCESS = 9 * MOST_SPHERES
 # The smallest gaps, in increasing order, and the spheres of A and B that have them.

@@ -137,7 +137,7 @@ class Bodies(NamedTuple):
 
     rows: Any  # (N, columns), see POSITION to SHAPE
     load: Any  # (shares, N, LOAD_COLUMNS): the sum over the shares acts on a body
-    touched: Any  # (shares, T): 1 where a share of a tile's loads may not be zero
+    touched: Any  # (shares, T): 1 where a share of a tile's loads may differ from zero
     motion: Any  # (T, MOTION_ROWS * LANES)
     displacement: Any  # (N,): how far any point of the body may have moved until now
     wall_check: Any  # (N,): displacement of body and walls at the next check of walls
@@ -146,11 +146,11 @@ class Bodies(NamedTuple):
     exit_time: Any  # (N,): when it fell through the exit height [s]; NaN before
     indices: Any  # (N,): 0, 1, 2, ...: the index with which `simd` reads a whole tile
     resting: Any  # (T,): 1 where no body of the tile turned in the last step
-    material: Any  # (N,): number of the material
+    material: Any  # (N,): index of the material
     event: Any  # (N,): bits of the events of a body, see `rigid`
     events: Any  # (N,): the bodies with events
     longest_path: Any  # (T,): longest path of the tile's bodies in the last step
-    wall_margin: Any  # (T,): the way left until a body of the tile is due for walls
+    wall_margin: Any  # (T,): path left until a body of the tile is due for walls
 
 
 class Grid(NamedTuple):
@@ -163,7 +163,7 @@ class Grid(NamedTuple):
     moved: Any  # (N,): 1 for the bodies of `moved_list`
     moved_list: Any  # (N,): the bodies whose neighbours are found again
     chain: Any  # (N,): first link of a body's partners, an index in `Pairs.link`, or -1
-    mark: Any  # (N,): the body i with which a body is already paired, while i is listed
+    mark: Any  # (N,): body i of an existing pair, during the search for pairs of i
     touching: Any  # (N,): number of touching pairs of each body
     near: Any  # (N,): number of near pairs of each body
     shape: Any  # (3,): number of cells along each axis
@@ -194,7 +194,7 @@ class WallContacts(NamedTuple):
     """Contacts with the walls of one kind; W is the number of these walls."""
 
     body: Any  # (contacts,)
-    wall: Any  # (contacts,): number among the walls of this kind
+    wall: Any  # (contacts,): index among the walls of this kind
     feature: Any  # (contacts,): feature of the mesh, or else sphere of the clump
     data: Any  # (tiles, rows * LANES)
     limit: Any  # (W, N): displacement of body and walls at the next search
@@ -219,7 +219,7 @@ class Walls(NamedTuple):
     displaced: Any  # (C + M,): 1 where the frame is not the world's
     motion: Any  # (walls, 9): velocity, angular velocity, pivot
     moves: Any  # (walls,): 1 where the wall moves
-    material: Any  # (walls,): number of the material, as `Bodies.material`
+    material: Any  # (walls,): index of the material, like `Bodies.material`
     approach: Any  # (3,): see WALL_PATH, WALL_SPEED, WALLS_MOVE
     loads: Any  # (walls, 6): force and torque about the origin; (0, 6) if not asked for
 

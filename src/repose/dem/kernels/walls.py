@@ -801,7 +801,7 @@ def search_curved_wall(
     i : int
         Index of the body.
     path : float
-        Displacement of the body and the walls so far [m].
+        Displacement of the body plus that of the walls, until now [m].
     scratch : Scratch
         Working memory of this thread (`state.Scratch`); it is overwritten.
 
