@@ -533,7 +533,7 @@ def chain_partner(pairs, grid, n_used, i, j):
     """Add body j to the chain of partners of body i, if i is in `Grid.moved_list`.
 
     A chain is a linked list: link m holds a partner, `pairs.partner[m]`, and the next
-    link of the same body, `pairs.add_to_cell[m]`; `grid.chain[i]` is the first link of body i.
+    link of the same body, `pairs.link[m]`; `grid.chain[i]` is the first link of body i.
 
     Parameters
     ----------
