@@ -159,8 +159,8 @@ def describe_reach(assessment: reach.Reach) -> str:
         return f"reach: WARNING: {assessment.sentence}"
     band = assessment.band
     return (
-        f"reach: ok, {assessment.target.value:.1f} deg; piles of this mass have "
-        f"{band.mean:.1f} +- {band.sd:.1f} deg, at most {band.largest:.1f}"
+        f"reach: ok, {assessment.target.value:.1f} deg; piles of this mass reach an "
+        f"estimated {band.mean:.1f} +- {band.sd:.1f} deg, at most about {band.largest:.1f}"
     )
 
 
