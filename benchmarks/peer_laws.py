@@ -9,21 +9,20 @@ from collections import namedtuple
 
 import numpy as np
 
-from repose.dem.kernels import state as st
-from repose.dem.kernels import tile as tl
+from repose.dem.kernels import state, tile
 from repose.dem.kernels.rows import Rows
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS, hertz_mindlin
 from repose.dem.laws.law import Law
-from repose.dem.laws.tangential import slip
+from repose.dem.laws.tangential import update_springs
 from repose.dem.materials import effective_moduli
 
-L = st.LANES
+L = state.LANES
 
 BodyDamping = namedtuple("BodyDamping", "tension friction_limit")
 RollingSpring = namedtuple("RollingSpring", "tension friction_limit")
 
-_rows = Rows(tl.ROLLING)
-STIFFNESS, FRICTION = _rows.take_each(2)
+_scratch_rows = Rows(tile.ROLLING)
+STIFFNESS, FRICTION = _scratch_rows.take_each(2)
 
 
 def undamped_tangent(a, b, contact, tension="keep"):
@@ -34,12 +33,15 @@ def undamped_tangent(a, b, contact, tension="keep"):
 def body_damping(law, t, c, at, dt):
     """Hertz and Mindlin's law; the masses of the two bodies damp each contact, along its normal only."""
     for k in range(L):
-        t[tl.INVERSE_MASS + k] = (
-            t[tl.A + st.INVERSE_MASS * L + k] + t[tl.B + st.INVERSE_MASS * L + k]
+        t[tile.INVERSE_MASS + k] = (
+            t[tile.A + state.INVERSE_MASS * L + k]
+            + t[tile.B + state.INVERSE_MASS * L + k]
         )
-    hertz_mindlin.contact_sizes(t)
-    slip(t, c, at + hertz_mindlin.SPRING, dt)
-    hertz_mindlin.push(t, c, at + hertz_mindlin.SPRING, law.tension, law.friction_limit)
+    hertz_mindlin.compute_contact_circles(t)
+    update_springs(t, c, at + hertz_mindlin.SPRING, dt)
+    hertz_mindlin.compute_forces(
+        t, c, at + hertz_mindlin.SPRING, law.tension, law.friction_limit
+    )
 
 
 def spring_constants(a, b, contact, _tension="keep"):
@@ -50,13 +52,13 @@ def spring_constants(a, b, contact, _tension="keep"):
 def rolling_spring(law, t, c, at, dt):
     """A spring of stiffness S_t R*^2 against the relative rotation about the tangents, at most mu_r R* F."""
     for k in range(L):
-        nx = c[st.NORMAL + k]
-        ny = c[st.NORMAL + L + k]
-        nz = c[st.NORMAL + 2 * L + k]
-        first = tl.A + st.ANGULAR_VELOCITY * L + k
-        second = tl.B + st.ANGULAR_VELOCITY * L + k
-        gap = t[tl.GAP + k]
-        radius = t[tl.RADIUS + k]
+        nx = c[state.NORMAL + k]
+        ny = c[state.NORMAL + L + k]
+        nz = c[state.NORMAL + 2 * L + k]
+        first = tile.A + state.ANGULAR_VELOCITY * L + k
+        second = tile.B + state.ANGULAR_VELOCITY * L + k
+        gap = t[tile.GAP + k]
+        radius = t[tile.RADIUS + k]
         overlap = -gap if gap < 0.0 else 0.0
         touching = 1.0 if gap < 0.0 else 0.0
         turn = dt * t[STIFFNESS + k] * math.sqrt(radius * overlap) * radius * radius
@@ -67,22 +69,22 @@ def rolling_spring(law, t, c, at, dt):
         x = x - along * nx
         y = y - along * ny
         z = z - along * nz
-        most = t[FRICTION + k] * t[tl.PUSH + k] * radius
+        most = t[FRICTION + k] * t[tile.PUSH + k] * radius
         cut = touching * min(1.0, most / math.sqrt(x * x + y * y + z * z + 1e-60))
         x = cut * x
         y = cut * y
         z = cut * z
-        c[at + k] = st.flush_tiny(x)
-        c[at + L + k] = st.flush_tiny(y)
-        c[at + 2 * L + k] = st.flush_tiny(z)
-        t[tl.TO_A + 3 * L + k] -= x
-        t[tl.TO_A + 4 * L + k] -= y
-        t[tl.TO_A + 5 * L + k] -= z
-        t[tl.TO_B + 3 * L + k] += x
-        t[tl.TO_B + 4 * L + k] += y
-        t[tl.TO_B + 5 * L + k] += z
-        t[tl.TO_A + st.ROLL * L + k] = 0.0
-        t[tl.TO_B + st.ROLL * L + k] = 0.0
+        c[at + k] = state.flush_tiny(x)
+        c[at + L + k] = state.flush_tiny(y)
+        c[at + 2 * L + k] = state.flush_tiny(z)
+        t[tile.TO_A + 3 * L + k] -= x
+        t[tile.TO_A + 4 * L + k] -= y
+        t[tile.TO_A + 5 * L + k] -= z
+        t[tile.TO_B + 3 * L + k] += x
+        t[tile.TO_B + 4 * L + k] += y
+        t[tile.TO_B + 5 * L + k] += z
+        t[tile.TO_A + state.ROLL * L + k] = 0.0
+        t[tile.TO_B + state.ROLL * L + k] = 0.0
 
 
 CONTACT_LAWS["body_damping"] = Law(
@@ -102,7 +104,7 @@ ROLLING_LAWS["spring"] = Law(
     options=RollingSpring,
     constants=spring_constants,
     n_constants=2,
-    n_rows=_rows.count,
+    n_rows=_scratch_rows.count,
     n_state=3,
     kernel=rolling_spring,
     words={},

@@ -219,7 +219,7 @@ def test_a_rolling_law_of_two_files(checkout):
     checkout.add_module("rolling law")
     # Each change of a law compiles all kernels anew; here they run as Python.
     use = "from repose.dem.laws.viscous import *\n"
-    use += "from repose.dem.laws.viscous import _rows\n"
+    use += "from repose.dem.laws.viscous import _scratch_rows\n"
     checkout.python("-c", use + blocks("rolling law")[1], NUMBA_DISABLE_JIT="1")
     checkout.python("-c", VISCOUS_ROLL, NUMBA_DISABLE_JIT="1")
     check_laws(checkout)

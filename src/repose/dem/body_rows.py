@@ -4,7 +4,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from .kernels import state as st
+from .kernels import state
 from .kernels.rigid import write_body_shape
 from .rotations import rotation_matrix
 from .shapes import Clump, Shape
@@ -45,10 +45,10 @@ def write_body(
 
     # Position, velocities and mass are in a row of their own.
     row = bodies.rows[index]
-    row[st.POSITION : st.POSITION + 3] = body.position
-    row[st.VELOCITY : st.VELOCITY + 3] = body.velocity
-    row[st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3] = body.angular_velocity
-    row[st.INVERSE_MASS] = 1.0 / mass
+    row[state.POSITION : state.POSITION + 3] = body.position
+    row[state.VELOCITY : state.VELOCITY + 3] = body.velocity
+    row[state.ANGULAR_VELOCITY : state.ANGULAR_VELOCITY + 3] = body.angular_velocity
+    row[state.INVERSE_MASS] = 1.0 / mass
 
     # The moments of inertia are about the axes of the body. So the angular momentum is
     # computed in the frame of the body, and turned back into that of the world.
@@ -59,13 +59,13 @@ def write_body(
 
     # Numbers of the rotation are in a tile of LANES bodies. In it those of one body are
     # LANES apart (`kernels.rows`).
-    tile = bodies.motion[index // st.LANES]
-    body_numbers = tile[index % st.LANES :: st.LANES]
-    _write_numbers(body_numbers, st.QUATERNION, body.quaternion)
-    _write_numbers(body_numbers, st.ANGULAR_MOMENTUM, angular_momentum)
-    _write_numbers(body_numbers, st.INVERSE_MOMENTS, 1.0 / inertia)
-    _write_numbers(body_numbers, st.SQUARES, _square_axes(body))
-    _write_numbers(body_numbers, st.RADIUS, np.array([radius]))
+    tile = bodies.motion[index // state.LANES]
+    body_numbers = tile[index % state.LANES :: state.LANES]
+    _write_numbers(body_numbers, state.QUATERNION, body.quaternion)
+    _write_numbers(body_numbers, state.ANGULAR_MOMENTUM, angular_momentum)
+    _write_numbers(body_numbers, state.INVERSE_MOMENTS, 1.0 / inertia)
+    _write_numbers(body_numbers, state.SQUARES, _square_axes(body))
+    _write_numbers(body_numbers, state.RADIUS, np.array([radius]))
     # The kernel computes from them what depends on the orientation.
     write_body_shape(bodies, index, parts, scratch)
 
@@ -82,7 +82,7 @@ def _write_numbers(body_numbers: np.ndarray, offset: int, values: np.ndarray) ->
     values : ndarray
         The values.
     """
-    first = offset // st.LANES
+    first = offset // state.LANES
     body_numbers[first : first + len(values)] = values
 
 
@@ -91,7 +91,7 @@ def _square_axes(body: Body) -> np.ndarray:
 
     The result has zeros for ellipsoids that the body has not, and for a clump.
     """
-    squares = np.zeros(3 * st.MOST_PARTS)
+    squares = np.zeros(3 * state.MOST_PARTS)
     if isinstance(body.kind, Shape):
         semi_axes = body.kind.semi_axes_m
         squares[: semi_axes.size] = ((semi_axes * body.scale) ** 2).ravel()

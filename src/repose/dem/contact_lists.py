@@ -4,9 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from .kernels import clump_tile as ct
-from .kernels import clumps as cl
-from .kernels import state as st
+from .kernels import clump_tile, clumps, state
 
 # Entries per body that the first lists have; the lists grow when needed.
 CONTACTS_PER_BODY = 6
@@ -53,8 +51,8 @@ def _make_pair_lists(
         As of `new_pairs`.
     """
     if most_spheres == 0:
-        return st.new_pairs(n_contacts, n_near, capacity, n_state)
-    return cl.new_sphere_pairs(n_contacts, n_near, most_spheres, capacity, n_state)
+        return state.new_pairs(n_contacts, n_near, capacity, n_state)
+    return clumps.new_sphere_pairs(n_contacts, n_near, most_spheres, capacity, n_state)
 
 
 def new_wall_contacts(
@@ -79,7 +77,7 @@ def new_wall_contacts(
         The three lists (`kernels.state.WallContacts`).
     """
     n_planes, _n_curved, n_meshes = n_walls
-    spare = 64 * st.MOST_SPHERES if has_clumps else 64
+    spare = 64 * state.MOST_SPHERES if has_clumps else 64
     # The first list has room for contacts of every body with every plane, the others
     # for one contact of each body.
     lengths = [
@@ -88,13 +86,13 @@ def new_wall_contacts(
         capacity + spare if n_meshes else 1,
     ]
     # A contact keeps its geometry in the first rows, then the rows of the laws.
-    first_law_row = ct.WALL_STATE if has_clumps else st.WALL_STATE
-    n_rows = first_law_row // st.LANES + n_state
+    first_law_row = clump_tile.WALL_STATE if has_clumps else state.WALL_STATE
+    n_rows = first_law_row // state.LANES + n_state
     absent_body = capacity  # the number of a body that unused entries have
     lists = []
     for length, count in zip(lengths, n_walls, strict=True):
         lists.append(
-            st.new_wall_contacts(
+            state.new_wall_contacts(
                 length, count, capacity, absent_body, n_rows, has_clumps
             )
         )
@@ -115,8 +113,8 @@ def grow_pairs(
     capacity, most_spheres, n_state : int
         As of `new_pairs`.
     """
-    n_contacts = _choose_length(old.first, counts[st.N_PAIRS])
-    n_near = _choose_length(old.near_limit, counts[st.N_NEAR])
+    n_contacts = _choose_length(old.first, counts[state.N_PAIRS])
+    n_near = _choose_length(old.near_limit, counts[state.N_NEAR])
     new = _make_pair_lists(n_contacts, n_near, capacity, most_spheres, n_state)
     return _copy_lists(new, old)
 
@@ -135,9 +133,9 @@ def grow_wall_contacts(old: Any, n_contacts: int, absent_body: int) -> Any:
     """
     length = _choose_length(old.body, n_contacts)
     n_walls, n_bodies = old.limit.shape
-    n_rows = old.data.shape[1] // st.LANES
+    n_rows = old.data.shape[1] // state.LANES
     has_clumps = isinstance(old.touching_bits, np.ndarray)
-    new = st.new_wall_contacts(
+    new = state.new_wall_contacts(
         length, n_walls, n_bodies, absent_body, n_rows, has_clumps
     )
     return _copy_lists(new, old)

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .checks import vector
-from .kernels import clump_tile as ct
-from .kernels import state as st
+from .kernels import clump_tile, state
 from .kernels.engine import add_wall_loads
 from .rotations import rotation_matrices
 from .world import World
@@ -42,12 +41,12 @@ class Observables(World):
     @property
     def n_bodies(self) -> int:
         """Number of bodies added so far."""
-        return int(self.counts[st.N_BODIES])
+        return int(self.counts[state.N_BODIES])
 
     @property
     def steps(self) -> int:
         """Number of time steps made."""
-        return int(self.counts[st.STEPS])
+        return int(self.counts[state.STEPS])
 
     @property
     def time_step_s(self) -> float:
@@ -65,20 +64,24 @@ class Observables(World):
 
         A view in simulations of fewer than 4096 bodies.
         """
-        return self._in_user_order(self.bodies.rows)[:, st.POSITION : st.POSITION + 3]
+        return self._in_user_order(self.bodies.rows)[
+            :, state.POSITION : state.POSITION + 3
+        ]
 
     @property
     def quaternions(self) -> np.ndarray:
         """Orientations (w, x, y, z), body to world, a copy (N, 4)."""
-        quaternions = st.copy_motion(
-            self.bodies.motion, st.QUATERNION, 4, self.n_bodies
+        quaternions = state.copy_motion(
+            self.bodies.motion, state.QUATERNION, 4, self.n_bodies
         )
         return self._in_user_order(quaternions)
 
     @property
     def velocities(self) -> np.ndarray:
         """Velocities of the centres (N, 3) [m/s]; a view as `positions` is."""
-        return self._in_user_order(self.bodies.rows)[:, st.VELOCITY : st.VELOCITY + 3]
+        return self._in_user_order(self.bodies.rows)[
+            :, state.VELOCITY : state.VELOCITY + 3
+        ]
 
     @property
     def angular_velocities(self) -> np.ndarray:
@@ -87,13 +90,13 @@ class Observables(World):
         A view as `positions` is.
         """
         rows = self._in_user_order(self.bodies.rows)
-        return rows[:, st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3]
+        return rows[:, state.ANGULAR_VELOCITY : state.ANGULAR_VELOCITY + 3]
 
     @property
     def angular_momenta(self) -> np.ndarray:
         """Angular momenta about the centres, in the world [kg m2/s], a copy (N, 3)."""
-        momenta = st.copy_motion(
-            self.bodies.motion, st.ANGULAR_MOMENTUM, 3, self.n_bodies
+        momenta = state.copy_motion(
+            self.bodies.motion, state.ANGULAR_MOMENTUM, 3, self.n_bodies
         )
         return self._in_user_order(momenta)
 
@@ -110,7 +113,7 @@ class Observables(World):
     @property
     def present(self) -> np.ndarray:
         """Whether each body is still there (N,)."""
-        return self._in_user_order(self.bodies.presence) == st.PRESENT
+        return self._in_user_order(self.bodies.presence) == state.PRESENT
 
     @property
     def exit_times_s(self) -> np.ndarray:
@@ -132,7 +135,7 @@ class Observables(World):
     @property
     def masses_kg(self) -> np.ndarray:
         """Mass of each body, a copy (N,) [kg]; 0 where it is gone."""
-        inverse = self._in_user_order(self.bodies.rows)[:, st.INVERSE_MASS]
+        inverse = self._in_user_order(self.bodies.rows)[:, state.INVERSE_MASS]
         return np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0.0)
 
     def kinetic_energies(self) -> np.ndarray:
@@ -155,7 +158,7 @@ class Observables(World):
         ndarray (M, 2)
             Indices of the two bodies, the smaller first, sorted by rows.
         """
-        n_pairs = self.counts[st.N_PAIRS]
+        n_pairs = self.counts[state.N_PAIRS]
         first = self.pairs.first[:n_pairs]
         second = self.pairs.second[:n_pairs]
         pairs = self._user_numbers[np.column_stack([first, second])]
@@ -178,12 +181,12 @@ class Observables(World):
         normals : ndarray (M, 3)
             Unit vectors from the first body to the second.
         """
-        n_pairs = int(self.counts[st.N_PAIRS]) if self._has_clumps else 0
+        n_pairs = int(self.counts[state.N_PAIRS]) if self._has_clumps else 0
         first = self.pairs.first[:n_pairs]
         second = self.pairs.second[:n_pairs]
         bodies = np.column_stack([first, second])
         spheres = self.pairs.spheres[:n_pairs] if n_pairs else np.zeros((0, 2))
-        normals = st.contact_rows(self.pairs.data, n_pairs)[:, :3].copy()
+        normals = state.contact_rows(self.pairs.data, n_pairs)[:, :3].copy()
         return bodies.astype(np.int64), spheres.astype(np.int64), normals
 
     def overlaps(self) -> tuple[np.ndarray, np.ndarray]:
@@ -196,11 +199,11 @@ class Observables(World):
         overlaps : ndarray (M,)
             The overlaps [m].
         """
-        n_pairs = int(self.counts[st.N_PAIRS])
+        n_pairs = int(self.counts[state.N_PAIRS])
         first = self._user_numbers[self.pairs.first[:n_pairs]]
         second = self._user_numbers[self.pairs.second[:n_pairs]]
         # The normals point from the first body to the second.
-        normals = st.contact_rows(self.pairs.data, n_pairs)[:, :3]
+        normals = state.contact_rows(self.pairs.data, n_pairs)[:, :3]
         first_spheres = second_spheres = None  # of smooth bodies
         if self._has_clumps:
             first_spheres, second_spheres = self.pairs.spheres[:n_pairs].T
@@ -256,14 +259,14 @@ class Observables(World):
         overlaps : ndarray (M,)
             The overlaps [m].
         """
-        n_contacts = int(self.counts[st.N_PLANE])
+        n_contacts = int(self.counts[state.N_PLANE])
         bodies = self._user_numbers[self.flat.body[:n_contacts]]
         planes = self.flat.wall[:n_contacts].astype(np.int64)
         spheres = self.flat.feature[:n_contacts]
         # A plane with a point p and the normal n is n.x = n.p.
         plane_rows = self.walls.planes[planes]
-        points = plane_rows[:, st.PLANE_POINT : st.PLANE_POINT + 3]
-        normals = plane_rows[:, st.PLANE_NORMAL : st.PLANE_NORMAL + 3]
+        points = plane_rows[:, state.PLANE_POINT : state.PLANE_POINT + 3]
+        normals = plane_rows[:, state.PLANE_NORMAL : state.PLANE_NORMAL + 3]
         offsets = np.sum(normals * points, axis=1)
         overlaps = self._compute_overlaps_with_planes(bodies, normals, offsets, spheres)
         return bodies, planes, overlaps
@@ -425,22 +428,22 @@ class Observables(World):
         azimuth : ndarray (M,)
             Azimuth about the wall's axis [rad].
         """
-        n_contacts = self.counts[st.N_CURVED]
-        contact_rows = st.contact_rows(self.curved.data, n_contacts)
+        n_contacts = self.counts[state.N_CURVED]
+        contact_rows = state.contact_rows(self.curved.data, n_contacts)
         normal = contact_rows[:, :3].copy()
         body = self._user_numbers[self.curved.body[:n_contacts]]
         wall = self.curved.wall[:n_contacts].copy()
         # The engine keeps the azimuths of other smooth bodies. Those of spheres follow
         # from their centres.
         if self._has_clumps:
-            column = ct.CENTRE // st.LANES
+            column = clump_tile.CENTRE // state.LANES
             centres = contact_rows[:, column : column + 3]
             azimuth = self._compute_sphere_azimuths(body, wall, centres)
-        elif self.physics.parts == st.SPHERES:
+        elif self.physics.parts == state.SPHERES:
             centres = np.zeros((n_contacts, 3))
             azimuth = self._compute_sphere_azimuths(body, wall, centres)
         else:
-            azimuth = contact_rows[:, st.AZIMUTH // st.LANES].copy()
+            azimuth = contact_rows[:, state.AZIMUTH // state.LANES].copy()
         return body, wall, normal, azimuth
 
     def _compute_sphere_azimuths(
@@ -489,18 +492,18 @@ class Observables(World):
         overlap : ndarray (M,)
             Overlap in the last step [m]; a contact is found before it bears a force.
         """
-        n_contacts = self.counts[st.N_MESHED]
-        contact_rows = st.contact_rows(self.meshed.data, n_contacts)
+        n_contacts = self.counts[state.N_MESHED]
+        contact_rows = state.contact_rows(self.meshed.data, n_contacts)
         body = self._user_numbers[self.meshed.body[:n_contacts]]
         mesh = self.meshed.wall[:n_contacts].copy()
         feature = self.meshed.feature[:n_contacts].copy()
         normal = contact_rows[:, :3].copy()
-        gap = contact_rows[:, st.GAP // st.LANES]
+        gap = contact_rows[:, state.GAP // state.LANES]
         return body, mesh, feature, normal, -gap
 
 
 def _compute_tangent_offsets(
-    walls: st.Walls,
+    walls: state.Walls,
     wall_numbers: np.ndarray,
     normals: np.ndarray,
     azimuths: np.ndarray,
@@ -531,19 +534,19 @@ def _compute_tangent_offsets(
     # A tangent plane of a cone has the offset of the cone's line from the origin.
     n_cones = len(walls.cones)
     is_cone = wall_numbers < n_cones
-    offsets[is_cone] += walls.cones[wall_numbers[is_cone], st.CONE_OFFSET]
+    offsets[is_cone] += walls.cones[wall_numbers[is_cone], state.CONE_OFFSET]
 
     # The point of a ring's core circle that is nearest to each contact, in the frame of
     # the ring
     is_ring = ~is_cone
     rings = walls.rings[wall_numbers[is_ring] - n_cones]
-    x = rings[:, st.RING_RADIUS] * np.cos(azimuths[is_ring])
-    y = rings[:, st.RING_RADIUS] * np.sin(azimuths[is_ring])
-    z = rings[:, st.RING_HEIGHT]
+    x = rings[:, state.RING_RADIUS] * np.cos(azimuths[is_ring])
+    y = rings[:, state.RING_RADIUS] * np.sin(azimuths[is_ring])
+    z = rings[:, state.RING_HEIGHT]
 
     # The tangent plane lies one edge radius before this point.
     rotations = frames[is_ring, 3:].reshape(-1, 3, 3)
     points = np.einsum("nij,nj->ni", rotations, np.column_stack([x, y, z]))
     distances = np.sum(normals[is_ring] * points, axis=1)
-    offsets[is_ring] += distances - rings[:, st.RING_EDGE_RADIUS]
+    offsets[is_ring] += distances - rings[:, state.RING_EDGE_RADIUS]
     return offsets

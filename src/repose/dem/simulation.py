@@ -22,8 +22,7 @@ from .checks import (
 )
 from .io import checkpoint as checkpoints
 from .io.progress import display
-from .kernels import parallel
-from .kernels import state as st
+from .kernels import parallel, state
 from .kernels.atomics import BARRIER_SIZE
 from .kernels.engine import advance
 from .kernels.order import reorder
@@ -117,7 +116,7 @@ class Simulation(Observables):
 
         # The next step checks the walls for all bodies. The check of a body is due at
         # the displacement `wall_check`, and each displacement is above -1.
-        present = np.flatnonzero(self.bodies.presence[: self.n_bodies] == st.PRESENT)
+        present = np.flatnonzero(self.bodies.presence[: self.n_bodies] == state.PRESENT)
         self.bodies.wall_check[present] = -1.0
         self.bodies.wall_margin[:] = 0.0
 
@@ -234,18 +233,18 @@ class Simulation(Observables):
         self._shape_ids[index] = list(self.shapes).index(shape)
         self._scales[index] = scale
         self.bodies.material[index] = self._numbers.body_materials[kind.material]
-        self.bodies.presence[index] = st.PRESENT
-        self.counts[st.N_BODIES] = index + 1
+        self.bodies.presence[index] = state.PRESENT
+        self.counts[state.N_BODIES] = index + 1
 
         # The body may turn, so its tile of LANES bodies does not rest.
-        self.bodies.resting[index // st.LANES] = 0
+        self.bodies.resting[index // state.LANES] = 0
         # The next step checks the walls for this body,
         self.bodies.wall_check[index] = -1.0
-        self.bodies.wall_margin[index // st.LANES] = 0.0
+        self.bodies.wall_margin[index // state.LANES] = 0.0
         # and searches its neighbours, as for all bodies in the list of moved ones.
         self.grid.moved[index] = 1
-        self.grid.moved_list[self.counts[st.N_MOVED]] = index
-        self.counts[st.N_MOVED] += 1
+        self.grid.moved_list[self.counts[state.N_MOVED]] = index
+        self.counts[state.N_MOVED] += 1
         return index
 
     def _check_scale(self, shape: str, scale: float) -> float:
@@ -289,15 +288,15 @@ class Simulation(Observables):
         # A large simulation numbers its bodies anew from time to time.
         engine_number = self._engine_numbers[body] if self._runs_in_shares else body
         row = self.bodies.rows[engine_number]
-        row[st.VELOCITY : st.VELOCITY + 3] = 0.0
-        row[st.ANGULAR_VELOCITY : st.ANGULAR_VELOCITY + 3] = 0.0
-        row[st.INVERSE_MASS] = 0.0
+        row[state.VELOCITY : state.VELOCITY + 3] = 0.0
+        row[state.ANGULAR_VELOCITY : state.ANGULAR_VELOCITY + 3] = 0.0
+        row[state.INVERSE_MASS] = 0.0
         # The other numbers are in a tile of LANES bodies. In it those of one body are
         # LANES apart (`kernels.rows`).
-        tile = self.bodies.motion[engine_number // st.LANES]
-        body_numbers = tile[engine_number % st.LANES :: st.LANES]
-        for offset in (st.INVERSE_MOMENTS, st.ANGULAR_MOMENTUM):
-            first = offset // st.LANES
+        tile = self.bodies.motion[engine_number // state.LANES]
+        body_numbers = tile[engine_number % state.LANES :: state.LANES]
+        for offset in (state.INVERSE_MOMENTS, state.ANGULAR_MOMENTUM):
+            first = offset // state.LANES
             body_numbers[first : first + 3] = 0.0
 
     def run_steps(self, steps: int) -> None:
@@ -320,7 +319,7 @@ class Simulation(Observables):
             self._warn_of_turning_walls()
         while steps_left > 0:
             steps_left -= self._advance(steps_left)
-            if self.counts[st.FULL]:
+            if self.counts[state.FULL]:
                 raise RuntimeError(
                     "a contact list overflowed within one step; bodies overlap wildly"
                 )
@@ -371,14 +370,14 @@ class Simulation(Observables):
         steps = min(steps, parallel.REORDER_EVERY - steps_since_reorder)
 
         # Counters and lists through which the threads agree on the next piece of work
-        shared = st.Shared(
+        shared = state.Shared(
             counters=np.zeros(BARRIER_SIZE, np.int64),
             flags=np.zeros(1, np.int64),
-            **st.equal_arrays("begins n_found", parallel.SHARES, np.int64),
+            **state.equal_arrays("begins n_found", parallel.SHARES, np.int64),
             touching=np.zeros(len(self.pairs.near_limit), np.int64),
         )
-        # State of the simulation, which all threads use
-        state = (
+        # Arrays of the simulation, which all threads use
+        simulation_arrays = (
             self.bodies,
             self.pairs,
             self.flat,
@@ -392,7 +391,7 @@ class Simulation(Observables):
         )
         # Scratch arrays, of which each thread has its own
         scratch = (self._tiles, self._body_tiles, self._scratches)
-        return parallel.run_threads(state, scratch, shared, steps)
+        return parallel.run_threads(simulation_arrays, scratch, shared, steps)
 
     def _renumber_bodies(self) -> None:
         """Give the bodies numbers in spatial order, so that neighbours share a cache.
@@ -423,13 +422,13 @@ class Simulation(Observables):
             self.pairs, self.counts, self.capacity, self._most_spheres, self._n_state
         )
         self.flat = contact_lists.grow_wall_contacts(
-            self.flat, self.counts[st.N_PLANE], self.capacity
+            self.flat, self.counts[state.N_PLANE], self.capacity
         )
         self.curved = contact_lists.grow_wall_contacts(
-            self.curved, self.counts[st.N_CURVED], self.capacity
+            self.curved, self.counts[state.N_CURVED], self.capacity
         )
         meshed = contact_lists.grow_wall_contacts(
-            self.meshed, self.counts[st.N_MESHED], self.capacity
+            self.meshed, self.counts[state.N_MESHED], self.capacity
         )
         if self._has_clumps:
             # `mesh_sphere` is as long as the list of contacts with meshes. It is made

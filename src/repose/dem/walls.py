@@ -22,7 +22,7 @@ from .checks import (
     vector,
 )
 from .errors import InputError
-from .kernels import state as st
+from .kernels import state
 from .kernels.features import split
 
 ORIGIN = (0.0, 0.0, 0.0)
@@ -575,9 +575,9 @@ def wall_arrays(
     wall_set: WallSet,
     material_numbers: Mapping[str, int],
     box_size_m: float,
-    old_walls: st.Walls | None = None,
+    old_walls: state.Walls | None = None,
     changed_wall: int = -1,
-) -> st.Walls:
+) -> state.Walls:
     """Make the arrays of the walls for the kernels.
 
     Parameters
@@ -604,7 +604,7 @@ def wall_arrays(
     planes, cones, rings, meshes = (wall_set.of(kind) for kind in WALL_KINDS)
     walls_with_frame = [*cones, *rings, *meshes]
     surfaces = [*planes, *walls_with_frame]
-    plane_rows = _stack_rows([wall.row() for wall in planes], st.PLANE_COLUMNS)
+    plane_rows = _stack_rows([wall.row() for wall in planes], state.PLANE_COLUMNS)
     frames = _stack_rows([frame_of(wall) for wall in walls_with_frame], 12)
     motions = _stack_rows([wall.motion.row() for wall in surfaces], 9)
     path = 0.0  # how far any wall may have come nearer until now
@@ -615,7 +615,7 @@ def wall_arrays(
         # The pivots of the other walls stay where their motion has brought them.
         is_unchanged = np.arange(len(motions)) != changed_wall
         motions[is_unchanged] = old_walls.motion[is_unchanged]
-        path = old_walls.approach[st.WALL_PATH]
+        path = old_walls.approach[state.WALL_PATH]
         was_displaced = old_walls.displaced > 0
 
     # A wall moves if one of its velocities, the first six columns, is not zero.
@@ -627,10 +627,10 @@ def wall_arrays(
 
     speeds = _bound_approach_speeds(surfaces, plane_rows, frames, motions, box_size_m)
     materials = [material_numbers[surface.material] for surface in surfaces]
-    return st.Walls(
+    return state.Walls(
         planes=plane_rows,
-        cones=_stack_rows([wall.row() for wall in cones], st.CONE_COLUMNS),
-        rings=_stack_rows([wall.row() for wall in rings], st.RING_COLUMNS),
+        cones=_stack_rows([wall.row() for wall in cones], state.CONE_COLUMNS),
+        rings=_stack_rows([wall.row() for wall in rings], state.RING_COLUMNS),
         frames=frames,
         displaced=is_displaced.astype(np.uint8),
         motion=motions,

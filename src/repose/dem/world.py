@@ -15,10 +15,7 @@ from .contact_table import (
     pairs_of,
     tabulate_constants,
 )
-from .kernels import clumps as cl
-from .kernels import features, parallel
-from .kernels import state as st
-from .kernels import tile as tl
+from .kernels import clumps, features, parallel, state, tile
 from .kernels.body_tile import TILE_ROWS
 from .laws import CONTACT_LAWS, ROLLING_LAWS
 from .laws.law import COULOMB, FRICTION_LIMITS, TENSIONS, Law
@@ -68,7 +65,7 @@ class World:
         self._make_body_arrays()
         self._make_wall_arrays()
         self._make_contact_lists()
-        self.counts = np.zeros(st.COUNTS, np.int64)
+        self.counts = np.zeros(state.COUNTS, np.int64)
         self.physics = self._make_physics(
             time_step,
             gravity=vector("gravity_m_s2", gravity_m_s2),
@@ -166,7 +163,7 @@ class World:
 
         n_shares = parallel.SHARES if self._runs_in_shares else 1
         parts = parts_of(self.shapes.values())
-        self.bodies = st.new_bodies(self.capacity, parts, n_shares)
+        self.bodies = state.new_bodies(self.capacity, parts, n_shares)
         self._shape_ids = np.zeros(self.capacity, np.int32)
         self._scales = np.ones(self.capacity)
 
@@ -176,9 +173,9 @@ class World:
         self.radius = self.largest_scale * max(bounding_radii)
         reach = 2.0 * self.radius
         skin = SKIN_SHARE * self.radius
-        self.grid = st.new_grid(self.capacity, self.lower, self.upper, reach + skin)
-        self.grid.lengths[st.REACH] = reach
-        self.grid.lengths[st.SKIN] = skin
+        self.grid = state.new_grid(self.capacity, self.lower, self.upper, reach + skin)
+        self.grid.lengths[state.REACH] = reach
+        self.grid.lengths[state.SKIN] = skin
 
     def _make_wall_arrays(self) -> None:
         """Make the arrays of the walls and of the features of meshes."""
@@ -191,8 +188,8 @@ class World:
             self.meshes = features.join([mesh.part for mesh in mesh_walls], slide)
 
     def _make_walls(
-        self, old_walls: st.Walls | None = None, changed_wall: int = -1
-    ) -> st.Walls:
+        self, old_walls: state.Walls | None = None, changed_wall: int = -1
+    ) -> state.Walls:
         """Make the arrays of the walls for the kernels.
 
         Parameters
@@ -233,7 +230,7 @@ class World:
         # the clumps is as long as the list of contacts with meshes.
         self.clumps: Any = ()
         if self._has_clumps:
-            self.clumps = cl.new_clumps(
+            self.clumps = clumps.new_clumps(
                 shapes, self._shape_ids, self._scales, len(self.meshed.body)
             )
 
@@ -245,7 +242,7 @@ class World:
         exit_height: float,
         curved_walls_above: float,
         floor_height: float,
-    ) -> st.Physics:
+    ) -> state.Physics:
         """Make the constants of a time step for the kernels.
 
         Parameters
@@ -259,7 +256,7 @@ class World:
         """
         has_mixed_bodies = len(self._numbers.body_materials) > 1
         has_mixed_walls = len(set(self._list_wall_materials())) > 1
-        return st.Physics(
+        return state.Physics(
             parts=parts_of(self.shapes.values()),
             gravity=gravity,
             law=self.contact_law.make_options(self.tension, self.friction_limit),
@@ -293,7 +290,7 @@ class World:
         if not (is_whole and 1 <= threads <= parallel.SHARES):
             raise ValueError(f"threads is {threads!r}; expected 1 to {parallel.SHARES}")
         # Each thread has its own scratch arrays, so their number is that of the threads.
-        rows = tl.LAW_ROW + self.contact_law.n_rows
-        self._tiles = st.aligned_zeros(threads, rows * st.LANES)
-        self._body_tiles = st.aligned_zeros(threads, TILE_ROWS * st.LANES)
-        self._scratches = st.aligned_zeros(threads, st.SCRATCH)
+        rows = tile.LAW_ROW + self.contact_law.n_rows
+        self._tiles = state.aligned_zeros(threads, rows * state.LANES)
+        self._body_tiles = state.aligned_zeros(threads, TILE_ROWS * state.LANES)
+        self._scratches = state.aligned_zeros(threads, state.SCRATCH)

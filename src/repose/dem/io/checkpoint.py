@@ -13,7 +13,7 @@ import numpy as np
 
 from .. import walls as wall_types
 from ..errors import InputError
-from ..kernels import state as st
+from ..kernels import state
 from ..materials import Contact, Material
 from ..shapes import Clump, Shape
 from ..sources import source_hash
@@ -227,7 +227,7 @@ def _copy_aligned(values: np.ndarray) -> np.ndarray:
     """Copy an array so that it begins at a cache line, as the kernels need it."""
     if values.dtype != np.float64:
         return values.copy()
-    copy = st.aligned_zeros(*values.shape)
+    copy = state.aligned_zeros(*values.shape)
     copy[...] = values
     return copy
 

@@ -31,18 +31,23 @@ from typing import Any
 
 import numpy as np
 
-from ..kernels import state as st
-from ..kernels import tile as tl
+from ..kernels import state, tile
 from ..kernels.rows import LANES, Rows, lane_vector
 from ..materials import Contact, Material
 from . import epsd
-from .epsd import SPHERE_ABOUT_CENTRE, TINY, levers, oppose, relative_rotation
+from .epsd import (
+    SPHERE_ABOUT_CENTRE,
+    TINY,
+    apply_torques,
+    compute_levers,
+    compute_relative_rotation,
+)
 from .law import Law
 
 ConstantTorque = namedtuple("ConstantTorque", "tension friction_limit")
 
-_rows = Rows(tl.ROLLING)
-ROLLING_FRICTION, TWISTING_FRICTION = _rows.take_each(2)
+_scratch_rows = Rows(tile.ROLLING)
+ROLLING_FRICTION, TWISTING_FRICTION = _scratch_rows.take_each(2)
 
 
 def constants(
@@ -60,9 +65,9 @@ def kernel(
 ) -> None:
     """Compute the torques on both bodies of each lane's contact.
 
-    They oppose the angular velocity of A relative to B: (wx, wy, wz) across the normal,
-    `spin` along it. Reads the rows of this law and PUSH, CIRCLE, RA and RB of
-    `scratch`; adds to the torques of TO_A and TO_B.
+    The torques oppose the angular velocity of A relative to B. Its part across the
+    normal is (wx, wy, wz), and its part along the normal is `spin`. The torques in the
+    rows TO_A and TO_B of `scratch` are changed.
 
     Parameters
     ----------
@@ -76,32 +81,33 @@ def kernel(
         Time step [s].
     """
     for lane in range(LANES):
-        nx, ny, nz = lane_vector(history, st.NORMAL, lane)
-        inverse_lever, mobility = levers(scratch, lane)
-        spin, wx, wy, wz = relative_rotation(scratch, lane, nx, ny, nz)
+        nx, ny, nz = lane_vector(history, state.NORMAL, lane)
+        inverse_lever, mobility = compute_levers(scratch, lane)
+        spin, wx, wy, wz = compute_relative_rotation(scratch, lane, nx, ny, nz)
 
-        # Rolling: the torque divided by the angular velocity. It is at most the torque
-        # that stops the rotation in this step. TINY avoids a division by 0.
-        stopping = SPHERE_ABOUT_CENTRE / (dt * mobility + TINY)
+        # Rolling: viscosity is the torque divided by the angular velocity. A larger value
+        # than stopping_limit would reverse the rotation in this step. TINY avoids a
+        # division by 0.
+        stopping_limit = SPHERE_ABOUT_CENTRE / (dt * mobility + TINY)
         rolling_limit = (
-            scratch[ROLLING_FRICTION + lane] * scratch[tl.PUSH + lane] / inverse_lever
+            scratch[ROLLING_FRICTION + lane] * scratch[tile.PUSH + lane] / inverse_lever
         )
         rolling_speed = math.sqrt(wx * wx + wy * wy + wz * wz)
-        rolling = min(stopping, rolling_limit / (rolling_speed + TINY))
+        viscosity = min(stopping_limit, rolling_limit / (rolling_speed + TINY))
 
         # Twisting: the torque about the normal.
         twisting_limit = (
             scratch[TWISTING_FRICTION + lane]
-            * scratch[tl.PUSH + lane]
-            * scratch[tl.CIRCLE + lane]
+            * scratch[tile.PUSH + lane]
+            * scratch[tile.CIRCLE + lane]
         )
-        twist = max(-twisting_limit, min(twisting_limit, stopping * spin))
+        twist = max(-twisting_limit, min(twisting_limit, stopping_limit * spin))
 
-        # the sum of both, across the normal and along it
-        x = rolling * wx + twist * nx
-        y = rolling * wy + twist * ny
-        z = rolling * wz + twist * nz
-        oppose(scratch, lane, x, y, z)
+        # Add the rolling torque, across the normal, and the twisting torque along it.
+        x = viscosity * wx + twist * nx
+        y = viscosity * wy + twist * ny
+        z = viscosity * wz + twist * nz
+        apply_torques(scratch, lane, x, y, z)
 
 
 LAW = Law(
@@ -109,7 +115,7 @@ LAW = Law(
     options=ConstantTorque,
     constants=constants,
     n_constants=2,
-    n_rows=_rows.count,
+    n_rows=_scratch_rows.count,
     n_state=0,
     kernel=kernel,
     words={

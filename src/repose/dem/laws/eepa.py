@@ -55,8 +55,7 @@ from typing import Any
 import numpy as np
 
 from ..constants import PLASTICITY_RATIO, SURFACE_ENERGY
-from ..kernels import state as st
-from ..kernels import tile as tl
+from ..kernels import state, tile
 from ..kernels.jit import inlined
 from ..kernels.rows import LANES, Rows
 from ..materials import Contact, Material
@@ -68,21 +67,21 @@ from .hertz_mindlin import (
     TANGENTIAL_DAMPING,
     TANGENTIAL_STIFFNESS,
     VISCOUS,
-    contact_sizes,
+    compute_contact_circles,
 )
-from .hertz_mindlin_rescaled import LAST_CIRCLE, SPRING, keep_force
+from .hertz_mindlin_rescaled import LAST_CIRCLE, SPRING, rescale_springs
 from .hertz_mindlin_rescaled import LAW as RESCALED
 from .law import ELASTIC, KEEP, Law
-from .tangential import add_forces, slip
+from .tangential import update_springs, write_forces
 
-TINY = 1e-300  # keeps unused lanes finite
+TINY = 1e-300  # added to divisors, so that unused lanes do not divide by 0
 
 Eepa = namedtuple("Eepa", "tension friction_limit")
 
-_rows = Rows(tl.LAW)
-_rows.take(hertz_mindlin.LAW.n_rows)
-PLASTIC_SHARE, STIFFENING, ADHESION = _rows.take_each(3)
-FORCE, FLOOR = _rows.take_each(2)
+_scratch_rows = Rows(tile.LAW)
+_scratch_rows.take(hertz_mindlin.LAW.n_rows)
+PLASTIC_SHARE, STIFFENING, ADHESION = _scratch_rows.take_each(3)
+FORCE, FLOOR = _scratch_rows.take_each(2)
 
 PLASTIC = RESCALED.n_state * LANES
 
@@ -125,15 +124,15 @@ def restitution(plasticity: float) -> float:
     Parameters
     ----------
     plasticity : float
-        L, from 0, below 1.
+        Plasticity ratio L, 0 or more and below 1.
 
     Returns
     -------
     float
-        The root of the work of unloading over that of loading.
+        The square root of the work of unloading over that of loading.
     """
-    released = 1.0 - 2.5 * plasticity + 1.5 * plasticity ** (5.0 / 3.0)
-    return math.sqrt(max(released, 0.0) / (1.0 - plasticity))
+    released_work = 1.0 - 2.5 * plasticity + 1.5 * plasticity ** (5.0 / 3.0)
+    return math.sqrt(max(released_work, 0.0) / (1.0 - plasticity))
 
 
 def contact_time(
@@ -141,8 +140,8 @@ def contact_time(
 ) -> float:
     """Compute the contact time of a head-on impact [s].
 
-    Unloading is faster than loading: it is that of `hertz_mindlin` times sqrt(1 - L),
-    with the plasticity ratio L.
+    A contact unloads faster than it is loaded. So the time is that of `hertz_mindlin`
+    times sqrt(1 - L), with the plasticity ratio L.
 
     Parameters
     ----------
@@ -155,8 +154,8 @@ def contact_time(
     speed : float
         Relative speed [m/s].
     """
-    share = math.sqrt(1.0 - contact.constants[PLASTICITY_RATIO.name])
-    return share * hertz_mindlin.contact_time(a, b, contact, mass, radius, speed)
+    time_ratio = math.sqrt(1.0 - contact.constants[PLASTICITY_RATIO.name])
+    return time_ratio * hertz_mindlin.contact_time(a, b, contact, mass, radius, speed)
 
 
 def oscillator(
@@ -186,46 +185,51 @@ def oscillator(
         See `hertz_mindlin.oscillator` [N/m].
     """
     stiffness, ratio = hertz_mindlin.oscillator(a, b, contact, tension, radius, overlap)
-    share = math.sqrt(1.0 - contact.constants[PLASTICITY_RATIO.name])
-    return stiffness / share**2, ratio * share
+    time_ratio = math.sqrt(1.0 - contact.constants[PLASTICITY_RATIO.name])
+    return stiffness / time_ratio**2, ratio * time_ratio
 
 
 @inlined
-def branches(
-    stiffness: float, stiffening: float, adhesion: float, radius: float, plastic: float
+def compute_branches(
+    stiffness: float,
+    stiffening: float,
+    adhesion: float,
+    radius: float,
+    plastic_overlap: float,
 ) -> tuple[float, float, float]:
-    """Compute where the branches of the force lie, for a plastic overlap.
+    """Compute the forces that separate the branches of the law, for a plastic overlap.
 
     Parameters
     ----------
     stiffness, stiffening, adhesion : float
         4/3 E* [Pa], k2 / k1, and the strongest pull over sqrt(R* d_p) [N/m].
-    radius, plastic : float
-        R* and d_p [m].
+    radius, plastic_overlap : float
+        Effective radius R* and plastic overlap d_p [m].
 
     Returns
     -------
     pressed : float
-        k1 d_p^1.5 [N].
+        k1 d_p^1.5 [N]. Unloading reaches force 0 where k1 d^1.5 has this value.
     lowest : float
-        k1 d^1.5 where unloading meets adhesion [N].
-    share : float
+        Value of k1 d^1.5 at which unloading meets adhesion [N].
+    adhesive_share : float
         k_a / k1.
     """
-    circle = math.sqrt(radius * plastic)
-    pressed = stiffness * circle * plastic
-    pull = min(adhesion * circle, 0.5 * stiffening * pressed)
-    lowest = pressed - pull / stiffening
-    return pressed, lowest, pull / max(lowest, TINY)
+    circle = math.sqrt(radius * plastic_overlap)
+    pressed = stiffness * circle * plastic_overlap
+    strongest_pull = min(adhesion * circle, 0.5 * stiffening * pressed)
+    lowest = pressed - strongest_pull / stiffening
+    return pressed, lowest, strongest_pull / max(lowest, TINY)
 
 
 @inlined
-def plastic_forces(
+def compute_plastic_forces(
     scratch: np.ndarray, history: np.ndarray, last_circle: int, plastic: int
 ) -> None:
     """Compute the normal force without dashpot from the history of the overlap.
 
-    Writes the rows FORCE and FLOOR of `scratch`, and the row `plastic` of `history`.
+    The rows FORCE and FLOOR of `scratch` and the row `plastic` of `history` are
+    overwritten.
 
     Parameters
     ----------
@@ -237,28 +241,28 @@ def plastic_forces(
         the last step [m], and the plastic overlap [m].
     """
     for lane in range(LANES):
-        gap = scratch[tl.GAP + lane]
+        gap = scratch[tile.GAP + lane]
         overlap = -gap if gap < 0.0 else 0.0
-        radius, circle = scratch[tl.RADIUS + lane], scratch[tl.CIRCLE + lane]
+        radius, circle = scratch[tile.RADIUS + lane], scratch[tile.CIRCLE + lane]
         stiffness = scratch[NORMAL_STIFFNESS + lane]
         stiffening, adhesion = scratch[STIFFENING + lane], scratch[ADHESION + lane]
 
         # A contact that was on the adhesive branch and is loaded again has a smaller
         # plastic overlap: that of the unloading branch through its last point.
         plastic_overlap = history[plastic + lane]
-        _, lowest, adhesive_share = branches(
+        _, lowest, adhesive_share = compute_branches(
             stiffness, stiffening, adhesion, radius, plastic_overlap
         )
         old_circle = history[last_circle + lane]
         old_overlap = old_circle * old_circle / max(radius, TINY)
         if circle > old_circle and stiffness * old_circle * old_overlap < lowest:
-            ratio = 1.0 + adhesive_share / stiffening
-            plastic_overlap = old_overlap * ratio ** (2.0 / 3.0)
+            load_ratio = 1.0 + adhesive_share / stiffening
+            plastic_overlap = old_overlap * load_ratio ** (2.0 / 3.0)
         # A contact that is pressed deeper than before has a larger one.
         plastic_overlap = max(plastic_overlap, scratch[PLASTIC_SHARE + lane] * overlap)
 
         # The force is that of unloading, but not below the adhesive branch.
-        pressed, _, adhesive_share = branches(
+        pressed, _, adhesive_share = compute_branches(
             stiffness, stiffening, adhesion, radius, plastic_overlap
         )
         loading = stiffness * circle * overlap
@@ -266,12 +270,12 @@ def plastic_forces(
         scratch[FLOOR + lane] = adhesive_share * loading
         scratch[FORCE + lane] = max(unloading, -adhesive_share * loading)
         history[plastic + lane] = (
-            st.flush_tiny(plastic_overlap) if overlap > 0.0 else 0.0
+            state.flush_tiny(plastic_overlap) if overlap > 0.0 else 0.0
         )
 
 
 @inlined
-def push(
+def compute_forces(
     scratch: np.ndarray,
     history: np.ndarray,
     spring: int,
@@ -280,8 +284,8 @@ def push(
 ) -> None:
     """Compute the forces of each lane from velocities, springs and the plastic force.
 
-    `plastic_forces` must have been called before. Writes the rows TO_A and PUSH of
-    `scratch`, and the springs in `history`.
+    Call `compute_plastic_forces` first. The rows TO_A and PUSH of `scratch` and the
+    springs in `history` are overwritten.
 
     Parameters
     ----------
@@ -294,22 +298,22 @@ def push(
         Numbers of `law.TENSIONS` and `law.FRICTION_LIMITS`.
     """
     for lane in range(LANES):
-        circle = scratch[tl.CIRCLE + lane]
+        circle = scratch[tile.CIRCLE + lane]
         viscous = scratch[VISCOUS + lane]
         force = scratch[FORCE + lane]
         damped = (
-            force + scratch[NORMAL_DAMPING + lane] * viscous * scratch[tl.VN + lane]
+            force + scratch[NORMAL_DAMPING + lane] * viscous * scratch[tile.VN + lane]
         )
         # With the options "release" and "cut", the dashpot must not increase the pull.
         smallest = -math.inf if tension == KEEP else min(force, 0.0)
         normal_force = max(damped, smallest)
         # Friction is limited by the normal force and the adhesion at this overlap.
-        carrying = force if friction_limit == ELASTIC else normal_force
-        limit = abs(carrying + scratch[FLOOR + lane])
+        chosen_force = force if friction_limit == ELASTIC else normal_force
+        limit = abs(chosen_force + scratch[FLOOR + lane])
         # the tangential spring and dashpot at this contact circle
         stiffness = scratch[TANGENTIAL_STIFFNESS + lane] * circle
         damping = scratch[TANGENTIAL_DAMPING + lane] * viscous
-        add_forces(
+        write_forces(
             scratch,
             history,
             spring,
@@ -339,11 +343,11 @@ def kernel(
     dt : float
         Time step [s].
     """
-    contact_sizes(scratch)
-    plastic_forces(scratch, history, first + LAST_CIRCLE, first + PLASTIC)
-    keep_force(scratch, history, first + SPRING, first + LAST_CIRCLE)
-    slip(scratch, history, first + SPRING, dt)
-    push(scratch, history, first + SPRING, law.tension, law.friction_limit)
+    compute_contact_circles(scratch)
+    compute_plastic_forces(scratch, history, first + LAST_CIRCLE, first + PLASTIC)
+    rescale_springs(scratch, history, first + SPRING, first + LAST_CIRCLE)
+    update_springs(scratch, history, first + SPRING, dt)
+    compute_forces(scratch, history, first + SPRING, law.tension, law.friction_limit)
 
 
 LAW = Law(
@@ -351,7 +355,7 @@ LAW = Law(
     options=Eepa,
     constants=constants,
     n_constants=hertz_mindlin.LAW.n_rows + 3,
-    n_rows=_rows.count,
+    n_rows=_scratch_rows.count,
     n_state=RESCALED.n_state + 1,
     kernel=kernel,
     words={

@@ -43,8 +43,7 @@ from typing import Any
 
 import numpy as np
 
-from ..kernels import state as st
-from ..kernels import tile as tl
+from ..kernels import state, tile
 from ..kernels.jit import inlined
 from ..kernels.rows import LANES, Rows, add_vector, lane_vector, write_vector
 from ..materials import Contact, Material, effective_moduli
@@ -53,27 +52,33 @@ from .law import Law
 ETA = 0.3  # damping ratio of rolling (Ai et al. 2011)
 # Moments of inertia of a sphere over m r^2, about a point of its surface and about its
 # centre.
-SPHERE_ABOUT_CONTACT, SPHERE_ABOUT_CENTRE = 1.4, 0.4
-HERTZ_TWIST = 3.0 * math.pi / 16.0
-TINY = 1e-60  # keeps divisors from 0
+SPHERE_ABOUT_CONTACT = 1.4
+SPHERE_ABOUT_CENTRE = 0.4
+HERTZ_TWIST = 3.0 * math.pi / 16.0  # mu_t / mu_s of a Hertz contact that slides
+TINY = 1e-60  # added to divisors, which may be 0
+INFINITE_ARM = 1e30  # m
 
 Epsd = namedtuple("Epsd", "tension friction_limit")
 
-_rows = Rows(tl.ROLLING)
+_scratch_rows = Rows(tile.ROLLING)
 ROLLING_FRICTION, TWISTING_FRICTION, NORMAL_STIFFNESS, TWISTING_STIFFNESS = (
-    _rows.take_each(4)
+    _scratch_rows.take_each(4)
 )
 
-_state = Rows()
-ROLLED = _state.take(3)
-TWISTED = _state.take()
+_history_rows = Rows()
+ROLLED = _history_rows.take(3)
+TWISTED = _history_rows.take()
 
-TORQUE_A, TORQUE_B = tl.TO_A + 3 * LANES, tl.TO_B + 3 * LANES
-BUDGET_A, BUDGET_B = tl.TO_A + st.ROLL * LANES, tl.TO_B + st.ROLL * LANES
-SPIN_A = tl.A + st.ANGULAR_VELOCITY * LANES
-SPIN_B = tl.B + st.ANGULAR_VELOCITY * LANES
-INVERSE_MASS_A = tl.A + st.INVERSE_MASS * LANES
-INVERSE_MASS_B = tl.B + st.INVERSE_MASS * LANES
+# First rows of the torques, budgets, angular velocities and inverse masses of both
+# bodies
+TORQUE_A = tile.TO_A + 3 * LANES
+TORQUE_B = tile.TO_B + 3 * LANES
+BUDGET_A = tile.TO_A + state.ROLL * LANES
+BUDGET_B = tile.TO_B + state.ROLL * LANES
+SPIN_A = tile.A + state.ANGULAR_VELOCITY * LANES
+SPIN_B = tile.B + state.ANGULAR_VELOCITY * LANES
+INVERSE_MASS_A = tile.A + state.INVERSE_MASS * LANES
+INVERSE_MASS_B = tile.B + state.INVERSE_MASS * LANES
 
 
 def constants(
@@ -106,14 +111,17 @@ def constants(
 
 
 @inlined
-def lever(x: float, y: float, z: float) -> float:
-    """Compute the length of an arm (x, y, z); that of a wall, 0, counts as infinite."""
-    square = x * x + y * y + z * z
-    return math.sqrt(square) if square > 0.0 else 1e30
+def compute_arm_length(x: float, y: float, z: float) -> float:
+    """Compute the length of an arm (x, y, z) [m].
+
+    The arm of a wall is 0. It counts as infinite, so the result is `INFINITE_ARM`.
+    """
+    squared_length = x * x + y * y + z * z
+    return math.sqrt(squared_length) if squared_length > 0.0 else INFINITE_ARM
 
 
 @inlined
-def levers(scratch: np.ndarray, lane: int) -> tuple[float, float]:
+def compute_levers(scratch: np.ndarray, lane: int) -> tuple[float, float]:
     """Compute the inverse lever and the mobility of a lane's contact.
 
     The mobility 1/(m_a r_a^2) + 1/(m_b r_b^2) is that of two spheres of the bodies'
@@ -132,12 +140,12 @@ def levers(scratch: np.ndarray, lane: int) -> tuple[float, float]:
     inverse_lever : float
         1/R = 1/r_a + 1/r_b [1/m].
     mobility : float
-        In 1/(kg m2).
+        1/(m_a r_a^2) + 1/(m_b r_b^2) [1/(kg m2)].
     """
-    ax, ay, az = lane_vector(scratch, tl.RA, lane)
-    bx, by, bz = lane_vector(scratch, tl.RB, lane)
-    r_a = lever(ax, ay, az)
-    r_b = lever(bx, by, bz)
+    ax, ay, az = lane_vector(scratch, tile.RA, lane)
+    bx, by, bz = lane_vector(scratch, tile.RB, lane)
+    r_a = compute_arm_length(ax, ay, az)
+    r_b = compute_arm_length(bx, by, bz)
     # a wall has no inverse mass, so it adds nothing
     mobility = scratch[INVERSE_MASS_A + lane] / (r_a * r_a)
     mobility += scratch[INVERSE_MASS_B + lane] / (r_b * r_b)
@@ -145,7 +153,7 @@ def levers(scratch: np.ndarray, lane: int) -> tuple[float, float]:
 
 
 @inlined
-def relative_rotation(
+def compute_relative_rotation(
     scratch: np.ndarray, lane: int, nx: float, ny: float, nz: float
 ) -> tuple[float, float, float, float]:
     """Compute the angular velocity of A relative to B, along and across the normal.
@@ -169,23 +177,23 @@ def relative_rotation(
     ax, ay, az = lane_vector(scratch, SPIN_A, lane)
     bx, by, bz = lane_vector(scratch, SPIN_B, lane)
     wx, wy, wz = ax - bx, ay - by, az - bz
-    # the part along the normal is twisting, the rest is rolling
+    # The part along the normal is twisting. The rest is rolling.
     spin = wx * nx + wy * ny + wz * nz
     return spin, wx - spin * nx, wy - spin * ny, wz - spin * nz
 
 
 @inlined
-def oppose(scratch: np.ndarray, lane: int, x: float, y: float, z: float) -> None:
-    """Apply a torque against A and along B in a lane, with budgets of zero.
+def apply_torques(scratch: np.ndarray, lane: int, x: float, y: float, z: float) -> None:
+    """Add opposite torques to both bodies of a lane, and set their budgets to zero.
 
     Parameters
     ----------
     scratch : numpy.ndarray
-        Scratch tile of 32 contacts; the torques of its loads are added to.
+        Scratch tile of 32 contacts. Its rows TO_A and TO_B are changed.
     lane : int
         Lane of the contact in its tile, 0 to LANES - 1.
     x, y, z : float
-        The torque on B [N m].
+        The torque on B [N m]. That on A is (-x, -y, -z).
     """
     add_vector(scratch, TORQUE_A, lane, -x, -y, -z)
     add_vector(scratch, TORQUE_B, lane, x, y, z)
@@ -194,7 +202,7 @@ def oppose(scratch: np.ndarray, lane: int, x: float, y: float, z: float) -> None
 
 
 @inlined
-def resist(
+def compute_torques(
     scratch: np.ndarray,
     history: np.ndarray,
     first: int,
@@ -203,6 +211,8 @@ def resist(
     eta: float,
 ) -> None:
     """Compute the torques on both bodies of each lane's contact.
+
+    The springs in `history` and the torques of TO_A and TO_B in `scratch` are changed.
 
     Parameters
     ----------
@@ -213,60 +223,66 @@ def resist(
     dt : float
         Time step [s].
     tangential : int
-        1 where k_r follows from the tangential stiffness (`epsd2`), else 0.
+        1 if k_r follows from the tangential stiffness, for the law `epsd2`; else 0.
     eta : float
         Damping ratio of rolling.
     """
     rolled = first + ROLLED
     twisted = first + TWISTED
     for lane in range(LANES):
-        nx, ny, nz = lane_vector(history, st.NORMAL, lane)
-        circle = scratch[tl.CIRCLE + lane]
+        nx, ny, nz = lane_vector(history, state.NORMAL, lane)
+        circle = scratch[tile.CIRCLE + lane]
         touching = 1.0 if circle > 0.0 else 0.0
-        push = scratch[tl.PUSH + lane]
+        normal_force = scratch[tile.PUSH + lane]
         friction = scratch[ROLLING_FRICTION + lane]
-        inverse_arm, mobility = levers(scratch, lane)
-        arm = 1.0 / inverse_arm
-        spin, wx, wy, wz = relative_rotation(scratch, lane, nx, ny, nz)
+        inverse_lever, mobility = compute_levers(scratch, lane)
+        lever = 1.0 / inverse_lever
+        spin, wx, wy, wz = compute_relative_rotation(scratch, lane, nx, ny, nz)
 
         # The stiffness k_r of the rolling spring.
         if tangential:
-            stiffness = 2.0 * scratch[TWISTING_STIFFNESS + lane] * circle * arm * arm
+            stiffness = (
+                2.0 * scratch[TWISTING_STIFFNESS + lane] * circle * lever * lever
+            )
         else:
             stiffness = 2.25 * scratch[NORMAL_STIFFNESS + lane] * circle
-            stiffness = stiffness * friction * friction * arm * arm
+            stiffness = stiffness * friction * friction * lever * lever
 
         # Its torque (x, y, z): drop the part along the present normal, add the rotation
         # of this step, and cut it to the limit.
         x, y, z = lane_vector(history, rolled, lane)
-        along = x * nx + y * ny + z * nz
-        x = x - along * nx + stiffness * dt * wx
-        y = y - along * ny + stiffness * dt * wy
-        z = z - along * nz + stiffness * dt * wz
-        limit = friction * push * arm
-        cut = touching * min(1.0, limit / math.sqrt(x * x + y * y + z * z + TINY))
-        x, y, z = cut * x, cut * y, cut * z
+        normal_part = x * nx + y * ny + z * nz
+        x = x - normal_part * nx + stiffness * dt * wx
+        y = y - normal_part * ny + stiffness * dt * wy
+        z = z - normal_part * nz + stiffness * dt * wz
+        limit = friction * normal_force * lever
+        factor = touching * min(1.0, limit / math.sqrt(x * x + y * y + z * z + TINY))
+        x, y, z = factor * x, factor * y, factor * z
         write_vector(
-            history, rolled, lane, st.flush_tiny(x), st.flush_tiny(y), st.flush_tiny(z)
+            history, rolled, lane, state.flush_tiny(x), state.flush_tiny(y), state.flush_tiny(z)
         )
 
         # Add its dashpot, and cut the sum.
         inertia_stiffness = SPHERE_ABOUT_CONTACT * stiffness / (mobility + TINY)
-        dashpot = 2.0 * eta * math.sqrt(inertia_stiffness)
-        x, y, z = x + dashpot * wx, y + dashpot * wy, z + dashpot * wz
-        cut = min(1.0, limit / math.sqrt(x * x + y * y + z * z + TINY))
+        damping = 2.0 * eta * math.sqrt(inertia_stiffness)
+        x, y, z = x + damping * wx, y + damping * wy, z + damping * wz
+        factor = min(1.0, limit / math.sqrt(x * x + y * y + z * z + TINY))
 
         # The same about the normal: the twisting spring, its dashpot, and the limit.
         stiffness = scratch[TWISTING_STIFFNESS + lane] * circle * circle * circle
-        limit = touching * scratch[TWISTING_FRICTION + lane] * push * circle
+        limit = touching * scratch[TWISTING_FRICTION + lane] * normal_force * circle
         twist = max(-limit, min(limit, history[twisted + lane] + stiffness * dt * spin))
-        history[twisted + lane] = st.flush_tiny(twist)
+        history[twisted + lane] = state.flush_tiny(twist)
         inertia_stiffness = SPHERE_ABOUT_CENTRE * stiffness / (mobility + TINY)
         twist += 2.0 * ETA * math.sqrt(inertia_stiffness) * spin
         twist = max(-limit, min(limit, twist))
 
-        x, y, z = cut * x + twist * nx, cut * y + twist * ny, cut * z + twist * nz
-        oppose(scratch, lane, x, y, z)
+        x, y, z = (
+            factor * x + twist * nx,
+            factor * y + twist * ny,
+            factor * z + twist * nz,
+        )
+        apply_torques(scratch, lane, x, y, z)
 
 
 def kernel(
@@ -285,7 +301,7 @@ def kernel(
     dt : float
         Time step [s].
     """
-    resist(scratch, history, first, dt, 0, ETA)
+    compute_torques(scratch, history, first, dt, 0, ETA)
 
 
 LAW = Law(
@@ -293,8 +309,8 @@ LAW = Law(
     options=Epsd,
     constants=constants,
     n_constants=4,
-    n_rows=_rows.count,
-    n_state=_state.count,
+    n_rows=_scratch_rows.count,
+    n_state=_history_rows.count,
     kernel=kernel,
     words={
         "rolling": (

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from .epsd import LAW as EPSD
-from .epsd import resist
+from .epsd import compute_torques
 
 Epsd2 = namedtuple("Epsd2", "tension friction_limit")
 
@@ -41,7 +41,7 @@ def kernel(
     dt : float
         Time step [s].
     """
-    resist(scratch, history, first, dt, 1, 0.0)
+    compute_torques(scratch, history, first, dt, 1, 0.0)
 
 
 LAW = replace(

@@ -44,24 +44,24 @@ from typing import Any
 
 import numpy as np
 
-from ..kernels import tile as tl
+from ..kernels import tile
 from ..kernels.jit import inlined
 from ..kernels.rows import LANES, Rows
 from ..kernels.simd import rsqrt
 from ..materials import Contact, Material, effective_moduli
 from .law import Law
-from .tangential import add_forces, normal_forces, slip
+from .tangential import compute_normal_forces, update_springs, write_forces
 
 HertzMindlin = namedtuple("HertzMindlin", "tension friction_limit")
 
-_rows = Rows(tl.LAW)
-NORMAL_STIFFNESS, TANGENTIAL_STIFFNESS = _rows.take_each(2)
-NORMAL_DAMPING, TANGENTIAL_DAMPING = _rows.take_each(2)
-FRICTION = _rows.take()
-VISCOUS = _rows.take()
+_scratch_rows = Rows(tile.LAW)
+NORMAL_STIFFNESS, TANGENTIAL_STIFFNESS = _scratch_rows.take_each(2)
+NORMAL_DAMPING, TANGENTIAL_DAMPING = _scratch_rows.take_each(2)
+FRICTION = _scratch_rows.take()
+VISCOUS = _scratch_rows.take()
 
-_state = Rows()
-SPRING = _state.take(3)
+_history_rows = Rows()
+SPRING = _history_rows.take(3)
 
 
 def damping_ratio(restitution: float, tension: str = "keep") -> float:
@@ -84,17 +84,17 @@ def damping_ratio(restitution: float, tension: str = "keep") -> float:
     With "keep" the contact lasts until the bodies part, so the dashpot pulls at the end.
     Then beta = -ln e / sqrt(ln^2 e + pi^2) (Tsuji et al. 1992). "cut" uses the same beta
     without the pull, so its bodies leave faster. With "release" the contact ends when the
-    force vanishes, and `_log_restitution` is solved for beta by bisection.
+    force vanishes, and `_compute_log_restitution` is solved for beta by bisection.
     """
-    log = math.log(restitution)
+    log_e = math.log(restitution)
     if tension != "release" or restitution == 1.0:
-        return -log / math.sqrt(log * log + math.pi * math.pi)
-    # ln e falls as beta grows.
+        return -log_e / math.sqrt(log_e * log_e + math.pi * math.pi)
+    # Bisection: ln e decreases when beta increases.
     low, high = 0.0, 1.0 / restitution
     middle = 0.5 * (low + high)
     # Stop when no floating-point number lies between low and high.
     while low < middle < high:
-        if _log_restitution(middle) > log:
+        if _compute_log_restitution(middle) > log_e:
             low = middle
         else:
             high = middle
@@ -102,7 +102,7 @@ def damping_ratio(restitution: float, tension: str = "keep") -> float:
     return low
 
 
-def _log_restitution(beta: float) -> float:
+def _compute_log_restitution(beta: float) -> float:
     """Compute ln e of a contact that ends when its force vanishes.
 
     With y = delta^(5/4) the damped Hertz contact is a linear oscillator. Schwager and
@@ -120,7 +120,9 @@ def _log_restitution(beta: float) -> float:
         The logarithm of the coefficient of restitution, 0 or less.
     """
     if abs(beta - 1.0) < 1e-6:
-        return -2.0 * beta  # the limit of both
+        return (
+            -2.0 * beta
+        )  # the limit of both formulas at beta = 1, where they are 0 / 0
     if beta < 1.0:
         return -2.0 * beta * math.acos(beta) / math.sqrt(1.0 - beta * beta)
     return -2.0 * beta * math.acosh(beta) / math.sqrt(beta * beta - 1.0)
@@ -147,7 +149,7 @@ def constants(
     """
     young, shear = effective_moduli(a, b)
     damping = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio(contact.restitution, tension)
-    # times sqrt(a m), the row VISCOUS, these are the constants of the dashpots
+    # The dashpot constants are these values times sqrt(a m), which is the row VISCOUS.
     normal_damping = damping * math.sqrt(2.0 * young)
     tangential_damping = damping * math.sqrt(8.0 * shear)
     return np.array(
@@ -227,12 +229,12 @@ def oscillator(
 
 
 @inlined
-def contact_sizes(scratch: np.ndarray) -> None:
+def compute_contact_circles(scratch: np.ndarray) -> None:
     """Compute the radius a of the contact circle, and sqrt(a m), of each contact.
 
-    They are written to the rows CIRCLE and VISCOUS, and are 0 where nothing touches.
-    The roots have a loop of their own, of which the processor runs several lanes at
-    once.
+    The results are written to the rows CIRCLE and VISCOUS. They are 0 where the bodies
+    do not touch. The square roots are slow, so they have a short loop of their own, in
+    which the processor handles several lanes at once.
 
     Parameters
     ----------
@@ -240,19 +242,20 @@ def contact_sizes(scratch: np.ndarray) -> None:
         Scratch tile of 32 contacts, with the rows GAP, RADIUS and INVERSE_MASS.
     """
     for lane in range(LANES):
-        gap = scratch[tl.GAP + lane]
+        gap = scratch[tile.GAP + lane]
         overlap = -gap if gap < 0.0 else 0.0
-        # square * rsqrt(square) is the root, and 0 where nothing touches
-        square = scratch[tl.RADIUS + lane] * overlap
-        circle = square * rsqrt(square)
-        scratch[tl.CIRCLE + lane] = circle
+        # squared_radius * rsqrt(squared_radius) is the square root. It is 0 if the
+        # bodies do not touch.
+        squared_radius = scratch[tile.RADIUS + lane] * overlap
+        circle = squared_radius * rsqrt(squared_radius)
+        scratch[tile.CIRCLE + lane] = circle
         scratch[VISCOUS + lane] = circle * rsqrt(
-            circle * scratch[tl.INVERSE_MASS + lane]
+            circle * scratch[tile.INVERSE_MASS + lane]
         )
 
 
 @inlined
-def push(
+def compute_forces(
     scratch: np.ndarray,
     history: np.ndarray,
     spring: int,
@@ -261,7 +264,8 @@ def push(
 ) -> None:
     """Compute the forces of each lane from velocities and springs of this step.
 
-    Call `contact_sizes` and `tangential.slip` first. Writes the rows TO_A and PUSH.
+    Call `compute_contact_circles` and `tangential.update_springs` first. The rows TO_A
+    and PUSH of `scratch` and the springs in `history` are overwritten.
 
     Parameters
     ----------
@@ -270,25 +274,27 @@ def push(
     history : numpy.ndarray
         What the contacts keep from step to step.
     spring : int
-        Place of the spring's first row in `history`.
+        Index in `history` at which the three rows of the spring begin.
     tension, friction_limit : int
         Numbers of `law.TENSIONS` and `law.FRICTION_LIMITS`.
     """
     for lane in range(LANES):
-        gap = scratch[tl.GAP + lane]
+        gap = scratch[tile.GAP + lane]
         overlap = -gap if gap < 0.0 else 0.0
-        circle = scratch[tl.CIRCLE + lane]
+        circle = scratch[tile.CIRCLE + lane]
         viscous = scratch[VISCOUS + lane]
-        # the normal force: Hertz's elastic part, and the dashpot
+        # The normal force is the sum of Hertz's elastic force and the dashpot's.
         elastic = scratch[NORMAL_STIFFNESS + lane] * circle * overlap
         damped = (
-            elastic + scratch[NORMAL_DAMPING + lane] * viscous * scratch[tl.VN + lane]
+            elastic + scratch[NORMAL_DAMPING + lane] * viscous * scratch[tile.VN + lane]
         )
-        normal_force, limit = normal_forces(elastic, damped, tension, friction_limit)
-        # the tangential spring and dashpot at the same contact circle
+        normal_force, limit = compute_normal_forces(
+            elastic, damped, tension, friction_limit
+        )
+        # The tangential stiffness and damping depend on the contact circle, too.
         stiffness = scratch[TANGENTIAL_STIFFNESS + lane] * circle
         damping = scratch[TANGENTIAL_DAMPING + lane] * viscous
-        add_forces(
+        write_forces(
             scratch,
             history,
             spring,
@@ -306,8 +312,8 @@ def kernel(
 ) -> None:
     """Compute the forces of 32 contacts, one in each lane, of this time step.
 
-    There are several short loops, because a processor runs as many lanes at once as its
-    window holds.
+    There are several short loops instead of a long one, because a processor overlaps
+    more lanes of a short loop.
 
     Parameters
     ----------
@@ -321,9 +327,9 @@ def kernel(
     dt : float
         Time step [s].
     """
-    contact_sizes(scratch)
-    slip(scratch, history, first + SPRING, dt)
-    push(scratch, history, first + SPRING, law.tension, law.friction_limit)
+    compute_contact_circles(scratch)
+    update_springs(scratch, history, first + SPRING, dt)
+    compute_forces(scratch, history, first + SPRING, law.tension, law.friction_limit)
 
 
 LAW = Law(
@@ -331,8 +337,8 @@ LAW = Law(
     options=HertzMindlin,
     constants=constants,
     n_constants=5,
-    n_rows=_rows.count,
-    n_state=_state.count,
+    n_rows=_scratch_rows.count,
+    n_state=_history_rows.count,
     kernel=kernel,
     words={
         "normal": "Hertz with viscous damping (Tsuji, Tanaka and Ishida 1992)",

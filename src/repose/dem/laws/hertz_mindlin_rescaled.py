@@ -29,29 +29,29 @@ from typing import Any
 
 import numpy as np
 
-from ..kernels import tile as tl
+from ..kernels import tile
 from ..kernels.jit import inlined
 from ..kernels.rows import LANES, Rows
 from .hertz_mindlin import LAW as HERTZ_MINDLIN
-from .hertz_mindlin import contact_sizes, push
-from .tangential import slip
+from .hertz_mindlin import compute_contact_circles, compute_forces
+from .tangential import update_springs
 
 HertzMindlinRescaled = namedtuple("HertzMindlinRescaled", "tension friction_limit")
 
-_state = Rows()
-SPRING = _state.take(3)
-LAST_CIRCLE = _state.take()
+_history_rows = Rows()
+SPRING = _history_rows.take(3)
+LAST_CIRCLE = _history_rows.take()
 
 
 @inlined
-def keep_force(
+def rescale_springs(
     scratch: np.ndarray, history: np.ndarray, spring: int, last_circle: int
 ) -> None:
     """Shorten the springs of contacts whose load has grown, so that their force stays.
 
     The stiffness of a spring is proportional to the radius of the contact circle. When
-    the radius grows, the spring is shortened by the same factor. `history` is changed in
-    place.
+    the radius grows, the spring is shortened by the same factor. The springs and the
+    radii in `history` are changed.
 
     Parameters
     ----------
@@ -63,14 +63,14 @@ def keep_force(
         radius of the contact circle in the last step [m]. The radius is updated.
     """
     for lane in range(LANES):
-        circle = scratch[tl.CIRCLE + lane]
+        circle = scratch[tile.CIRCLE + lane]
         old_circle = history[last_circle + lane]
         # the spring is shortened by the factor by which its stiffness grows
-        share = old_circle / circle if circle > old_circle else 1.0
+        factor = old_circle / circle if circle > old_circle else 1.0
         history[last_circle + lane] = circle
-        history[spring + lane] *= share
-        history[spring + LANES + lane] *= share
-        history[spring + 2 * LANES + lane] *= share
+        history[spring + lane] *= factor
+        history[spring + LANES + lane] *= factor
+        history[spring + 2 * LANES + lane] *= factor
 
 
 def kernel(
@@ -90,17 +90,17 @@ def kernel(
     dt : float
         Time step [s].
     """
-    contact_sizes(scratch)
-    keep_force(scratch, history, first + SPRING, first + LAST_CIRCLE)
-    slip(scratch, history, first + SPRING, dt)
-    push(scratch, history, first + SPRING, law.tension, law.friction_limit)
+    compute_contact_circles(scratch)
+    rescale_springs(scratch, history, first + SPRING, first + LAST_CIRCLE)
+    update_springs(scratch, history, first + SPRING, dt)
+    compute_forces(scratch, history, first + SPRING, law.tension, law.friction_limit)
 
 
 LAW = replace(
     HERTZ_MINDLIN,
     name="hertz_mindlin_rescaled",
     options=HertzMindlinRescaled,
-    n_state=_state.count,
+    n_state=_history_rows.count,
     kernel=kernel,
     words={
         "normal": HERTZ_MINDLIN.words["normal"],

@@ -54,7 +54,7 @@ from typing import Any
 import numpy as np
 
 from ..constants import SURFACE_ENERGY
-from ..kernels import tile as tl
+from ..kernels import tile
 from ..kernels.jit import inlined
 from ..kernels.rows import LANES, Rows
 from ..kernels.simd import rsqrt
@@ -62,30 +62,30 @@ from ..materials import Contact, Material, effective_moduli
 from . import hertz_mindlin
 from .hertz_mindlin import contact_time, damping_ratio
 from .hertz_mindlin_rescaled import LAW as RESCALED
-from .hertz_mindlin_rescaled import keep_force
+from .hertz_mindlin_rescaled import rescale_springs
 from .law import Law
-from .tangential import add_forces, normal_forces, slip
+from .tangential import compute_normal_forces, update_springs, write_forces
 
 Jkr = namedtuple("Jkr", "tension friction_limit")
 
-_rows = Rows(tl.LAW)
-NORMAL_STIFFNESS, TANGENTIAL_STIFFNESS = _rows.take_each(2)
-NORMAL_DAMPING, TANGENTIAL_DAMPING = _rows.take_each(2)
-FRICTION = _rows.take()
-BOND, ADHESION = _rows.take_each(2)
-VISCOUS = _rows.take()
-ELASTIC, PULL_OFF = _rows.take_each(2)
+_scratch_rows = Rows(tile.LAW)
+NORMAL_STIFFNESS, TANGENTIAL_STIFFNESS = _scratch_rows.take_each(2)
+NORMAL_DAMPING, TANGENTIAL_DAMPING = _scratch_rows.take_each(2)
+FRICTION = _scratch_rows.take()
+BOND, ADHESION = _scratch_rows.take_each(2)
+VISCOUS = _scratch_rows.take()
+ELASTIC, PULL_OFF = _scratch_rows.take_each(2)
 
-_state = Rows()
-SPRING = _state.take(3)
-LAST_CIRCLE = _state.take()
-ROOT = _state.take()
-REACH = _state.take()
+_history_rows = Rows()
+SPRING = _history_rows.take(3)
+LAST_CIRCLE = _history_rows.take()
+ROOT = _history_rows.take()
+REACH = _history_rows.take()
 
-# s^4 - s has its minimum -DEPTH at s = S_END: there the contact ends.
+# s^4 - s has its minimum -DEPTH at s = S_END. The contact ends there.
 S_END = 0.25 ** (1.0 / 3.0)
 DEPTH = 0.75 * S_END
-START = 1.5 * S_END * S_END  # q of `_root`
+START = 1.5 * S_END * S_END  # q of `_solve_root`, for the first approximation
 SMALLEST_EXCESS = 1e-14  # keeps the derivative of s^4 - s from 0
 
 
@@ -161,7 +161,7 @@ def circle_radius(
     if excess < 0.0:
         smallest = -DEPTH * unit**2 / radius
         raise ValueError(f"overlap is {overlap!r}; expected at least {smallest:.4g}")
-    return unit * _root(max(excess, SMALLEST_EXCESS)) ** 2
+    return unit * _solve_root(max(excess, SMALLEST_EXCESS)) ** 2
 
 
 def oscillator(
@@ -199,12 +199,12 @@ def oscillator(
 
 
 @inlined
-def _root(excess: float) -> float:
-    """Compute the largest s with s^4 - s + DEPTH = excess, to 2e-12.
+def _solve_root(excess: float) -> float:
+    """Find the largest root s of s^4 - s + DEPTH = excess, with an error below 2e-12.
 
     With u = s - S_END the equation is u^4 + 4 S_END u^3 + 6 S_END^2 u^2 = excess. The
-    root of (u^2 + 2 sqrt(q) u)^2 = excess with q = 3/2 S_END^2 is near it, and three
-    steps of Newton's method follow.
+    root of (u^2 + 2 sqrt(q) u)^2 = excess with q = 3/2 S_END^2 is a first approximation.
+    Three steps of Newton's method refine it.
 
     Parameters
     ----------
@@ -218,8 +218,8 @@ def _root(excess: float) -> float:
     """
     u = math.sqrt(START + math.sqrt(excess)) - math.sqrt(START)
     for _ in range(3):
-        rest = u * u * (u * (u + 4.0 * S_END) + 6.0 * S_END * S_END) - excess
-        u -= rest / (4.0 * u * (u * (u + 3.0 * S_END) + 3.0 * S_END * S_END))
+        residual = u * u * (u * (u + 4.0 * S_END) + 6.0 * S_END * S_END) - excess
+        u -= residual / (4.0 * u * (u * (u + 3.0 * S_END) + 3.0 * S_END * S_END))
     return S_END + u
 
 
@@ -228,7 +228,7 @@ def begin_cohesion(scratch: np.ndarray, history: np.ndarray, root: int) -> None:
     """Compute the row ROOT of contacts that begin: (R* sqrt(2 pi w / E*))^(1/3).
 
     A contact begins where its row is still 0 and the bodies overlap; later
-    `cohesive_sizes` updates the row when R* changes.
+    `compute_cohesive_contacts` updates the row when R* changes.
 
     Parameters
     ----------
@@ -241,21 +241,22 @@ def begin_cohesion(scratch: np.ndarray, history: np.ndarray, root: int) -> None:
     for lane in range(LANES):
         if (
             history[root + lane] == 0.0
-            and scratch[tl.GAP + lane] < 0.0
-            and scratch[BOND + lane] * scratch[tl.RADIUS + lane] > 0.0
+            and scratch[tile.GAP + lane] < 0.0
+            and scratch[BOND + lane] * scratch[tile.RADIUS + lane] > 0.0
         ):
             history[root + lane] = (
-                scratch[tl.RADIUS + lane] * scratch[BOND + lane]
+                scratch[tile.RADIUS + lane] * scratch[BOND + lane]
             ) ** (1.0 / 3.0)
 
 
 @inlined
-def cohesive_sizes(
+def compute_cohesive_contacts(
     scratch: np.ndarray, history: np.ndarray, root: int, reach: int
 ) -> None:
-    """Compute contact circle, elastic force, pull-off force and reach of each lane.
+    """Compute the contact circle, elastic force, pull-off force and reach of each lane.
 
-    Writes the rows CIRCLE, VISCOUS, ELASTIC and PULL_OFF of `scratch`.
+    The rows CIRCLE, VISCOUS, ELASTIC and PULL_OFF of `scratch` and the rows ROOT and
+    REACH of `history` are overwritten.
 
     Parameters
     ----------
@@ -263,52 +264,55 @@ def cohesive_sizes(
         Tiles of 32 contacts: working memory of this step, and what the contacts keep
         from step to step. See `law.contact_forces`.
     root, reach : int
-        Indices at which the rows ROOT and REACH of `history` begin. Both are updated: the
-        root of the unit A, 0 without cohesion, and the gap at which the contact ends [m].
+        Indices at which the rows ROOT and REACH of `history` begin: the square root of
+        the unit A, 0 without cohesion, and the gap at which the contact ends [m].
     """
     for lane in range(LANES):
         gap, radius, root_a = (
-            scratch[tl.GAP + lane],
-            scratch[tl.RADIUS + lane],
+            scratch[tile.GAP + lane],
+            scratch[tile.RADIUS + lane],
             history[root + lane],
         )
-        coheres = root_a > 0.0
+        is_cohesive = root_a > 0.0
 
         # The root of A. One step of Newton's method for the cube root is enough, as R*
         # changes little in a time step.
-        circle_unit = root_a * root_a if coheres else 1.0
+        circle_unit = root_a * root_a if is_cohesive else 1.0
         root_a -= (root_a - radius * scratch[BOND + lane] / circle_unit) / 3.0
-        # the units A of the circle and A^2 / R* of the overlap, and the end of the contact
+        # The units A of the circle and A^2 / R* of the overlap, and the gap at which the
+        # contact ends
         circle_unit = root_a * root_a
-        overlap_unit = circle_unit * circle_unit / radius if coheres else 1.0
-        end_gap = DEPTH * overlap_unit if coheres else 0.0
+        overlap_unit = circle_unit * circle_unit / radius if is_cohesive else 1.0
+        end_gap = DEPTH * overlap_unit if is_cohesive else 0.0
         touching = 1.0 if gap <= end_gap else 0.0
 
         # The force with cohesion, from the root s of the radius of the contact circle.
         excess = DEPTH - gap / overlap_unit
-        s = _root(excess if excess > SMALLEST_EXCESS else SMALLEST_EXCESS)
-        cube = s * s * s
-        work_radius = touching * scratch[ADHESION + lane] * radius if coheres else 0.0
-        adhesive = work_radius * cube * (8.0 / 3.0 * cube - 4.0)
+        s = _solve_root(excess if excess > SMALLEST_EXCESS else SMALLEST_EXCESS)
+        s_cubed = s * s * s
+        work_radius = (
+            touching * scratch[ADHESION + lane] * radius if is_cohesive else 0.0
+        )
+        cohesive_force = work_radius * s_cubed * (8.0 / 3.0 * s_cubed - 4.0)
 
-        # The force without cohesion, that of Hertz.
+        # Hertz's force, without cohesion.
         overlap = -gap if gap < 0.0 else 0.0
         dry_circle = math.sqrt(radius * overlap)
-        dry = scratch[NORMAL_STIFFNESS + lane] * dry_circle * overlap
+        dry_force = scratch[NORMAL_STIFFNESS + lane] * dry_circle * overlap
 
-        circle = touching * circle_unit * s * s if coheres else dry_circle
-        scratch[tl.CIRCLE + lane] = circle
+        circle = touching * circle_unit * s * s if is_cohesive else dry_circle
+        scratch[tile.CIRCLE + lane] = circle
         scratch[VISCOUS + lane] = math.sqrt(circle) * rsqrt(
-            scratch[tl.INVERSE_MASS + lane]
+            scratch[tile.INVERSE_MASS + lane]
         )
-        scratch[ELASTIC + lane] = adhesive if coheres else dry
+        scratch[ELASTIC + lane] = cohesive_force if is_cohesive else dry_force
         scratch[PULL_OFF + lane] = 1.5 * work_radius
-        history[root + lane] = root_a if coheres else 0.0
+        history[root + lane] = root_a if is_cohesive else 0.0
         history[reach + lane] = end_gap
 
 
 @inlined
-def push(
+def compute_forces(
     scratch: np.ndarray,
     history: np.ndarray,
     spring: int,
@@ -317,10 +321,12 @@ def push(
 ) -> None:
     """Compute the forces of each lane from velocities, springs and the elastic force.
 
-    `cohesive_sizes` must have been called before. The pull-off force is added before the
-    call of `tangential.normal_forces` and subtracted after it. So with "release" a
-    contact ends at the pull-off force instead of at 0. Writes the rows TO_A and PUSH of
-    `scratch`, and the springs in `history`.
+    Call `compute_cohesive_contacts` first. The rows TO_A and PUSH of `scratch` and the
+    springs in `history` are overwritten.
+
+    The pull-off force is added before the call of `tangential.compute_normal_forces` and
+    subtracted after it. So with the tension "release" a contact ends at the pull-off
+    force instead of at 0.
 
     Parameters
     ----------
@@ -336,16 +342,18 @@ def push(
         viscous, pull_off = scratch[VISCOUS + lane], scratch[PULL_OFF + lane]
         elastic = scratch[ELASTIC + lane] + pull_off
         damped = (
-            elastic + scratch[NORMAL_DAMPING + lane] * viscous * scratch[tl.VN + lane]
+            elastic + scratch[NORMAL_DAMPING + lane] * viscous * scratch[tile.VN + lane]
         )
-        normal_force, limit = normal_forces(elastic, damped, tension, friction_limit)
+        normal_force, limit = compute_normal_forces(
+            elastic, damped, tension, friction_limit
+        )
         # Friction is limited by the normal force and twice the pull-off force.
         normal_force -= pull_off
         limit += pull_off
         # the tangential spring and dashpot at this contact circle
-        stiffness = scratch[TANGENTIAL_STIFFNESS + lane] * scratch[tl.CIRCLE + lane]
+        stiffness = scratch[TANGENTIAL_STIFFNESS + lane] * scratch[tile.CIRCLE + lane]
         damping = scratch[TANGENTIAL_DAMPING + lane] * viscous
-        add_forces(
+        write_forces(
             scratch,
             history,
             spring,
@@ -376,10 +384,10 @@ def kernel(
         Time step [s].
     """
     begin_cohesion(scratch, history, first + ROOT)
-    cohesive_sizes(scratch, history, first + ROOT, first + REACH)
-    keep_force(scratch, history, first + SPRING, first + LAST_CIRCLE)
-    slip(scratch, history, first + SPRING, dt, first + REACH)
-    push(scratch, history, first + SPRING, law.tension, law.friction_limit)
+    compute_cohesive_contacts(scratch, history, first + ROOT, first + REACH)
+    rescale_springs(scratch, history, first + SPRING, first + LAST_CIRCLE)
+    update_springs(scratch, history, first + SPRING, dt, first + REACH)
+    compute_forces(scratch, history, first + SPRING, law.tension, law.friction_limit)
 
 
 def reach(law: Any, history: np.ndarray, first: int, lane: int) -> float:
@@ -404,8 +412,8 @@ LAW = Law(
     options=Jkr,
     constants=constants,
     n_constants=7,
-    n_rows=_rows.count,
-    n_state=_state.count,
+    n_rows=_scratch_rows.count,
+    n_state=_history_rows.count,
     kernel=kernel,
     words={
         "normal": (

@@ -10,16 +10,16 @@ explains tiles):
 
     scratch   what is computed in this step: copies of the two bodies A and B, the
               geometry, and the forces (rows of `kernels.tile`). The constants of the
-              contact law lie from row `tl.LAW` on, those of the rolling law from
-              `tl.ROLLING` on.
-    history   what the contacts keep from step to step: the normal (row `st.NORMAL`),
+              contact law lie from row `tile.LAW` on, those of the rolling law from
+              `tile.ROLLING` on.
+    history   what the contacts keep from step to step: the normal (row `state.NORMAL`),
               and the rows of the law from a place `first` on. The latter are zero when
               a contact begins.
 
 What a rolling law does to bodies, such as whether they creep under it, stands in its
 entry of `laws.ROLLING_LAWS` (`laws.RollingLaw`), which is read without the compiler.
 
-`scratch[tl.GAP + lane]` is the gap of a lane, `lane_vector(history, st.NORMAL, lane)`
+`scratch[tile.GAP + lane]` is the gap of a lane, `lane_vector(history, state.NORMAL, lane)`
 its normal. B may be a wall: it has no inverse mass, and its arm is 0.
 """
 
@@ -45,7 +45,7 @@ FRICTION_LIMITS = {"elastic": ELASTIC, "total": TOTAL}
 # The limit with which a sliding impact changes the tangential velocity by mu_s (1 + e)
 # V_n (`tangential`).
 COULOMB = {"keep": "elastic", "release": "total", "cut": "total"}
-# The same for people.
+# Descriptions of both options for people.
 LIMITS = {
     "elastic": "the elastic part of the normal force",
     "total": "the size of the damped normal force",
@@ -69,7 +69,7 @@ class Law:
     Parameters
     ----------
     name : str
-        Its name for users.
+        Name of the law, by which users choose it.
     options : type
         A named tuple class of this law alone, with the fields tension and
         friction_limit: the kernel gets an instance.
@@ -77,7 +77,7 @@ class Law:
         (material, material, contact, tension) -> array (n_constants,): constants of two
         materials for the kernel.
     n_constants : int
-        Their number; a tile has them in the first rows of the law.
+        Number of these constants. They are in the first rows of the law in a tile.
     n_rows : int
         Rows of a tile that the law uses, constants included.
     n_state : int
@@ -162,8 +162,8 @@ def contact_forces(
 ) -> None:
     """Compute the force on body A in each lane, and the force that limits rolling.
 
-    They are written to the rows `TO_A` and `PUSH` of `scratch`, and the radius of the
-    contact circle to `CIRCLE`.
+    Both are written to the rows `TO_A` and `PUSH` of `scratch`. The radius of the contact
+    circle is written to `CIRCLE`.
 
     Parameters
     ----------
@@ -209,12 +209,12 @@ def rolling_resistance(
 
 
 def _no_reach(law, history, first, lane):
-    """Return the gap at which contacts end under a law without attraction: 0.0 [m]."""
+    """Return 0.0 [m]: without attraction contacts end when the surfaces part."""
     return 0.0
 
 
 def _no_geometry(law, scratch, history, of_spheres, on_wall):
-    """Do nothing: the law needs no other geometry than gap, normal and R*."""
+    """Do nothing, since the law needs only the gap, the normal and R*."""
     return None
 
 

@@ -33,22 +33,22 @@ from typing import Any
 
 import numpy as np
 
-from ..kernels import tile as tl
+from ..kernels import tile
 from ..kernels.rows import LANES, Rows
 from ..kernels.simd import rsqrt
 from ..materials import Contact, Material, effective_moduli
 from .hertz_mindlin import damping_ratio
 from .law import Law
-from .tangential import add_forces, normal_forces, slip
+from .tangential import compute_normal_forces, update_springs, write_forces
 
 # Overlap over effective radius at which the spring carries as much as Hertz's contact.
 SECANT = 0.01
 
 LinearSpring = namedtuple("LinearSpring", "tension friction_limit")
-_rows = Rows(tl.LAW)
-STIFFNESS, TANGENTIAL_RATIO, DAMPING, FRICTION = _rows.take_each(4)
-_state = Rows()
-SPRING = _state.take(3)
+_scratch_rows = Rows(tile.LAW)
+STIFFNESS, TANGENTIAL_RATIO, DAMPING, FRICTION = _scratch_rows.take_each(4)
+_history_rows = Rows()
+SPRING = _history_rows.take(3)
 
 
 def constants(
@@ -71,7 +71,7 @@ def constants(
         The values of the rows of the law: k_n / R* [Pa], k_t / k_n, 2 beta and mu_s.
     """
     young, shear = effective_moduli(a, b)
-    # the dashpot constant follows from the restitution
+    # The damping follows from the restitution.
     beta = damping_ratio(contact.restitution, tension)
     return np.array(
         [
@@ -156,7 +156,8 @@ def kernel(
 ) -> None:
     """Compute the forces of 32 contacts, one in each lane, of this time step.
 
-    Writes the rows TO_A, PUSH and CIRCLE of `scratch`, and the springs in `history`.
+    The rows TO_A, PUSH and CIRCLE of `scratch` and the springs in `history` are
+    overwritten.
 
     Parameters
     ----------
@@ -171,28 +172,28 @@ def kernel(
         Time step [s].
     """
     spring = first + SPRING
-    slip(scratch, history, spring, dt)
+    update_springs(scratch, history, spring, dt)
     for lane in range(LANES):
-        # The gap may be infinite, beyond the edge of a disc. So the overlap is chosen,
-        # not multiplied by 0.
-        gap = scratch[tl.GAP + lane]
+        # Beyond the edge of a disc the gap is infinite. So the overlap is chosen instead
+        # of multiplied by 0, since infinity times 0 is not a number.
+        gap = scratch[tile.GAP + lane]
         touching = 1.0 if gap < 0.0 else 0.0
         overlap = -gap if gap < 0.0 else 0.0
-        scratch[tl.CIRCLE + lane] = math.sqrt(scratch[tl.RADIUS + lane] * overlap)
+        scratch[tile.CIRCLE + lane] = math.sqrt(scratch[tile.RADIUS + lane] * overlap)
 
-        # The normal force: spring and dashpot.
-        stiffness = touching * scratch[STIFFNESS + lane] * scratch[tl.RADIUS + lane]
-        viscous = math.sqrt(stiffness) * rsqrt(scratch[tl.INVERSE_MASS + lane])
+        # The normal force is the sum of a spring's and a dashpot's.
+        stiffness = touching * scratch[STIFFNESS + lane] * scratch[tile.RADIUS + lane]
+        viscous = math.sqrt(stiffness) * rsqrt(scratch[tile.INVERSE_MASS + lane])
         elastic = stiffness * overlap
-        damped = elastic + scratch[DAMPING + lane] * viscous * scratch[tl.VN + lane]
-        normal_force, limit = normal_forces(
+        damped = elastic + scratch[DAMPING + lane] * viscous * scratch[tile.VN + lane]
+        normal_force, limit = compute_normal_forces(
             elastic, damped, law.tension, law.friction_limit
         )
 
         # The tangential spring and dashpot.
-        ratio = scratch[TANGENTIAL_RATIO + lane]
-        damping = scratch[DAMPING + lane] * math.sqrt(ratio) * viscous
-        add_forces(
+        stiffness_ratio = scratch[TANGENTIAL_RATIO + lane]
+        damping = scratch[DAMPING + lane] * math.sqrt(stiffness_ratio) * viscous
+        write_forces(
             scratch,
             history,
             spring,
@@ -200,7 +201,7 @@ def kernel(
             normal_force,
             limit,
             scratch[FRICTION + lane],
-            ratio * stiffness,
+            stiffness_ratio * stiffness,
             damping,
         )
 
@@ -210,8 +211,8 @@ LAW = Law(
     options=LinearSpring,
     constants=constants,
     n_constants=4,
-    n_rows=_rows.count,
-    n_state=_state.count,
+    n_rows=_scratch_rows.count,
+    n_state=_history_rows.count,
     kernel=kernel,
     words={
         "normal": "linear spring and dashpot (Cundall and Strack 1979)",

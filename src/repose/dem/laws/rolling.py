@@ -23,8 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from ..kernels import state as st
-from ..kernels import tile as tl
+from ..kernels import state, tile
 from ..kernels.rows import LANES, Rows, lane_vector
 from ..kernels.simd import rsqrt
 from ..materials import Contact, Material
@@ -32,12 +31,12 @@ from .law import Law
 
 RollingBudget = namedtuple("RollingBudget", "tension friction_limit")
 
-_rows = Rows(tl.ROLLING)
-ROLLING_FRICTION = _rows.take()  # mu_r
+_scratch_rows = Rows(tile.ROLLING)
+ROLLING_FRICTION = _scratch_rows.take()  # mu_r
 
 # Rows of the budgets of both bodies.
-BUDGET_A = tl.TO_A + st.ROLL * LANES
-BUDGET_B = tl.TO_B + st.ROLL * LANES
+BUDGET_A = tile.TO_A + state.ROLL * LANES
+BUDGET_B = tile.TO_B + state.ROLL * LANES
 
 
 def constants(
@@ -45,7 +44,7 @@ def constants(
 ) -> np.ndarray:
     """Return the constant of two materials: mu_r (1,).
 
-    The materials and the tension do not count.
+    The materials and the tension have no influence.
     """
     return np.array([contact.rolling_friction])
 
@@ -55,9 +54,9 @@ def kernel(
 ) -> None:
     """Compute the budgets of both bodies of 32 contacts, one in each lane.
 
-    A budget is a torque: mu_r times the force that limits friction times the arm, the
-    distance of the contact from the centre of the body. Writes the rows ROLL of TO_A
-    and TO_B.
+    A budget is a torque: mu_r times the force that limits friction times the arm. The arm
+    is the distance of the contact from the centre of the body. The rows ROLL of TO_A and
+    TO_B are overwritten.
 
     Parameters
     ----------
@@ -69,15 +68,15 @@ def kernel(
         What contacts keep, its first row, and the time step; not used.
     """
     for lane in range(LANES):
-        torque_per_arm = scratch[ROLLING_FRICTION + lane] * scratch[tl.PUSH + lane]
-        # Body A. square * rsqrt(square) is the length of the arm.
-        x, y, z = lane_vector(scratch, tl.RA, lane)
-        square = x * x + y * y + z * z
-        scratch[BUDGET_A + lane] = torque_per_arm * square * rsqrt(square)
+        torque_per_arm = scratch[ROLLING_FRICTION + lane] * scratch[tile.PUSH + lane]
+        # Body A. squared_arm * rsqrt(squared_arm) is the length of the arm.
+        x, y, z = lane_vector(scratch, tile.RA, lane)
+        squared_arm = x * x + y * y + z * z
+        scratch[BUDGET_A + lane] = torque_per_arm * squared_arm * rsqrt(squared_arm)
         # Body B; the arm of a wall is 0, and so is its budget.
-        x, y, z = lane_vector(scratch, tl.RB, lane)
-        square = x * x + y * y + z * z
-        scratch[BUDGET_B + lane] = torque_per_arm * square * rsqrt(square)
+        x, y, z = lane_vector(scratch, tile.RB, lane)
+        squared_arm = x * x + y * y + z * z
+        scratch[BUDGET_B + lane] = torque_per_arm * squared_arm * rsqrt(squared_arm)
 
 
 LAW = Law(
@@ -85,7 +84,7 @@ LAW = Law(
     options=RollingBudget,
     constants=constants,
     n_constants=1,
-    n_rows=_rows.count,
+    n_rows=_scratch_rows.count,
     n_state=0,
     kernel=kernel,
     words={

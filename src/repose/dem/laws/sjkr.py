@@ -35,25 +35,23 @@ from typing import Any
 import numpy as np
 
 from ..constants import COHESION_ENERGY_DENSITY
-from ..kernels import clump_tile as ct
-from ..kernels import state as st
-from ..kernels import tile as tl
+from ..kernels import clump_tile, state, tile
 from ..kernels.jit import inlined
 from ..kernels.rows import LANES, Rows, add_vector, lane_vector
 from ..materials import Contact, Material
 from . import hertz_mindlin
-from .hertz_mindlin import contact_sizes, push
-from .hertz_mindlin_rescaled import LAST_CIRCLE, SPRING, keep_force
+from .hertz_mindlin import compute_contact_circles, compute_forces
+from .hertz_mindlin_rescaled import LAST_CIRCLE, SPRING, rescale_springs
 from .hertz_mindlin_rescaled import LAW as RESCALED
 from .law import ENDS, LIMITS
-from .tangential import slip
+from .tangential import update_springs
 
 SimplifiedJkr = namedtuple("SimplifiedJkr", "tension friction_limit")
 
-_rows = Rows(tl.LAW)
-_rows.take(hertz_mindlin.LAW.n_rows)
-DENSITY = _rows.take()
-INVERSE_SUM = _rows.take()
+_scratch_rows = Rows(tile.LAW)
+_scratch_rows.take(hertz_mindlin.LAW.n_rows)
+DENSITY = _scratch_rows.take()
+INVERSE_SUM = _scratch_rows.take()
 
 
 def constants(
@@ -83,11 +81,11 @@ def constants(
 
 
 @inlined
-def area(overlap: float, radius: float, inverse_sum: float) -> float:
+def compute_contact_area(overlap: float, radius: float, inverse_sum: float) -> float:
     """Compute the area A of the circle in which two spheres cut each other [m2].
 
     The formula is that of the module's docstring, divided by S in the numerator and in
-    the denominator, with share = delta / S.
+    the denominator, with relative_overlap = delta / S.
 
     Parameters
     ----------
@@ -96,11 +94,12 @@ def area(overlap: float, radius: float, inverse_sum: float) -> float:
     inverse_sum : float
         1/S, with the sum S of both radii [1/m]; 0 on a wall.
     """
-    # The limit keeps unused lanes finite, in which both bodies are in one place.
-    share = min(overlap * inverse_sum, 0.5)
-    factor = max(4.0 * radius - 2.0 * overlap + overlap * share, 0.0)
-    numerator = 0.25 * math.pi * overlap * (2.0 - share) * factor
-    return numerator / ((1.0 - share) * (1.0 - share))
+    # In unused lanes both bodies are in one place. The limit 0.5 keeps their values
+    # finite.
+    relative_overlap = min(overlap * inverse_sum, 0.5)
+    factor = max(4.0 * radius - 2.0 * overlap + overlap * relative_overlap, 0.0)
+    numerator = 0.25 * math.pi * overlap * (2.0 - relative_overlap) * factor
+    return numerator / ((1.0 - relative_overlap) * (1.0 - relative_overlap))
 
 
 def geometry(
@@ -118,28 +117,30 @@ def geometry(
         1 for contacts of spheres of clumps, and 1 where body B is a wall; else 0.
     """
     for lane in range(LANES):
-        # a wall has an infinite radius
+        # A wall has an infinite radius.
         if on_wall:
             scratch[INVERSE_SUM + lane] = 0.0
         elif of_spheres:
-            # spheres keep the sum of their radii; it is 0 in unused lanes
-            sum_of_radii = history[ct.REACH + lane]
+            # Contacts of spheres keep the sum of the radii, which is 0 in unused lanes.
+            sum_of_radii = history[clump_tile.REACH + lane]
             scratch[INVERSE_SUM + lane] = (
                 1.0 / sum_of_radii if sum_of_radii > 0.0 else 0.0
             )
         else:
-            # the radius of a smooth body is the root of the product of its two radii
-            sum_of_radii = math.sqrt(scratch[tl.AREA_A + lane]) + math.sqrt(
-                scratch[tl.AREA_B + lane]
+            # The radius of a smooth body is the geometric mean of its two radii of
+            # curvature. AREA_A and AREA_B are the products of these radii.
+            sum_of_radii = math.sqrt(scratch[tile.AREA_A + lane]) + math.sqrt(
+                scratch[tile.AREA_B + lane]
             )
             scratch[INVERSE_SUM + lane] = 1.0 / sum_of_radii
 
 
 @inlined
-def pull(scratch: np.ndarray, history: np.ndarray) -> None:
+def add_cohesion(scratch: np.ndarray, history: np.ndarray) -> None:
     """Add the cohesion k A to the force on body A of each lane, towards B.
 
-    Call it after `push`, which writes this force.
+    Call it after `compute_forces`, which writes this force. The row TO_A of `scratch` is
+    changed.
 
     Parameters
     ----------
@@ -148,13 +149,15 @@ def pull(scratch: np.ndarray, history: np.ndarray) -> None:
         from step to step. See `law.contact_forces`.
     """
     for lane in range(LANES):
-        gap = scratch[tl.GAP + lane]
+        gap = scratch[tile.GAP + lane]
         overlap = -gap if gap < 0.0 else 0.0
-        force = scratch[DENSITY + lane] * area(
-            overlap, scratch[tl.RADIUS + lane], scratch[INVERSE_SUM + lane]
+        cohesion = scratch[DENSITY + lane] * compute_contact_area(
+            overlap, scratch[tile.RADIUS + lane], scratch[INVERSE_SUM + lane]
         )
-        nx, ny, nz = lane_vector(history, st.NORMAL, lane)
-        add_vector(scratch, tl.TO_A, lane, force * nx, force * ny, force * nz)
+        nx, ny, nz = lane_vector(history, state.NORMAL, lane)
+        add_vector(
+            scratch, tile.TO_A, lane, cohesion * nx, cohesion * ny, cohesion * nz
+        )
 
 
 def kernel(
@@ -174,11 +177,11 @@ def kernel(
     dt : float
         Time step [s].
     """
-    contact_sizes(scratch)
-    keep_force(scratch, history, first + SPRING, first + LAST_CIRCLE)
-    slip(scratch, history, first + SPRING, dt)
-    push(scratch, history, first + SPRING, law.tension, law.friction_limit)
-    pull(scratch, history)
+    compute_contact_circles(scratch)
+    rescale_springs(scratch, history, first + SPRING, first + LAST_CIRCLE)
+    update_springs(scratch, history, first + SPRING, dt)
+    compute_forces(scratch, history, first + SPRING, law.tension, law.friction_limit)
+    add_cohesion(scratch, history)
 
 
 LAW = replace(
@@ -187,7 +190,7 @@ LAW = replace(
     options=SimplifiedJkr,
     constants=constants,
     n_constants=hertz_mindlin.LAW.n_rows + 1,
-    n_rows=_rows.count,
+    n_rows=_scratch_rows.count,
     kernel=kernel,
     words={
         "normal": RESCALED.words["normal"]

@@ -36,38 +36,38 @@ import math
 
 import numpy as np
 
-from ..kernels import state as st
-from ..kernels import tile as tl
+from ..kernels import state, tile
 from ..kernels.jit import inlined
 from ..kernels.rows import LANES, lane_vector, write_vector
 from ..kernels.simd import rsqrt
 from .law import ELASTIC, KEEP
 
 # First rows of the velocities and angular velocities of both bodies.
-VELOCITY_A = tl.A + st.VELOCITY * LANES
-VELOCITY_B = tl.B + st.VELOCITY * LANES
-SPIN_A = tl.A + st.ANGULAR_VELOCITY * LANES
-SPIN_B = tl.B + st.ANGULAR_VELOCITY * LANES
+VELOCITY_A = tile.A + state.VELOCITY * LANES
+VELOCITY_B = tile.B + state.VELOCITY * LANES
+SPIN_A = tile.A + state.ANGULAR_VELOCITY * LANES
+SPIN_B = tile.B + state.ANGULAR_VELOCITY * LANES
 
 
 @inlined
-def slip(
+def update_springs(
     scratch: np.ndarray, history: np.ndarray, spring: int, dt: float, reach: int = 0
 ) -> None:
-    """Compute the velocity of A relative to B in each lane, and extend the springs.
+    """Update the tangential springs by the relative velocity of the bodies in each lane.
 
-    The tangential spring is the path of the contact point of A along that of B since the
-    contact began. It is 0 in lanes without a contact.
+    The spring is the path of the contact point of A along that of B since the contact
+    began. It is 0 in lanes without a contact. The springs in `history` and the rows V and
+    VN of `scratch` are overwritten.
 
     Parameters
     ----------
     scratch : numpy.ndarray
-        What is computed in this step for 32 contacts, one in each lane; the rows V
-        (tangential velocity) and VN (normal velocity) are written.
+        What is computed in this step for 32 contacts, one in each lane. The rows V and
+        VN get the tangential and the normal velocity of A relative to B [m/s].
     history : numpy.ndarray
         What the contacts keep from step to step.
     spring : int
-        Index in `history` at which the three rows of the spring begin. They are updated.
+        Index in `history` at which the three rows of the spring begin.
     dt : float
         Time step [s].
     reach : int
@@ -76,15 +76,15 @@ def slip(
     """
     for lane in range(LANES):
         # Normal n, arms a and b, velocities v and angular velocities w of both bodies.
-        nx, ny, nz = lane_vector(history, st.NORMAL, lane)
-        ax, ay, az = lane_vector(scratch, tl.RA, lane)
-        bx, by, bz = lane_vector(scratch, tl.RB, lane)
+        nx, ny, nz = lane_vector(history, state.NORMAL, lane)
+        ax, ay, az = lane_vector(scratch, tile.RA, lane)
+        bx, by, bz = lane_vector(scratch, tile.RB, lane)
         vax, vay, vaz = lane_vector(scratch, VELOCITY_A, lane)
         vbx, vby, vbz = lane_vector(scratch, VELOCITY_B, lane)
         wax, way, waz = lane_vector(scratch, SPIN_A, lane)
         wbx, wby, wbz = lane_vector(scratch, SPIN_B, lane)
 
-        # Velocity of A against B at the contact point: v_a - v_b + w_a x a - w_b x b.
+        # Relative velocity at the contact point: v_a - v_b + w_a x a - w_b x b
         vx = vax - vbx + way * az - waz * ay - (wby * bz - wbz * by)
         vy = vay - vby + waz * ax - wax * az - (wbz * bx - wbx * bz)
         vz = vaz - vbz + wax * ay - way * ax - (wbx * by - wby * bx)
@@ -94,29 +94,32 @@ def slip(
         vx -= vn * nx
         vy -= vn * ny
         vz -= vn * nz
-        write_vector(scratch, tl.V, lane, vx, vy, vz)
-        scratch[tl.VN + lane] = vn
+        write_vector(scratch, tile.V, lane, vx, vy, vz)
+        scratch[tile.VN + lane] = vn
 
-        # 1.0 while the contact lasts, else 0.0, which resets the spring to zero length
+        # touching is 1.0 while the contact lasts. Otherwise it is 0.0, and resets the
+        # spring to zero length.
         if reach > 0:  # a law without reach must compile to one comparison
-            touching = 1.0 if scratch[tl.GAP + lane] <= history[reach + lane] else 0.0
+            touching = 1.0 if scratch[tile.GAP + lane] <= history[reach + lane] else 0.0
         else:
-            touching = 1.0 if scratch[tl.GAP + lane] < 0.0 else 0.0
+            touching = 1.0 if scratch[tile.GAP + lane] < 0.0 else 0.0
 
         # The spring loses its part along the normal and grows by the path of this step.
         ex, ey, ez = lane_vector(history, spring, lane)
-        en = ex * nx + ey * ny + ez * nz
-        history[spring + lane] = st.flush_tiny(touching * (ex - en * nx + vx * dt))
-        history[spring + LANES + lane] = st.flush_tiny(
-            touching * (ey - en * ny + vy * dt)
+        normal_part = ex * nx + ey * ny + ez * nz
+        history[spring + lane] = state.flush_tiny(
+            touching * (ex - normal_part * nx + vx * dt)
         )
-        history[spring + 2 * LANES + lane] = st.flush_tiny(
-            touching * (ez - en * nz + vz * dt)
+        history[spring + LANES + lane] = state.flush_tiny(
+            touching * (ey - normal_part * ny + vy * dt)
+        )
+        history[spring + 2 * LANES + lane] = state.flush_tiny(
+            touching * (ez - normal_part * nz + vz * dt)
         )
 
 
 @inlined
-def normal_forces(
+def compute_normal_forces(
     elastic: float, damped: float, tension: int, friction_limit: int
 ) -> tuple[float, float]:
     """Compute the normal force, and the one that limits friction and rolling.
@@ -135,15 +138,15 @@ def normal_forces(
     force, limit : float
         The normal force, and the force that limits friction and rolling [N].
     """
-    # a contact may pull only where its tension is kept
-    smallest = -math.inf if tension == KEEP else 0.0
-    force = damped if damped > smallest else smallest
+    # Only a contact that keeps its tension may pull.
+    lowest = -math.inf if tension == KEEP else 0.0
+    force = damped if damped > lowest else lowest
     limit = elastic if friction_limit == ELASTIC else abs(force)
-    return force, limit if damped > smallest else 0.0
+    return force, limit if damped > lowest else 0.0
 
 
 @inlined
-def add_forces(
+def write_forces(
     scratch: np.ndarray,
     history: np.ndarray,
     spring: int,
@@ -154,17 +157,20 @@ def add_forces(
     stiffness: float,
     damping: float,
 ) -> None:
-    """Compute the forces of one lane, and limit the tangential force by Coulomb's law.
+    """Write the force on body A of one lane, whose friction obeys Coulomb's limit.
+
+    The spring in `history` and the rows TO_A, PUSH and DASHPOT of `scratch` are
+    overwritten.
 
     Parameters
     ----------
     scratch : numpy.ndarray
-        What is computed in this step for 32 contacts, with the velocity in row V; the
-        rows TO_A, PUSH and DASHPOT are written.
+        What is computed in this step for 32 contacts. The row V has the tangential
+        velocity.
     history : numpy.ndarray
-        What the contacts keep from step to step; the spring in it is cut.
+        What the contacts keep from step to step.
     spring : int
-        Place of the spring's first row in `history`.
+        Index in `history` at which the three rows of the spring begin.
     lane : int
         Lane of the contact in its tile, 0 to LANES - 1.
     normal_force, limit : float
@@ -175,34 +181,34 @@ def add_forces(
         Stiffness of the tangential spring [N/m], and constant of its dashpot [N s/m]. The
         row SHARE has the share of the dashpot that acts.
     """
-    scratch[tl.DASHPOT + lane] = damping
-    damping *= scratch[tl.SHARE + lane]
+    scratch[tile.DASHPOT + lane] = damping
+    damping *= scratch[tile.SHARE + lane]
     largest_force = friction * limit
 
-    # Shorten the spring if its force, (sx, sy, sz) without sign, exceeds the limit.
+    # Shorten the spring if the size of its force, -(sx, sy, sz), exceeds the limit.
     ex, ey, ez = lane_vector(history, spring, lane)
     sx, sy, sz = stiffness * ex, stiffness * ey, stiffness * ez
-    cut = largest_force * rsqrt(sx * sx + sy * sy + sz * sz)
-    cut = cut if cut < 1.0 else 1.0
-    write_vector(history, spring, lane, cut * ex, cut * ey, cut * ez)
+    factor = largest_force * rsqrt(sx * sx + sy * sy + sz * sz)
+    factor = factor if factor < 1.0 else 1.0
+    write_vector(history, spring, lane, factor * ex, factor * ey, factor * ez)
 
     # Add the dashpot and cut the sum. The velocities are read here, one by one: if they
     # were read before, the compiler would fuse other products, and the last bits would
     # change.
-    fx = cut * sx + damping * scratch[tl.V + lane]
-    fy = cut * sy + damping * scratch[tl.V + LANES + lane]
-    fz = cut * sz + damping * scratch[tl.V + 2 * LANES + lane]
-    cut = largest_force * rsqrt(fx * fx + fy * fy + fz * fz)
-    cut = cut if cut < 1.0 else 1.0
+    fx = factor * sx + damping * scratch[tile.V + lane]
+    fy = factor * sy + damping * scratch[tile.V + LANES + lane]
+    fz = factor * sz + damping * scratch[tile.V + 2 * LANES + lane]
+    factor = largest_force * rsqrt(fx * fx + fy * fy + fz * fz)
+    factor = factor if factor < 1.0 else 1.0
 
     # The force on A opposes the normal, and the velocity.
-    nx, ny, nz = lane_vector(history, st.NORMAL, lane)
+    nx, ny, nz = lane_vector(history, state.NORMAL, lane)
     write_vector(
         scratch,
-        tl.TO_A,
+        tile.TO_A,
         lane,
-        -normal_force * nx - cut * fx,
-        -normal_force * ny - cut * fy,
-        -normal_force * nz - cut * fz,
+        -normal_force * nx - factor * fx,
+        -normal_force * ny - factor * fy,
+        -normal_force * nz - factor * fz,
     )
-    scratch[tl.PUSH + lane] = limit
+    scratch[tile.PUSH + lane] = limit
