@@ -147,7 +147,9 @@ def test_a_run_that_explodes_is_unstable_and_says_what_to_do(name, monkeypatch):
     monkeypatch.setattr(
         scene, "longest_time_step", lambda *_: time_steps.Limit(1.0, "")
     )
-    monkeypatch.setattr(time_steps, "longest", lambda *_: time_steps.Limit(1.0, ""))
+    monkeypatch.setattr(
+        time_steps, "compute_longest", lambda *_: time_steps.Limit(1.0, "")
+    )
     whole = config(3e-3)
     run = bench(name).run(Scene.of(whole, SET, BERRY, PARTICLE, 1))
     assert run.record["status"] == "unstable"

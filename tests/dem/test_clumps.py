@@ -31,7 +31,7 @@ from repose.dem import (
     write_vtk,
 )
 from repose.dem.kernels import state as st
-from repose.dem.tessellation import tessellate, triangulated_bodies
+from repose.dem.tessellation import tessellate, triangulate_bodies
 
 TUBED = Funnel(0.15, 0.032, 60.0, 0.02, 0.001, 0.1)
 
@@ -271,7 +271,7 @@ def test_files_and_frames_of_clumps(tmp_path):
     assert recorder.frames()["position"].shape == (3, 30, 3)
     for content in ("points", "surfaces", "walls"):
         write_vtk(tmp_path / f"{content}.vtp", s, content)
-    corners, faces, body = triangulated_bodies(s)
+    corners, faces, body = triangulate_bodies(s)
     # the triangles of a body enclose the volumes of its spheres, a little less
     a = corners[faces[body == 1][:, 0]] - s.positions[1]
     b = corners[faces[body == 1][:, 1]] - s.positions[1]

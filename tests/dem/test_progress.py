@@ -18,7 +18,7 @@ def test_a_log_gets_a_line_a_minute_and_a_terminal_a_bar_with_the_time_left(
 ):
     now = [0.0]
     monkeypatch.setattr(progress.time, "perf_counter", lambda: now[0])
-    with progress.display(0.0, 10.0, 1e-3, label="seed 7") as report:
+    with progress.show_progress(0.0, 10.0, 1e-3, label="seed 7") as report:
         for k in range(1, 131):
             now[0] = float(k)
             report(0.02 * k)
@@ -33,7 +33,7 @@ def test_a_log_gets_a_line_a_minute_and_a_terminal_a_bar_with_the_time_left(
     monkeypatch.setattr("sys.stderr", screen)
     monkeypatch.setenv("COLUMNS", "120")
     monkeypatch.setenv("TERM", "xterm")
-    with progress.display(1.0, 3.0, 1e-3) as report:
+    with progress.show_progress(1.0, 3.0, 1e-3) as report:
         report(2.0)
     text = re.sub(r"\x1b\[[0-9;?]*[a-zA-Z]", "", screen.getvalue())
     assert re.search(r"2\.000/3\.000 s, .* s/s, \d+ steps/s, \d\d:\d\d left", text)
@@ -41,7 +41,7 @@ def test_a_log_gets_a_line_a_minute_and_a_terminal_a_bar_with_the_time_left(
 
 
 def test_a_time_is_told_as_by_a_clock():
-    assert [progress.clock(s) for s in (0.4, 59.6, 3723)] == [
+    assert [progress.format_duration(s) for s in (0.4, 59.6, 3723)] == [
         "00:00",
         "01:00",
         "1:02:03",
@@ -50,6 +50,6 @@ def test_a_time_is_told_as_by_a_clock():
 
 @pytest.mark.parametrize("choice", [None, False])
 def test_short_runs_in_a_log_and_silent_ones_write_nothing(choice, capsys):
-    with progress.display(0.0, 1.0, 1e-3, choice) as report:
+    with progress.show_progress(0.0, 1.0, 1e-3, choice) as report:
         report(0.5)
     assert capsys.readouterr().err == ""

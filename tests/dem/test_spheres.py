@@ -10,7 +10,7 @@ from verification.simulations import smooth
 from repose.dem import Contact, Cylinder, Motion, Plane, RingEdge, Shape
 from repose.dem.kernels import state as st
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
-from repose.dem.shapes import parts_of
+from repose.dem.shapes import count_ellipsoids
 
 
 def three(**keywords):
@@ -160,8 +160,11 @@ def test_spheres_turn_with_a_frame_and_others_take_the_way_of_smooth_bodies():
     uneven = Shape(
         [[RADIUS] * 3], sphere.mass_kg, sphere.inertia_kg_m2 * [1.0, 1.0, 0.9], "body"
     )
-    assert parts_of([sphere, Shape.sphere(0.5 * RADIUS, DENSITY, "body")]) == st.SPHERES
-    assert parts_of([sphere, berry]) == parts_of([uneven]) == 1
+    assert (
+        count_ellipsoids([sphere, Shape.sphere(0.5 * RADIUS, DENSITY, "body")])
+        == st.SPHERES
+    )
+    assert count_ellipsoids([sphere, berry]) == count_ellipsoids([uneven]) == 1
 
 
 @pytest.mark.slow

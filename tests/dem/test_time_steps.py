@@ -18,7 +18,7 @@ from repose.dem import (
     random_quaternion,
     time_steps,
 )
-from repose.dem.contact_table import pairs_of
+from repose.dem.contact_table import index_contacts
 from repose.dem.kernels import state as st
 from repose.dem.laws import CONTACT_LAWS, hertz_mindlin, linear_spring
 from repose.dem.laws.hertz_mindlin import damping_ratio
@@ -43,7 +43,7 @@ def row(number):
 def study(restitution=0.3, tension="keep", law="hertz_mindlin", shape=BALL):
     materials = {"body": SOFT, "wall": HARD}
     contact = Contact(restitution, 0.0, 0.0)
-    contacts = pairs_of(
+    contacts = index_contacts(
         {("body", "body"): contact, ("body", "wall"): contact}, materials
     )
     return time_steps.Scene(
@@ -58,7 +58,9 @@ def study(restitution=0.3, tension="keep", law="hertz_mindlin", shape=BALL):
 
 def swing(shape, overlap_m, step_s, restitution, tension, monkeypatch):
     """Largest distance from the middle, in the last of many steps, of a body that began 1 um off it, over 1 um."""
-    monkeypatch.setattr(time_steps, "longest", lambda *_: time_steps.Limit(1.0, ""))
+    monkeypatch.setattr(
+        time_steps, "compute_longest", lambda *_: time_steps.Limit(1.0, "")
+    )
     reach = RADIUS_M - overlap_m
     contact = Contact(restitution, 0.0, 0.0)
     walls = {
@@ -92,7 +94,7 @@ def test_a_pressed_body_is_stable_up_to_the_limit_and_not_beyond(
     shape, restitution, tension, monkeypatch
 ):
     overlap = 0.1 * RADIUS_M
-    limit = time_steps.pressed(
+    limit = time_steps.compute_pressed_limit(
         study(restitution, tension, shape=shape), shape, "wall", overlap_m=overlap
     )
     below = swing(
@@ -146,10 +148,10 @@ def test_spheres_touch_a_wall_together():
     assert apart.acting_together(0.05) == pytest.approx(2.0, rel=0.02)
     sphere = row(1)
     spheres = row(15)
-    single = time_steps.pressed(
+    single = time_steps.compute_pressed_limit(
         study(0.9, shape=sphere), sphere, "wall", overlap_m=5e-4
     )
-    many = time_steps.pressed(
+    many = time_steps.compute_pressed_limit(
         study(0.9, shape=spheres), spheres, "wall", overlap_m=5e-4
     )
     expected = single.time_step_s / math.sqrt(15.0)
@@ -159,14 +161,18 @@ def test_spheres_touch_a_wall_together():
 
 def test_a_low_restitution_shortens_the_step():
     many = row(40)
-    free = time_steps.longest(study(0.9, "release", shape=many)).time_step_s
-    damped = time_steps.longest(study(0.05, "release", shape=many)).time_step_s
+    free = time_steps.compute_longest(study(0.9, "release", shape=many)).time_step_s
+    damped = time_steps.compute_longest(study(0.05, "release", shape=many)).time_step_s
     assert damped < 0.5 * free
 
 
 def test_a_hard_wall_shortens_the_step():
-    between = time_steps.pressed(study(0.3), BALL, "body", of_body=True).time_step_s
-    assert time_steps.pressed(study(0.3), BALL, "wall").time_step_s < between
+    between = time_steps.compute_pressed_limit(
+        study(0.3), BALL, "body", of_body=True
+    ).time_step_s
+    assert (
+        time_steps.compute_pressed_limit(study(0.3), BALL, "wall").time_step_s < between
+    )
 
 
 def test_the_step_scales_with_the_grain():
@@ -178,10 +184,10 @@ def test_the_step_scales_with_the_grain():
             243.0 * shape.inertia_kg_m2,
             "body",
         )
-        small = time_steps.longest(study(0.05, "release", shape=shape))
-        large = time_steps.longest(study(0.05, "release", shape=grown))
+        small = time_steps.compute_longest(study(0.05, "release", shape=shape))
+        large = time_steps.compute_longest(study(0.05, "release", shape=grown))
         assert large.time_step_s == pytest.approx(3.0 * small.time_step_s, rel=1e-9)
-        scaled = time_steps.longest(
+        scaled = time_steps.compute_longest(
             study(0.05, "release", shape=grown), smallest_scale=1.0 / 3.0
         )
         assert scaled.time_step_s == pytest.approx(small.time_step_s, rel=1e-9)

@@ -18,7 +18,7 @@ from repose.dem import (
     Simulation,
     write_vtk,
 )
-from repose.dem.tessellation import triangulated_walls
+from repose.dem.tessellation import triangulate_walls
 from repose.report.renderer.scenery import make_setting
 
 NUMPY_TYPES = {"Float64": "<f8", "Int64": "<i8", "Int32": "<i4"}
@@ -157,7 +157,7 @@ def test_planes_end_at_each_other_and_walls_face_the_bodies():
         "cone": Cone.between((0, 0, 0.05), (0, 0, 1), 0.1, 0.01, 0.03, "m"),
         "edge": edge,
     }
-    found = triangulated_walls(
+    found = triangulate_walls(
         among(walls, lower=(-0.1, -0.05, 0.0), upper=(0.1, 0.05, 0.2))
     )
     points, triangles = found["floor"]
@@ -212,7 +212,7 @@ def test_a_mesh_is_written_and_drawn_where_its_motion_has_brought_it(tmp_path):
     simulation.add("ball", (0.0, 0.0, 0.4))
     simulation.run_steps(100)
     shift = np.array([0.01, 0.0, 0.0])
-    points, triangles = triangulated_walls(simulation)["wedge"]
+    points, triangles = triangulate_walls(simulation)["wedge"]
     assert np.allclose(points, corners + shift)
     assert np.array_equal(triangles, faces)
     panels = make_setting(simulation).panels

@@ -184,7 +184,9 @@ def stiffened_simulation(
             shape, contact, step_s, material=grain, wall=wall, **keywords
         )
 
-    limit = time_steps.impact(make(1e-15).scene, shape, shape, speed_m_s).time_step_s
+    limit = time_steps.compute_impact_limit(
+        make(1e-15).scene, shape, shape, speed_m_s
+    ).time_step_s
     step = limit * time_steps.STEPS_PER_CONTACT / steps_per_contact
     return make(step), step
 

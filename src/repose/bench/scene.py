@@ -138,7 +138,7 @@ def longest_time_step(scene: Scene) -> "time_steps.Limit":
         The time step, and the reason for this limit in words.
     """
     from repose.dem import time_steps
-    from repose.dem.contact_table import pairs_of
+    from repose.dem.contact_table import index_contacts
     from repose.dem.laws import CONTACT_LAWS
     from repose.grain import size_distribution
 
@@ -148,14 +148,14 @@ def longest_time_step(scene: Scene) -> "time_steps.Limit":
         law=CONTACT_LAWS[scene.simulation.contact_law],
         tension=scene.simulation.tension,
         materials=materials,
-        contacts=pairs_of(contacts_of(scene.parameters), materials),
+        contacts=index_contacts(contacts_of(scene.parameters), materials),
         shapes={"berry": scene.particle.dem_shape("berry")},
         walls=frozenset({"wall"}),
     )
     smallest_scale = size_distribution.compute_smallest_scale(
         scene.settings.size_distribution, scene.grain
     )
-    return time_steps.longest(contact_scene, smallest_scale=smallest_scale)
+    return time_steps.compute_longest(contact_scene, smallest_scale=smallest_scale)
 
 
 def materials_of(scene: Scene) -> "dict[str, dem.Material]":

@@ -58,14 +58,14 @@ def warm_up(args: argparse.Namespace, study: PipelineConfig) -> None:
 
     example: --config config/quick.yaml
     """
-    from repose.dem.cache import folder
+    from repose.dem.cache import cache_folder
     from repose.stages import warm_up
 
     scene = _make_scene(args, study, study.parameters.centre)
     elapsed_s = warm_up.warm_up(scene, args.cores)
     print(
         f"the engine was ready after {elapsed_s:.1f} s; its compiled code is in "
-        f"{folder()}"
+        f"{cache_folder()}"
     )
 
 
@@ -202,7 +202,7 @@ def _make_job_arguments(
     """
     from repose.bench import bench
     from repose.bench.settings import SceneSettings
-    from repose.dem.io.progress import display
+    from repose.dem.io.progress import show_progress
 
     test = bench(apparatus, "command line")
     require_section(study.config, apparatus)
@@ -219,7 +219,7 @@ def _make_job_arguments(
 
     def make_display(seed: int) -> Any:
         """Make the display of the progress of the run with a seed."""
-        return display(0.0, duration_s, step_s, label=f"seed {seed}")
+        return show_progress(0.0, duration_s, step_s, label=f"seed {seed}")
 
     return {
         "test": test,

@@ -13,12 +13,12 @@ from .shapes import Clump, Shape
 class Body(NamedTuple):
     """A body as a user describes it."""
 
-    kind: Shape | Clump
+    shape: Shape | Clump
     position: np.ndarray  # of the centre of mass [m]
     quaternion: np.ndarray  # (w, x, y, z), body to world, of length 1
     velocity: np.ndarray  # in the world frame [m/s]
     angular_velocity: np.ndarray  # in the world frame [rad/s]
-    scale: float  # of its lengths, over those of its kind
+    scale: float  # length of the body over that of its shape
 
 
 def write_body(
@@ -35,13 +35,14 @@ def write_body(
     body : Body
         Its kind, place, velocities and scale.
     parts : int
-        Largest number of ellipsoids of a body in the simulation (`shapes.parts_of`).
+        Largest number of ellipsoids of a body in the simulation (`shapes.count_ellipsoids`).
     scratch : ndarray
         Scratch tile of bodies, which is overwritten.
     """
-    # Mass goes with the third power of the lengths, moments of inertia with the fifth.
-    mass = body.kind.mass_kg * body.scale**3
-    inertia = body.kind.inertia_kg_m2 * body.scale**5
+    # The mass is proportional to the third power of the lengths, and the moments of
+    # inertia to the fifth power.
+    mass = body.shape.mass_kg * body.scale**3
+    inertia = body.shape.inertia_kg_m2 * body.scale**5
 
     # Position, velocities and mass are in a row of their own.
     row = bodies.rows[index]
@@ -53,20 +54,20 @@ def write_body(
     # The moments of inertia are about the axes of the body. So the angular momentum is
     # computed in the frame of the body, and turned back into that of the world.
     rotation = rotation_matrix(body.quaternion)
-    body_velocity = rotation.T @ body.angular_velocity
-    angular_momentum = rotation @ (inertia * body_velocity)
-    radius = body.kind.bounding_radius_m * body.scale
+    velocity_in_body = rotation.T @ body.angular_velocity
+    angular_momentum = rotation @ (inertia * velocity_in_body)
+    bounding_radius = body.shape.bounding_radius_m * body.scale
 
-    # Numbers of the rotation are in a tile of LANES bodies. In it those of one body are
-    # LANES apart (`kernels.rows`).
+    # The numbers of the rotation are in a tile of LANES bodies (`kernels.rows`). In the
+    # tile, the numbers of one body are LANES places apart.
     tile = bodies.motion[index // state.LANES]
     body_numbers = tile[index % state.LANES :: state.LANES]
     _write_numbers(body_numbers, state.QUATERNION, body.quaternion)
     _write_numbers(body_numbers, state.ANGULAR_MOMENTUM, angular_momentum)
     _write_numbers(body_numbers, state.INVERSE_MOMENTS, 1.0 / inertia)
-    _write_numbers(body_numbers, state.SQUARES, _square_axes(body))
-    _write_numbers(body_numbers, state.RADIUS, np.array([radius]))
-    # The kernel computes from them what depends on the orientation.
+    _write_numbers(body_numbers, state.SQUARES, _compute_squared_axes(body))
+    _write_numbers(body_numbers, state.RADIUS, np.array([bounding_radius]))
+    # The kernel computes the numbers that depend on the orientation.
     write_body_shape(bodies, index, parts, scratch)
 
 
@@ -76,7 +77,7 @@ def _write_numbers(body_numbers: np.ndarray, offset: int, values: np.ndarray) ->
     Parameters
     ----------
     body_numbers : ndarray
-        A view of the numbers, which is changed.
+        A view of the numbers. It is changed.
     offset : int
         Place of the first one in the tile (`kernels.state`), a multiple of LANES.
     values : ndarray
@@ -86,13 +87,14 @@ def _write_numbers(body_numbers: np.ndarray, offset: int, values: np.ndarray) ->
     body_numbers[first : first + len(values)] = values
 
 
-def _square_axes(body: Body) -> np.ndarray:
-    """Square the half axes of a body's ellipsoids [m2].
+def _compute_squared_axes(body: Body) -> np.ndarray:
+    """Compute the squares of the half axes of a body's ellipsoids [m2].
 
-    The result has zeros for ellipsoids that the body has not, and for a clump.
+    The result has three numbers for each of `MOST_PARTS` ellipsoids. They are zero for
+    ellipsoids that the body does not have, and for a clump.
     """
     squares = np.zeros(3 * state.MOST_PARTS)
-    if isinstance(body.kind, Shape):
-        semi_axes = body.kind.semi_axes_m
+    if isinstance(body.shape, Shape):
+        semi_axes = body.shape.semi_axes_m
         squares[: semi_axes.size] = ((semi_axes * body.scale) ** 2).ravel()
     return squares

@@ -32,15 +32,15 @@ from .sources import outside_sources, source_hash
 try:
     import fcntl
 except ImportError:
-    # Windows: each of several processes that need the same code at one time compiles
-    # it.
+    # On Windows there are no locks. Several processes that need the same code at one
+    # time then each compile it.
     fcntl = None  # type: ignore[assignment]
 
 
-def folder() -> str:
-    """Name the cache folder of these sources.
+def cache_folder() -> str:
+    """Return the path of the cache folder of these sources.
 
-    It lies below NUMBA_CACHE_DIR or the user's cache folder.
+    The folder lies in NUMBA_CACHE_DIR or in the user's cache folder.
     """
     base = os.environ.get("NUMBA_CACHE_DIR")
     if not base:
@@ -51,10 +51,10 @@ def folder() -> str:
 
 
 @functools.cache
-def text_hash(path: str) -> str:
+def hash_file(path: str) -> str:
     """Hash a source file.
 
-    The result is empty if there is no file, as for a cell of a notebook.
+    The result is empty if there is no file. A cell of a notebook has none.
     """
     try:
         return hashlib.sha256(Path(path).read_bytes()).hexdigest()
@@ -75,21 +75,21 @@ class KernelCache(NullCache):
         The function that is compiled.
     options : mapping
         Options of the compiler.
-    text : str
+    file_hash : str
         Hash of the function's source file.
     """
 
     def __init__(
-        self, function: Callable[..., Any], options: Mapping[str, Any], text: str
+        self, function: Callable[..., Any], options: Mapping[str, Any], file_hash: str
     ) -> None:
         self._function = function
         self._options = sorted(options.items())
-        self._text = text
+        self._file_hash = file_hash
         self._is_called_by_kernels = "no_cpython_wrapper" in options
 
     @property
     def cache_path(self) -> str:
-        return folder()
+        return cache_folder()
 
     def load_overload(self, sig: Any, target_context: Any) -> Any:
         """Return the stored code of a signature.
@@ -110,15 +110,15 @@ class KernelCache(NullCache):
         # numba's own method also loads its declarations for the compiler, which takes
         # 0.3 s and is not needed here.
         rtsys.initialize(target_context)
-        path = self._name_file(sig, target_context.codegen())
+        path = self._build_path(sig, target_context.codegen())
         stored = _read_code(path, sig)
         if stored is None:
             # Wait for another process that may be compiling it, and look again.
-            _lock(path)
+            _lock_kernel(path)
             stored = _read_code(path, sig)
             if stored is None:
                 return None
-            _unlock(path)
+            _unlock_kernel(path)
         return CompileResult._rebuild(target_context, *stored)
 
     def save_overload(self, sig: Any, data: Any) -> None:
@@ -134,20 +134,20 @@ class KernelCache(NullCache):
             The compiled code. If only Python calls the function, its bitcode is
             replaced by a stub.
         """
-        path = self._name_file(sig, data.codegen)
+        path = self._build_path(sig, data.codegen)
         if not self._is_called_by_kernels:
-            # No kernel links this function, so its bitcode, which takes 0.1 s to read,
-            # is not needed. A stub keeps the name of the function that Python calls.
+            # No kernel links this function, so its bitcode is not needed. To read it
+            # would take 0.1 s. The stub has the name of the function that Python calls.
             name = data.fndesc.llvm_cpython_wrapper_name
             stub = f'define void @"{name}"() {{ ret void }}'
             data.library._shared_module = binding.parse_assembly(stub)
-        # Code with addresses in this process is of no use to another.
+        # Code with addresses of this process is useless for another process.
         if not data.library.has_dynamic_globals:
             _write_code(path, dumps((sig, data._reduce())))
-        _unlock(path)
+        _unlock_kernel(path)
 
-    def _name_file(self, signature: object, codegen: Any) -> str:
-        """Name the file of a signature's code after everything that the code depends on.
+    def _build_path(self, signature: object, codegen: Any) -> str:
+        """Build the path of a signature's code from everything that the code depends on.
 
         Parameters
         ----------
@@ -171,13 +171,13 @@ class KernelCache(NullCache):
             closure,
             str(signature),  # its text, as its pickle may vary
             self._options,
-            self._text,
+            self._file_hash,
         )
         # The versions of numba and Python, and the type of the processor
         compiler = (numba.__version__, sys.version_info[:2], codegen.magic_tuple())
         digest = hashlib.sha256(repr((sources, compiler)).encode()).hexdigest()
         file_name = name.replace("<", "").replace(">", "")
-        return os.path.join(folder(), f"{file_name}-{digest[:24]}")
+        return os.path.join(cache_folder(), f"{file_name}-{digest[:24]}")
 
 
 def _read_code(path: str, signature: object) -> tuple[Any, ...] | None:
@@ -206,8 +206,8 @@ def _read_code(path: str, signature: object) -> tuple[Any, ...] | None:
 def _write_code(path: str, content: bytes) -> None:
     """Write a file so that other processes see either all of it or none of it.
 
-    If it cannot be written, a warning is issued, and each process compiles the code
-    itself.
+    If the file cannot be written, a warning is issued. Then each process compiles the
+    code itself.
 
     Parameters
     ----------
@@ -230,9 +230,9 @@ def _write_code(path: str, content: bytes) -> None:
 
 @functools.cache
 def _warn_once(message: str) -> None:
-    """Warn about a folder once.
+    """Issue a warning once in this process.
 
-    Python's own filters would repeat the warning at each compilation.
+    Python's own filters would repeat it at each compilation.
     """
     warnings.warn(message, stacklevel=3)
 
@@ -242,14 +242,14 @@ def _warn_once(message: str) -> None:
 _lock_files: dict[str, IO[bytes]] = {}
 
 
-def _lock(path: str) -> None:
-    """Wait until no other process compiles a kernel, and keep others waiting."""
+def _lock_kernel(path: str) -> None:
+    """Wait until no other process compiles a kernel, and make other processes wait."""
     if fcntl is not None:
         _set_lock(path, fcntl.LOCK_EX)
 
 
-def _unlock(path: str) -> None:
-    """Let other processes go on that wait for the kernel of this file."""
+def _unlock_kernel(path: str) -> None:
+    """Let the processes that wait for this kernel continue."""
     if fcntl is not None:
         _set_lock(path, fcntl.LOCK_UN)
 
@@ -266,18 +266,18 @@ def _set_lock(path: str, operation: int) -> None:
     operation : int
         A lock operation of `fcntl`.
     """
-    parent = os.path.dirname(path)
-    # The last 15 hexadecimal digits of the hash in the file's name are the place of the
-    # byte. It is below 2^60, and differs between kernels. A lock may lie beyond the end
-    # of its file.
-    byte_number = int(path[-15:], 16)
+    kernel_folder = os.path.dirname(path)
+    # The last 15 hexadecimal digits of the file's name are the place of the byte. So the
+    # place differs between kernels and is below 2^60. A lock may lie beyond the end of
+    # the lock file.
+    byte_place = int(path[-15:], 16)
     with contextlib.suppress(OSError):
-        if parent not in _lock_files:
-            os.makedirs(parent, exist_ok=True)
+        if kernel_folder not in _lock_files:
+            os.makedirs(kernel_folder, exist_ok=True)
             # The file stays open, since its locks end when it is closed.
-            file = open(os.path.join(parent, "locks"), "ab")  # noqa: SIM115
-            _lock_files[parent] = file
-        fcntl.lockf(_lock_files[parent], operation, 1, byte_number)
+            file = open(os.path.join(kernel_folder, "locks"), "ab")  # noqa: SIM115
+            _lock_files[kernel_folder] = file
+        fcntl.lockf(_lock_files[kernel_folder], operation, 1, byte_place)
 
 
 class _UnlockOnFailure(event.Listener):
@@ -298,7 +298,7 @@ class _UnlockOnFailure(event.Listener):
 event.register("numba:compile", _UnlockOnFailure())
 
 
-def add_source(*functions: Callable[..., Any] | None) -> None:
+def add_law_sources(*functions: Callable[..., Any] | None) -> None:
     """Make the cache depend on the functions of a law.
 
     A law of this package changes nothing. A law from another package moves the cache
@@ -323,11 +323,14 @@ def add_source(*functions: Callable[..., Any] | None) -> None:
         for module in sorted(modules):
             if not module.startswith(package_prefix):
                 key = f"{module} {function.__name__}"
-                outside_sources[key] = _write_source(module, function)
+                outside_sources[key] = _describe_source(module, function)
 
 
 def _look_up_globals(function: FunctionType) -> dict[str, Any]:
-    """Look up the global names that a function uses; None for those without a value."""
+    """Look up the values of the global names that a function uses.
+
+    The value is None for a name that is not defined.
+    """
     names = function.__code__.co_names
     return {name: function.__globals__.get(name) for name in names}
 
@@ -341,10 +344,10 @@ def _list_called_modules(function: FunctionType) -> set[str]:
     return modules
 
 
-def _write_source(module: str, function: FunctionType) -> str:
-    """Write the text of a module, and the global numbers that a function uses.
+def _describe_source(module: str, function: FunctionType) -> str:
+    """Return the text of a module with the global numbers that a function uses.
 
-    Where there is no text, as in a notebook, the function's bytecode stands for it.
+    If the module has no text, as in a notebook, the function's bytecode stands for it.
     """
     code = function.__code__
     try:

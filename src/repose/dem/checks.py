@@ -1,4 +1,4 @@
-"""Check a user's values: numbers, vectors, names and mappings.
+"""Check the values that a user gives: numbers, vectors, names and mappings.
 
 Each function returns the value in the form that the engine needs, or raises a
 ValueError that names the argument, its value and what is allowed.
@@ -13,7 +13,7 @@ import numpy as np
 
 from .errors import shown
 
-NUMBER_WORDS = {3: "three", 4: "four", 7: "seven"}
+NUMBER_WORDS = {3: "three", 4: "four", 7: "seven"}  # for messages
 
 
 def is_number(value: Any, *, finite: bool = True) -> bool:
@@ -24,14 +24,16 @@ def is_number(value: Any, *, finite: bool = True) -> bool:
     value : object
         Any value.
     finite : bool
-        Whether infinite numbers are refused. Nan always is.
+        Whether infinite numbers are refused. Nan is always refused.
     """
     if not isinstance(value, Real) or isinstance(value, bool | np.bool):
         return False
     return math.isfinite(value) if finite else not math.isnan(value)
 
 
-def number(name: str, value: Any, allowed: str, accepts: Callable[[Any], Any]) -> float:
+def check_number(
+    name: str, value: Any, allowed: str, accepts: Callable[[Any], Any]
+) -> float:
     """Check that a value is a finite number for which a condition holds.
 
     Parameters
@@ -53,25 +55,28 @@ def number(name: str, value: Any, allowed: str, accepts: Callable[[Any], Any]) -
     Raises
     ------
     ValueError
-        If the value is no such number.
+        If the value is not such a number.
     """
     if not (is_number(value) and accepts(value)):
         raise ValueError(f"{name} is {shown(value)}; expected {allowed}")
     return float(value)
 
 
-def positive(name: str, value: Any) -> float:
+def check_positive(name: str, value: Any) -> float:
     """Check that a value is a finite number above 0."""
-    return number(name, value, "above 0", lambda v: v > 0.0)
+    return check_number(name, value, "above 0", lambda v: v > 0.0)
 
 
-def not_negative(name: str, value: Any) -> float:
+def check_not_negative(name: str, value: Any) -> float:
     """Check that a value is a finite number, 0 or more."""
-    return number(name, value, "0 or more", lambda v: v >= 0.0)
+    return check_number(name, value, "0 or more", lambda v: v >= 0.0)
 
 
-def height(name: str, value: Any) -> float:
-    """Check that a value is a height; it may be infinite, which no body reaches."""
+def check_height(name: str, value: Any) -> float:
+    """Check that a value is a height [m], finite or infinite.
+
+    No body reaches an infinite height, so it stands for no height.
+    """
     if not is_number(value, finite=False):
         raise ValueError(
             f"{name} is {shown(value)}; expected a number, or -inf for none"
@@ -79,7 +84,7 @@ def height(name: str, value: Any) -> float:
     return float(value)
 
 
-def whole_number(name: str, value: Any, minimum: int) -> int:
+def check_whole_number(name: str, value: Any, minimum: int) -> int:
     """Check that a value is a whole number, `minimum` or more."""
     if not isinstance(value, Integral) or isinstance(value, bool) or value < minimum:
         raise ValueError(
@@ -88,25 +93,28 @@ def whole_number(name: str, value: Any, minimum: int) -> int:
     return int(value)
 
 
-def vector(name: str, value: Any, length: int = 3) -> np.ndarray:
-    """Copy a vector of 3, 4 or 7 finite numbers."""
+def check_vector(name: str, value: Any, length: int = 3) -> np.ndarray:
+    """Check that a value is a vector of 3, 4 or 7 finite numbers, and return a copy."""
     allowed = f"{NUMBER_WORDS[length]} finite numbers"
-    return array(name, value, (length,), allowed)
+    return check_array(name, value, (length,), allowed)
 
 
-def box(lower: Any, upper: Any) -> tuple[np.ndarray, np.ndarray]:
-    """Copy the lower and the upper corner of a box; ValueError if they are no box."""
-    low = vector("lower", lower)
-    high = vector("upper", upper)
-    if not np.all(low < high):
+def check_box(lower: Any, upper: Any) -> tuple[np.ndarray, np.ndarray]:
+    """Check that two corners make a box, and return copies of both.
+
+    ValueError unless the lower corner is below the upper one in every direction.
+    """
+    lower_corner = check_vector("lower", lower)
+    upper_corner = check_vector("upper", upper)
+    if not np.all(lower_corner < upper_corner):
         raise ValueError(
             f"lower is {lower!r}, upper {upper!r}; "
             "expected lower below upper in every direction"
         )
-    return low, high
+    return lower_corner, upper_corner
 
 
-def array(
+def check_array(
     name: str,
     value: Any,
     shape: tuple[int | None, ...],
@@ -114,13 +122,13 @@ def array(
     accepts: Callable[[np.ndarray], Any] = lambda _: True,
     rows: bool = False,
 ) -> np.ndarray:
-    """Copy finite numbers to an array of a given shape.
+    """Check that a value is an array of finite numbers of a shape, and return a copy.
 
     Parameters
     ----------
     name : str
         The argument's name, for the message.
-    value : Any
+    value : object
         What the user gave.
     shape : tuple
         The length of each dimension; None stands for any length.
@@ -129,7 +137,7 @@ def array(
     accepts : callable
         Further condition that the array must fulfil.
     rows : bool
-        Accept a single row without the brackets around it.
+        Whether a single row is accepted without the brackets around it.
 
     Returns
     -------
@@ -139,14 +147,14 @@ def array(
     Raises
     ------
     ValueError
-        If the value is no such array.
+        If the value is not such an array.
     """
-    # A row without brackets gets them if two dimensions are the least.
+    # With ndmin, numpy adds the missing dimension to a row without brackets.
     fewest_dimensions = len(shape) if rows else 0
     try:
         numbers = np.array(value, float, ndmin=fewest_dimensions)
     except (TypeError, ValueError):
-        numbers = np.array(np.nan)  # not finite, so it is refused below
+        numbers = np.array(np.nan)  # is not finite, so it is refused below
     is_valid = (
         _has_shape(numbers, shape) and np.all(np.isfinite(numbers)) and accepts(numbers)
     )
@@ -165,9 +173,12 @@ def _has_shape(numbers: np.ndarray, shape: tuple[int | None, ...]) -> bool:
     )
 
 
-def direction(name: str, value: Any, length: int = 3) -> np.ndarray:
-    """Scale a vector of 3 or 4 numbers to unit length; ValueError for a zero vector."""
-    numbers = vector(name, value, length)
+def check_direction(name: str, value: Any, length: int = 3) -> np.ndarray:
+    """Check that a vector of 3 or 4 numbers has a direction, and scale it to length 1.
+
+    ValueError for a vector of zeros.
+    """
+    numbers = check_vector(name, value, length)
     norm = np.linalg.norm(numbers)
     if not norm > 0.0:
         raise ValueError(
@@ -184,7 +195,7 @@ def is_name(value: Any) -> bool:
     return isinstance(value, str) and bool(value)
 
 
-def name_of(argument: str, value: Any) -> str:
+def check_name(argument: str, value: Any) -> str:
     """Check that an argument is the name of a shape, a material or a wall."""
     if not is_name(value):
         raise ValueError(
@@ -193,8 +204,10 @@ def name_of(argument: str, value: Any) -> str:
     return value
 
 
-def mapping(name: str, value: Any, classes: Any, description: str) -> dict[str, Any]:
-    """Copy a mapping of names to objects.
+def check_mapping(
+    name: str, value: Any, classes: Any, description: str
+) -> dict[str, Any]:
+    """Check that a value is a mapping of names to objects, and return a copy.
 
     Parameters
     ----------
@@ -215,7 +228,7 @@ def mapping(name: str, value: Any, classes: Any, description: str) -> dict[str, 
     Raises
     ------
     ValueError
-        If the value is no such mapping.
+        If the value is not such a mapping.
     """
     is_valid = isinstance(value, Mapping) and all(
         is_name(key) and isinstance(item, classes) for key, item in value.items()
@@ -227,8 +240,11 @@ def mapping(name: str, value: Any, classes: Any, description: str) -> dict[str, 
     return dict(value)
 
 
-def chosen(name: str, value: Any, choices: Mapping[str, Any]) -> Any:
-    """Look up the object of a name; ValueError with all names for an unknown one."""
+def look_up_choice(name: str, value: Any, choices: Mapping[str, Any]) -> Any:
+    """Look up the object of a name among the choices.
+
+    ValueError for an unknown name. The message lists all names.
+    """
     if not (isinstance(value, str) and value in choices):
         raise ValueError(
             f"{name} is {shown(value)}; expected {', '.join(map(repr, choices))}"

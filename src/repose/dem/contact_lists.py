@@ -8,9 +8,13 @@ from .kernels import clump_tile, clumps, state
 
 # Entries per body that the first lists have; the lists grow when needed.
 CONTACTS_PER_BODY = 6
-NEAR_PER_BODY = 13  # of a lattice: all 26 neighbours, each pair once
+NEAR_PER_BODY = 13  # a body of a lattice has 26 neighbours; each pair is listed once
 SPHERE_CONTACTS_PER_BODY = 20
 MOST_NEW = 4096  # contacts of spheres that may begin in one step
+
+# Further entries, so that the lists of a few bodies do not fill up at once
+SPARE_CONTACTS = 64
+SPARE_NEAR = 256
 
 
 def new_pairs(capacity: int, most_spheres: int, n_state: int) -> Any:
@@ -19,7 +23,7 @@ def new_pairs(capacity: int, most_spheres: int, n_state: int) -> Any:
     Parameters
     ----------
     capacity : int
-        Most bodies.
+        Largest number of bodies.
     most_spheres : int
         Spheres of the largest clump; 0 for smooth bodies.
     n_state : int
@@ -33,8 +37,8 @@ def new_pairs(capacity: int, most_spheres: int, n_state: int) -> Any:
     if most_spheres:
         n_contacts = SPHERE_CONTACTS_PER_BODY * capacity + MOST_NEW
     else:
-        n_contacts = CONTACTS_PER_BODY * capacity + 64
-    n_near = NEAR_PER_BODY * capacity + 256
+        n_contacts = CONTACTS_PER_BODY * capacity + SPARE_CONTACTS
+    n_near = NEAR_PER_BODY * capacity + SPARE_NEAR
     return _make_pair_lists(n_contacts, n_near, capacity, most_spheres, n_state)
 
 
@@ -48,7 +52,7 @@ def _make_pair_lists(
     n_contacts, n_near : int
         Lengths of the list of touching and of the list of near pairs.
     capacity, most_spheres, n_state : int
-        As of `new_pairs`.
+        See `new_pairs`.
     """
     if most_spheres == 0:
         return state.new_pairs(n_contacts, n_near, capacity, n_state)
@@ -63,7 +67,7 @@ def new_wall_contacts(
     Parameters
     ----------
     capacity : int
-        Most bodies.
+        Largest number of bodies.
     n_walls : tuple of int
         Numbers of planes, of cones and rings, and of meshes.
     has_clumps : bool
@@ -77,18 +81,18 @@ def new_wall_contacts(
         The three lists (`kernels.state.WallContacts`).
     """
     n_planes, _n_curved, n_meshes = n_walls
-    spare = 64 * state.MOST_SPHERES if has_clumps else 64
-    # The first list has room for contacts of every body with every plane, the others
-    # for one contact of each body.
+    spare = SPARE_CONTACTS * state.MOST_SPHERES if has_clumps else SPARE_CONTACTS
+    # The first list has room for contacts of every body with every plane. The other
+    # lists have room for one contact of each body.
     lengths = [
         n_planes * capacity + spare,
         capacity + spare,
         capacity + spare if n_meshes else 1,
     ]
-    # A contact keeps its geometry in the first rows, then the rows of the laws.
+    # The first rows of a contact are its geometry. The rows of the laws follow.
     first_law_row = clump_tile.WALL_STATE if has_clumps else state.WALL_STATE
     n_rows = first_law_row // state.LANES + n_state
-    absent_body = capacity  # the number of a body that unused entries have
+    absent_body = capacity  # unused entries have this number, which no body has
     lists = []
     for length, count in zip(lengths, n_walls, strict=True):
         lists.append(
@@ -111,7 +115,7 @@ def grow_pairs(
     counts : ndarray
         Counts of the simulation, with the numbers of touching and of near pairs.
     capacity, most_spheres, n_state : int
-        As of `new_pairs`.
+        See `new_pairs`.
     """
     n_contacts = _choose_length(old.first, counts[state.N_PAIRS])
     n_near = _choose_length(old.near_limit, counts[state.N_NEAR])

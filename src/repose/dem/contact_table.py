@@ -11,7 +11,7 @@ from .laws.law import Law
 from .materials import Contact, Material
 from .shapes import Clump, Shape
 
-Pairs = dict[tuple[str, str], Contact]
+PairContacts = dict[tuple[str, str], Contact]
 
 
 class MaterialNumbers(NamedTuple):
@@ -24,9 +24,9 @@ class MaterialNumbers(NamedTuple):
     all_materials: dict[str, int]
 
 
-def pairs_of(
+def index_contacts(
     contacts: Mapping[tuple[str, str], Contact], materials: Mapping[str, Material]
-) -> Pairs:
+) -> PairContacts:
     """Index contacts by pairs of material names, in both orders.
 
     Parameters
@@ -51,7 +51,7 @@ def pairs_of(
         raise ValueError(
             f"contacts is {contacts!r}; expected (material, material): Contact"
         )
-    contact_of_pair: Pairs = {}
+    contact_of_pair: PairContacts = {}
     for pair, contact in contacts.items():
         if not (_is_pair_of_names(pair) and isinstance(contact, Contact)):
             raise ValueError(
@@ -62,7 +62,7 @@ def pairs_of(
             raise ValueError(
                 f"contacts has {pair!r}; expected pairs of {', '.join(materials)}"
             )
-        # The pair may be there already, in the other order.
+        # The user may give a pair in both orders, but not with different contacts.
         if contact_of_pair.get(pair, contact) != contact:
             raise ValueError(
                 f"contacts has {pair!r} in both orders; "
@@ -84,7 +84,7 @@ def number_materials(
     shapes: Mapping[str, Shape | Clump],
     wall_materials: Iterable[str],
     materials: Mapping[str, Material],
-    contacts: Pairs,
+    contacts: PairContacts,
 ) -> MaterialNumbers:
     """Give each material of the bodies and walls its number.
 
@@ -97,7 +97,7 @@ def number_materials(
     materials : mapping
         All materials by name.
     contacts : mapping
-        The contacts by pairs of materials in both orders (`pairs_of`).
+        The contacts by pairs of materials in both orders (`index_contacts`).
 
     Returns
     -------
@@ -109,7 +109,7 @@ def number_materials(
     ValueError
         For a missing material, or a missing contact of two materials that can meet.
     """
-    # A dictionary keeps each name once, in order.
+    # A dictionary has each name once, in the order of its first use.
     body_names = list(dict.fromkeys(shape.material for shape in shapes.values()))
     all_names = list(dict.fromkeys([*body_names, *wall_materials]))
     for name in all_names:
@@ -128,8 +128,8 @@ def number_materials(
     )
 
 
-def check_constants(law: Law, numbers: MaterialNumbers, contacts: Pairs) -> None:
-    """Raise ValueError if a contact has not just the constants that the law needs."""
+def check_constants(law: Law, numbers: MaterialNumbers, contacts: PairContacts) -> None:
+    """Raise ValueError unless each contact has exactly the constants of the law."""
     for pair in product(numbers.body_materials, numbers.all_materials):
         try:
             _check_constants_of_contact(law, contacts[pair].constants)
@@ -150,7 +150,7 @@ def _check_constants_of_contact(law: Law, values: Mapping[str, float]) -> None:
     Raises
     ------
     ValueError
-        For a constant that is missing, out of its bounds, or not one of the law.
+        For a constant that is missing, out of bounds, or not needed by the law.
     """
     for constant in law.asks:
         if constant.name not in values:
@@ -172,7 +172,7 @@ def tabulate_constants(
     law: Law,
     numbers: MaterialNumbers,
     materials: Mapping[str, Material],
-    contacts: Pairs,
+    contacts: PairContacts,
     tension: str,
 ) -> np.ndarray:
     """Compute the constants of a force law for all pairs of materials.
@@ -186,15 +186,16 @@ def tabulate_constants(
     materials : mapping
         The materials by name.
     contacts : mapping
-        The contacts by pairs of materials in both orders (`pairs_of`).
+        The contacts by pairs of materials in both orders (`index_contacts`).
     tension : str
         How a contact ends, see `Simulation`.
 
     Returns
     -------
     ndarray (K, K, n)
-        The n constants for the materials with the numbers i and j, at [i, j] and at
-        [j, i]. They are zero for two materials of walls, which never meet.
+        K materials with n constants for each pair. The constants of the materials i and
+        j are at [i, j] and at [j, i]. They are zero for two materials of walls, which
+        never meet.
     """
     n_materials = len(numbers.all_materials)
     table = np.zeros((n_materials, n_materials, law.n_constants))

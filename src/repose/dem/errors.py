@@ -3,7 +3,7 @@
 import reprlib
 from collections.abc import Iterable
 
-MOST_SHOWN = 400  # characters of a value in a message
+MOST_SHOWN = 400  # largest number of characters of a value in a message
 
 _short = reprlib.Repr()
 _short.maxlevel = 3
@@ -12,7 +12,7 @@ _short.maxstring = _short.maxlong = _short.maxother = MOST_SHOWN
 
 
 def shown(value: object) -> str:
-    """Write a value for a message, in at most `MOST_SHOWN` characters."""
+    """Return a value as text for a message, with at most `MOST_SHOWN` characters."""
     text = _short.repr(value)
     if len(text) > MOST_SHOWN:
         return f"{text[: MOST_SHOWN - 3]}..."
@@ -20,11 +20,11 @@ def shown(value: object) -> str:
 
 
 def did_you_mean(word: str, names: Iterable[str]) -> str:
-    """Write a question for a message: whether the name most like a word was meant.
+    """Return a question for a message: whether the most similar name was meant.
 
-    The text is empty if no name is like the word.
+    The text is empty if no name is similar to the word.
     """
-    # Imported here, as processes without a fault do not need it.
+    # Imported here because processes without a fault do not need it.
     from difflib import get_close_matches
 
     matches = get_close_matches(word, list(names), 1)

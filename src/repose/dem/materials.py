@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from .checks import is_name, not_negative, number, positive
+from .checks import check_not_negative, check_number, check_positive, is_name
 
 
 @dataclass(frozen=True)
@@ -27,8 +27,8 @@ class Material:
     poisson_ratio: float
 
     def __post_init__(self) -> None:
-        positive("shear_modulus_pa", self.shear_modulus_pa)
-        number(
+        check_positive("shear_modulus_pa", self.shear_modulus_pa)
+        check_number(
             "poisson_ratio",
             self.poisson_ratio,
             allowed="above -1, at most 0.5",
@@ -54,8 +54,8 @@ class Contact:
     rolling_friction : float
         Coefficient mu_r of the rolling resistance, 0 or more.
     twisting_friction : float, optional
-        Coefficient of the resistance against spin about the normal, 0 or more: the
-        torque is at most this, times the normal force, times the radius of the contact
+        Coefficient mu_t of the resistance against spin about the normal, 0 or more. The
+        torque is at most mu_t times the normal force times the radius of the contact
         circle. By default 3 pi / 16 mu_s, that of a Hertz contact whose whole circle
         slides (Johnson 1985, section 7.2). Only laws that tell this spin from rolling
         use it.
@@ -77,17 +77,18 @@ class Contact:
     constants: Mapping[str, float] = field(default_factory=dict, hash=False)
 
     def __post_init__(self) -> None:
-        number(
+        check_number(
             "restitution",
             self.restitution,
             allowed="above 0, at most 1",
             accepts=lambda e: 0.0 < e <= 1.0,
         )
-        not_negative("static_friction", self.static_friction)
-        not_negative("rolling_friction", self.rolling_friction)
+        check_not_negative("static_friction", self.static_friction)
+        check_not_negative("rolling_friction", self.rolling_friction)
         if self.twisting_friction is not None:
-            not_negative("twisting_friction", self.twisting_friction)
-        # Which constants there must be depends on the law, which is not known here.
+            check_not_negative("twisting_friction", self.twisting_friction)
+        # The necessary constants depend on the contact law, which is not known here. So
+        # only the names are checked.
         has_names = isinstance(self.constants, Mapping) and all(
             is_name(name) for name in self.constants
         )

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .checks import vector
+from .checks import check_vector
 from .kernels import clump_tile, state
 from .kernels.engine import add_wall_loads
 from .rotations import rotation_matrices
@@ -62,7 +62,7 @@ class Observables(World):
     def positions(self) -> np.ndarray:
         """Centres of the bodies added so far (N, 3) [m].
 
-        A view in simulations of fewer than 4096 bodies.
+        The array is a view in simulations of fewer than 4096 bodies.
         """
         return self._in_user_order(self.bodies.rows)[
             :, state.POSITION : state.POSITION + 3
@@ -124,7 +124,7 @@ class Observables(World):
         return self._in_user_order(self.bodies.exit_time)
 
     def _in_user_order(self, values: np.ndarray) -> np.ndarray:
-        """Order values of the bodies as they were added.
+        """Return values of the bodies in the order in which they were added.
 
         The result is a view if the engine has the same order.
         """
@@ -163,7 +163,7 @@ class Observables(World):
         second = self.pairs.second[:n_pairs]
         pairs = self._user_numbers[np.column_stack([first, second])]
         pairs.sort(axis=1)
-        # Several spheres of two clumps may touch; such a pair is listed once.
+        # Several spheres of two clumps may touch. Such a pair is listed once.
         if self._has_clumps:
             return np.unique(pairs, axis=0)
         order = np.lexsort((pairs[:, 1], pairs[:, 0]))  # by the first, then the second
@@ -208,8 +208,8 @@ class Observables(World):
         if self._has_clumps:
             first_spheres, second_spheres = self.pairs.spheres[:n_pairs].T
 
-        # Two bodies overlap where they reach farther along the normal, towards each
-        # other, than their centres are apart.
+        # Two bodies overlap if the sum of their extents along the normal, towards each
+        # other, exceeds the distance of their centres along the normal.
         first_extents = self._measure_extents(first, normals, first_spheres)
         second_extents = self._measure_extents(second, -normals, second_spheres)
         offsets = self.positions[second] - self.positions[first]
@@ -338,8 +338,8 @@ class Observables(World):
         ndarray (M,)
             The extents [m].
         """
-        # The shapes are known in the frames of the bodies, at scale 1. So turn the
-        # directions into these frames, by the inverse rotations.
+        # The shapes are described in the frames of the bodies, at scale 1. So rotate the
+        # directions to these frames, by the inverse rotations.
         rotations = rotation_matrices(self.quaternions[bodies])
         body_directions = np.einsum("nji,nj->ni", rotations, directions)
         extents = np.zeros(len(bodies))
@@ -359,8 +359,8 @@ class Observables(World):
     def wall_loads(self, about_m: ArrayLike = (0.0, 0.0, 0.0)) -> dict[str, WallLoad]:
         """Compute force and torque of the bodies on each wall, now.
 
-        The wall contacts are evaluated once more for this, so a time step does not take
-        longer.
+        This call evaluates the wall contacts once more. So the time steps need not record
+        the loads.
 
         Parameters
         ----------
@@ -383,12 +383,12 @@ class Observables(World):
         The torque is that of the contact forces. Rolling resistance acts on bodies
         alone and is no part of it.
         """
-        point = vector("about_m", about_m)
+        point = check_vector("about_m", about_m)
         names = self.wall_set.names
         # Force and torque about the origin of each wall, which the kernel adds up
         loads = np.zeros((len(names), 6))
-        # The kernel changes its arguments, so it gets copies. In a step of no time no
-        # spring moves.
+        # The kernel changes its arguments, so it gets copies. With a time step of 0 the
+        # springs stay as they are.
         bodies, flat, curved, meshed, clumps = deepcopy(
             (self.bodies, self.flat, self.curved, self.meshed, self.clumps)
         )
@@ -433,8 +433,8 @@ class Observables(World):
         normal = contact_rows[:, :3].copy()
         body = self._user_numbers[self.curved.body[:n_contacts]]
         wall = self.curved.wall[:n_contacts].copy()
-        # The engine keeps the azimuths of other smooth bodies. Those of spheres follow
-        # from their centres.
+        # The azimuths of spheres follow from their centres. The engine keeps those of
+        # other smooth bodies.
         if self._has_clumps:
             column = clump_tile.CENTRE // state.LANES
             centres = contact_rows[:, column : column + 3]
@@ -526,7 +526,8 @@ def _compute_tangent_offsets(
     ndarray (M,)
         The offsets [m].
     """
-    # Offset of the origin of each wall's own frame; that within the frame is added.
+    # Begin with the offset of the origin of each wall's frame. The offset within the
+    # frame is added below.
     frames = walls.frames[wall_numbers]
     origins = frames[:, :3]
     offsets = np.sum(normals * origins, axis=1)

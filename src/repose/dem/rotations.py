@@ -24,13 +24,15 @@ def rotation_matrices(quaternions: ArrayLike) -> np.ndarray:
     """
     q = np.asarray(quaternions, dtype=float)
     w, x, y, z = (q / np.linalg.norm(q, axis=1, keepdims=True)).T
-    return np.moveaxis(np.array(_matrix_rows(w, x, y, z)), 2, 0)
+    return np.moveaxis(np.array(_compute_matrix_rows(w, x, y, z)), 2, 0)
 
 
-def _matrix_rows(w: Number, x: Number, y: Number, z: Number) -> list[list[Number]]:
-    """Write the rotation matrix of a unit quaternion by rows.
+def _compute_matrix_rows(
+    w: Number, x: Number, y: Number, z: Number
+) -> list[list[Number]]:
+    """Compute the rows of the rotation matrix of a unit quaternion (w, x, y, z).
 
-    The components may be arrays.
+    The components may be arrays. Then each entry of the matrix is an array.
     """
     return [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -54,7 +56,7 @@ def rotation_matrix(quaternion: ArrayLike) -> np.ndarray:
     """
     q = np.asarray(quaternion, dtype=float)
     w, x, y, z = (q / np.linalg.norm(q)).tolist()
-    return np.array(_matrix_rows(w, x, y, z))
+    return np.array(_compute_matrix_rows(w, x, y, z))
 
 
 def random_quaternion(rng: np.random.Generator) -> np.ndarray:
@@ -63,21 +65,23 @@ def random_quaternion(rng: np.random.Generator) -> np.ndarray:
     Parameters
     ----------
     rng : numpy.random.Generator
-        Gives four normal numbers.
+        Generator from which four normal numbers are drawn.
 
     Returns
     -------
     ndarray (4,)
         A unit quaternion (w, x, y, z).
     """
+    # The direction of four independent normal numbers is uniform on the unit sphere.
     q = rng.normal(size=4)
     return q / np.linalg.norm(q)
 
 
 def sphere_directions(count: int) -> np.ndarray:
-    """Spread unit vectors (count, 3) evenly: a Fibonacci lattice."""
+    """Return unit vectors (count, 3) that are evenly spread: a Fibonacci lattice."""
     index = np.arange(count)
+    # Equal steps of z give equal areas, and the azimuth grows by the golden angle.
     z = 1 - (2 * index + 1) / count
     azimuth = index * math.pi * (3 - math.sqrt(5))
-    ring = np.sqrt(1 - z**2)
-    return np.stack([ring * np.cos(azimuth), ring * np.sin(azimuth), z], axis=1)
+    radius = np.sqrt(1 - z**2)  # distance from the z axis
+    return np.stack([radius * np.cos(azimuth), radius * np.sin(azimuth), z], axis=1)

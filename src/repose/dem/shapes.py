@@ -7,11 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .checks import array, name_of, positive
+from .checks import check_array, check_name, check_positive
 from .kernels.state import MOST_PARTS, MOST_SPHERES, SPHERES
 from .rotations import sphere_directions
 
-DIRECTIONS = 2000  # in which a clump's extent is calculated
+N_DIRECTIONS = 2000  # number of directions in which a clump's extent is computed
+MOMENT_TOLERANCE = 1e-9  # relative error of moments by rounding
 
 # Descriptions of what is allowed, for messages
 MOMENTS = "three moments above 0, each at most the sum of the others"
@@ -19,43 +20,42 @@ SEMI_AXES = f"(1 to {MOST_PARTS}, 3) lengths above 0"
 SPHERE_ROWS = f"(1 to {MOST_SPHERES}, 4) finite lengths, the last of each row above 0"
 
 
-def _are_moments(inertia: np.ndarray) -> bool:
-    """Return whether a body can have these principal moments (3,).
+def _are_valid_moments(inertia: np.ndarray) -> bool:
+    """Return whether a body can have these principal moments of inertia (3,).
 
-    All are above 0, and none is above the sum of the others.
+    Each moment must be above 0 and at most the sum of the others.
     """
-    # The largest is at most the sum of the others if twice the largest is at most the
-    # sum of all three.
-    rounding = 1e-9
-    is_possible = 2.0 * inertia.max() <= (1.0 + rounding) * inertia.sum()
+    # The largest moment is at most the sum of the others if twice the largest moment is
+    # at most the sum of all three.
+    is_possible = 2.0 * inertia.max() <= (1.0 + MOMENT_TOLERANCE) * inertia.sum()
     return bool(np.all(inertia > 0.0) and is_possible)
 
 
-def _are_axes(axes: np.ndarray) -> bool:
-    """Return whether these are half axes (K, 3) of a body's ellipsoids."""
+def _are_valid_semi_axes(axes: np.ndarray) -> bool:
+    """Return whether an array (K, 3) can be the half axes of a body's ellipsoids."""
     return 1 <= len(axes) <= MOST_PARTS and bool(np.all(axes > 0.0))
 
 
-def _are_spheres(spheres: np.ndarray) -> bool:
-    """Return whether these are centres and radii (M, 4) of a body's spheres."""
+def _are_valid_spheres(spheres: np.ndarray) -> bool:
+    """Return whether an array (M, 4) can be centres and radii of a body's spheres."""
     return 1 <= len(spheres) <= MOST_SPHERES and bool(np.all(spheres[:, 3] > 0.0))
 
 
 class _Solid:
-    """Mass and material, which both kinds of shapes have."""
+    """The mass, moments of inertia and material, which both kinds of shapes have."""
 
     mass_kg: float
     inertia_kg_m2: np.ndarray
     material: str
 
     def _check_solid(self) -> None:
-        """Check mass, moments and material, and keep the moments as an array."""
-        positive("mass_kg", self.mass_kg)
-        moments = array(
-            "inertia_kg_m2", self.inertia_kg_m2, (3,), MOMENTS, _are_moments
+        """Check mass, moments and material, and replace the moments by an array."""
+        check_positive("mass_kg", self.mass_kg)
+        moments = check_array(
+            "inertia_kg_m2", self.inertia_kg_m2, (3,), MOMENTS, _are_valid_moments
         )
         object.__setattr__(self, "inertia_kg_m2", moments)
-        name_of("material", self.material)
+        check_name("material", self.material)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,8 +86,13 @@ class Shape(_Solid):
     material: str
 
     def __post_init__(self) -> None:
-        axes = array(
-            "semi_axes_m", self.semi_axes_m, (None, 3), SEMI_AXES, _are_axes, rows=True
+        axes = check_array(
+            "semi_axes_m",
+            self.semi_axes_m,
+            (None, 3),
+            SEMI_AXES,
+            _are_valid_semi_axes,
+            rows=True,
         )
         object.__setattr__(self, "semi_axes_m", axes)
         self._check_solid()
@@ -117,15 +122,16 @@ class Shape(_Solid):
         ValueError
             Naming the value that is out of range.
         """
-        axes = array(
+        axes = check_array(
             "semi_axes_m",
             semi_axes_m,
             shape=(3,),
             allowed="three lengths above 0",
             accepts=lambda axes: np.all(axes > 0.0),
         )
-        positive("density_kg_m3", density_kg_m3)
-        # Mass 4/3 pi a b c rho, and moments such as m (b^2 + c^2) / 5 about a
+        check_positive("density_kg_m3", density_kg_m3)
+        # The mass is 4/3 pi a b c rho. The moment about the axis of a is
+        # m (b^2 + c^2) / 5, and so on.
         a, b, c = axes.tolist()
         mass = density_kg_m3 * 4.0 / 3.0 * math.pi * a * b * c
         moments = mass / 5.0 * np.array([b * b + c * c, a * a + c * c, a * a + b * b])
@@ -154,7 +160,7 @@ class Shape(_Solid):
         ValueError
             Naming the value that is out of range.
         """
-        positive("radius_m", radius_m)
+        check_positive("radius_m", radius_m)
         return cls.ellipsoid((radius_m, radius_m, radius_m), density_kg_m3, material)
 
     def support(self, n: np.ndarray) -> np.ndarray:
@@ -214,11 +220,11 @@ class Shape(_Solid):
     def flattest_radius_m(self) -> float:
         """Radius of a sphere as flat as the ends of the shortest axis [m].
 
-        There a contact with a plate is stiffest.
+        A contact with a plate is stiffest there.
         """
         shortest = int(np.argmin(self.half_extents_m))
         # At the end of the half axis c an ellipsoid has the radii of curvature a^2 / c
-        # and b^2 / c; those of a sum of ellipsoids add up.
+        # and b^2 / c. Those of a sum of ellipsoids are the sums over the ellipsoids.
         radii = np.square(self.semi_axes_m) / self.semi_axes_m[:, shortest, None]
         principal_radii = np.delete(radii.sum(axis=0), shortest)
         return float(np.sqrt(np.prod(principal_radii)))
@@ -269,9 +275,9 @@ class Clump(_Solid):
     Notes
     -----
     Each sphere that touches something has the whole elastic force of a sphere of its
-    radius: a body that lies on k spheres is about k times as stiff as on one. The
-    contacts of two bodies share the damping, so that the restitution of a hit stays
-    about what it is.
+    radius. So a body that lies on k spheres is about k times as stiff as a body on one.
+    The contacts of two bodies share the damping, so that the restitution of a hit hardly
+    changes.
     """
 
     spheres_m: np.ndarray
@@ -280,8 +286,8 @@ class Clump(_Solid):
     material: str
 
     def __post_init__(self) -> None:
-        spheres = array(
-            "spheres_m", self.spheres_m, (None, 4), SPHERE_ROWS, _are_spheres
+        spheres = check_array(
+            "spheres_m", self.spheres_m, (None, 4), SPHERE_ROWS, _are_valid_spheres
         )
         object.__setattr__(self, "spheres_m", spheres)
         self._check_solid()
@@ -355,11 +361,11 @@ class Clump(_Solid):
         float
             The largest number over all sides.
         """
-        # Overlap of each sphere with a plate on each side (directions, spheres)
-        extents = self._compute_sphere_extents(sphere_directions(DIRECTIONS))
+        # Overlap of each sphere with a plate on each side, an array (directions, spheres)
+        extents = self._compute_sphere_extents(sphere_directions(N_DIRECTIONS))
         largest_extents = extents.max(axis=1, keepdims=True)
         overlaps = np.clip(extents - largest_extents + overlap_m, 0.0, None)
-        # Their stiffnesses, over that of the largest sphere at `overlap_m`
+        # Stiffness of each sphere over that of the largest sphere at `overlap_m`
         radii = self.spheres_m[:, 3]
         stiffnesses = np.sqrt(overlaps / overlap_m * radii / self.flattest_radius_m)
         return float(stiffnesses.sum(axis=1).max())
@@ -402,14 +408,14 @@ def are_clumps(shapes: Mapping[str, Shape | Clump]) -> bool:
     return all(is_clump)
 
 
-def most_spheres(shapes: Iterable[Shape | Clump]) -> int:
+def count_most_spheres(shapes: Iterable[Shape | Clump]) -> int:
     """Count the spheres of the largest clump; 0 for smooth bodies."""
     counts = [len(shape.spheres_m) for shape in shapes if isinstance(shape, Clump)]
     return max(counts, default=0)
 
 
-def parts_of(shapes: Iterable[Shape | Clump]) -> int:
-    """Find the largest number of ellipsoids that a smooth body has.
+def count_ellipsoids(shapes: Iterable[Shape | Clump]) -> int:
+    """Find the largest number of ellipsoids of a smooth body.
 
     Parameters
     ----------

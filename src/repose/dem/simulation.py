@@ -12,16 +12,16 @@ from numpy.typing import ArrayLike
 from . import contact_lists, time_steps
 from .body_rows import Body, write_body
 from .checks import (
-    chosen,
-    direction,
-    not_negative,
-    number,
-    positive,
-    vector,
-    whole_number,
+    check_direction,
+    check_not_negative,
+    check_number,
+    check_positive,
+    check_vector,
+    check_whole_number,
+    look_up_choice,
 )
 from .io import checkpoint as checkpoints
-from .io.progress import display
+from .io.progress import show_progress
 from .kernels import parallel, state
 from .kernels.atomics import BARRIER_SIZE
 from .kernels.engine import advance
@@ -30,9 +30,10 @@ from .laws import ROLLING_LAWS
 from .observables import Observables
 from .walls import Motion
 
-CHUNK_S = 0.2  # wall time that the steps of one chunk of `run` take
-FIRST_CHUNK = 20  # steps
-Recording = Callable[["Simulation"], Any]
+CHUNK_S = 0.2  # wall time that the steps of one chunk of `run` should take
+FIRST_CHUNK_STEPS = 20
+SHORTEST_WALL_TIME_S = 1e-6  # avoids a division by 0 if a chunk takes no time
+RecordFunction = Callable[["Simulation"], Any]
 
 
 class Simulation(Observables):
@@ -114,8 +115,9 @@ class Simulation(Observables):
         wall_number = self.wall_set.names.index(wall)
         self.walls = self._make_walls(old_walls=self.walls, changed_wall=wall_number)
 
-        # The next step checks the walls for all bodies. The check of a body is due at
-        # the displacement `wall_check`, and each displacement is above -1.
+        # Make the next step check the walls for all bodies. The check of a body is due at
+        # the displacement `wall_check`. Each displacement is above -1, so with -1 the
+        # check is due at once.
         present = np.flatnonzero(self.bodies.presence[: self.n_bodies] == state.PRESENT)
         self.bodies.wall_check[present] = -1.0
         self.bodies.wall_margin[:] = 0.0
@@ -123,7 +125,7 @@ class Simulation(Observables):
     def _warn_of_turning_walls(self) -> None:
         """Warn if a wall turns while the frame of the rolling resistance does not.
 
-        Only a law that resists the rotation of each body in space is affected.
+        Only laws that resist the rotation of each body in space are affected.
         """
         angular_velocities = self.walls.motion[:, 3:6]
         if not angular_velocities.any():
@@ -178,8 +180,8 @@ class Simulation(Observables):
         The contact law has the duration; Hertz's is 2.868 (m*^2 / (R* E*^2 v))^0.2
         (Johnson 1985, Eq. 11.24).
         """
-        speed = positive("speed_m_s", speed_m_s)
-        return time_steps.longest(self.scene, speed).time_step_s
+        speed = check_positive("speed_m_s", speed_m_s)
+        return time_steps.compute_longest(self.scene, speed).time_step_s
 
     def add(
         self,
@@ -220,38 +222,44 @@ class Simulation(Observables):
             raise ValueError(
                 f"capacity is {self.capacity}; body {index + 1} does not fit"
             )
-        kind = chosen("shape", shape, self.shapes)
+        body_shape = look_up_choice("shape", shape, self.shapes)
         body = Body(
-            kind=kind,
+            shape=body_shape,
             scale=self._check_scale(shape, scale),
-            position=vector("position_m", position_m),
-            quaternion=direction("quaternion", quaternion, 4),
-            velocity=vector("velocity_m_s", velocity_m_s),
-            angular_velocity=vector("angular_velocity_rad_s", angular_velocity_rad_s),
+            position=check_vector("position_m", position_m),
+            quaternion=check_direction("quaternion", quaternion, 4),
+            velocity=check_vector("velocity_m_s", velocity_m_s),
+            angular_velocity=check_vector(
+                "angular_velocity_rad_s", angular_velocity_rad_s
+            ),
         )
         write_body(self.bodies, index, body, self.physics.parts, self._body_tiles[0])
         self._shape_ids[index] = list(self.shapes).index(shape)
         self._scales[index] = scale
-        self.bodies.material[index] = self._numbers.body_materials[kind.material]
+        self.bodies.material[index] = self._material_numbers.body_materials[
+            body_shape.material
+        ]
         self.bodies.presence[index] = state.PRESENT
         self.counts[state.N_BODIES] = index + 1
 
-        # The body may turn, so its tile of LANES bodies does not rest.
+        # The body may rotate, so its tile of LANES bodies does not rest.
         self.bodies.resting[index // state.LANES] = 0
-        # The next step checks the walls for this body,
+        # Make the next step check the walls for this body. With the displacement -1 the
+        # check is due at once.
         self.bodies.wall_check[index] = -1.0
         self.bodies.wall_margin[index // state.LANES] = 0.0
-        # and searches its neighbours, as for all bodies in the list of moved ones.
+        # Make the next step search its neighbours, too: add it to the list of bodies
+        # that have moved.
         self.grid.moved[index] = 1
         self.grid.moved_list[self.counts[state.N_MOVED]] = index
         self.counts[state.N_MOVED] += 1
         return index
 
     def _check_scale(self, shape: str, scale: float) -> float:
-        """Return the scale of a body; ValueError if its shape may not have it."""
+        """Return the scale of a body, or raise ValueError if it is out of range."""
         smallest = self._smallest_scales[shape]
         largest = self.largest_scale
-        number(
+        check_number(
             "scale",
             scale,
             allowed=(
@@ -279,13 +287,13 @@ class Simulation(Observables):
         ValueError
             If there is no such body.
         """
-        number(
+        check_number(
             "body",
             body,
             allowed=f"an index below {self.n_bodies}",
             accepts=lambda index: 0 <= index < self.n_bodies and index == int(index),
         )
-        # A large simulation numbers its bodies anew from time to time.
+        # A large simulation renumbers its bodies from time to time.
         engine_number = self._engine_numbers[body] if self._runs_in_shares else body
         row = self.bodies.rows[engine_number]
         row[state.VELOCITY : state.VELOCITY + 3] = 0.0
@@ -312,9 +320,9 @@ class Simulation(Observables):
         ValueError
             If that is no whole number, 0 or more.
         RuntimeError
-            If bodies overlap so much that a contact list overflows within one step.
+            If bodies overlap so much that a list of contacts overflows within one step.
         """
-        steps_left = whole_number("steps", steps, 0)
+        steps_left = check_whole_number("steps", steps, 0)
         if steps_left > 0:
             self._warn_of_turning_walls()
         while steps_left > 0:
@@ -330,8 +338,8 @@ class Simulation(Observables):
     def _advance(self, steps: int) -> int:
         """Advance by at most `steps` time steps.
 
-        It ends early when a list of contacts fills up, or when the bodies of a large
-        simulation need new numbers.
+        The call ends early when a list of contacts fills up, or when the bodies of a
+        large simulation need new numbers.
 
         Returns
         -------
@@ -361,7 +369,7 @@ class Simulation(Observables):
     def _advance_in_shares(self, steps: int) -> int:
         """Advance a large simulation, whose threads share the work.
 
-        Argument and result are those of `_advance`.
+        The argument and the result are those of `_advance`.
         """
         # The bodies get new numbers every REORDER_EVERY steps, so this call ends before.
         steps_since_reorder = self.steps % parallel.REORDER_EVERY
@@ -389,7 +397,7 @@ class Simulation(Observables):
             self.counts,
             self.physics,
         )
-        # Scratch arrays, of which each thread has its own
+        # Scratch arrays: each thread has arrays of its own.
         scratch = (self._tiles, self._body_tiles, self._scratches)
         return parallel.run_threads(simulation_arrays, scratch, shared, steps)
 
@@ -398,7 +406,7 @@ class Simulation(Observables):
 
         Users see the numbers that `add` gave.
         """
-        n = self.n_bodies
+        n_bodies = self.n_bodies
         old_numbers = reorder(
             self.bodies,
             self.grid,
@@ -408,18 +416,22 @@ class Simulation(Observables):
             self.meshed,
             self.counts,
         )
-        # `old_numbers` has the old engine number of each body at its new one.
-        self._user_numbers[:n] = self._user_numbers[:n][old_numbers]
-        self._engine_numbers[self._user_numbers[:n]] = np.arange(n)
+        # At the new engine number of a body, `old_numbers` has its old engine number.
+        self._user_numbers[:n_bodies] = self._user_numbers[:n_bodies][old_numbers]
+        self._engine_numbers[self._user_numbers[:n_bodies]] = np.arange(n_bodies)
 
     def _grow_lists(self) -> None:
-        """Double the lists of contacts that are filling up.
+        """Replace the lists of contacts that fill up by lists of twice the length.
 
-        Each list is replaced in one assignment. So an interrupt never leaves a list that
-        is only partly longer.
+        Each list is replaced in one assignment. So an interrupt never leaves a list of
+        which only some arrays are longer.
         """
         self.pairs = contact_lists.grow_pairs(
-            self.pairs, self.counts, self.capacity, self._most_spheres, self._n_state
+            self.pairs,
+            self.counts,
+            self.capacity,
+            self._most_spheres,
+            self._n_history_rows,
         )
         self.flat = contact_lists.grow_wall_contacts(
             self.flat, self.counts[state.N_PLANE], self.capacity
@@ -443,7 +455,7 @@ class Simulation(Observables):
         seconds: float,
         progress: Callable[[float], Any] | bool | None = None,
         *,
-        record: Recording | Sequence[Recording] | None = None,
+        record: RecordFunction | Sequence[RecordFunction] | None = None,
         record_every_s: float | None = None,
         checkpoint: str | os.PathLike | None = None,
         every_s: float = 600.0,
@@ -477,39 +489,41 @@ class Simulation(Observables):
             Naming the argument.
         """
         time_step = self.time_step_s
-        last_step = self.steps + round(not_negative("seconds", seconds) / time_step)
+        last_step = self.steps + round(
+            check_not_negative("seconds", seconds) / time_step
+        )
         recorders = _list_recorders(record)
         steps_per_record = None  # without recorders
         if recorders:
             steps_per_record = _count_steps_per_record(record_every_s, time_step)
-        positive("every_s", every_s)
+        check_positive("every_s", every_s)
 
-        # Steps run in chunks. A chunk ends at the next record at the latest.
-        chunk = FIRST_CHUNK
-        saved_at = time.monotonic()
+        # The steps run in chunks. A chunk ends at the next record at the latest.
+        chunk_steps = FIRST_CHUNK_STEPS
+        last_save_s = time.monotonic()
         end_s = last_step * time_step
-        with display(self.time_s, end_s, time_step, progress) as report:
+        with show_progress(self.time_s, end_s, time_step, progress) as report:
             try:
                 if self.steps == 0:
                     self._record(recorders)
                 while self.steps < last_step:
-                    steps = min(last_step - self.steps, chunk)
+                    steps = min(last_step - self.steps, chunk_steps)
                     if steps_per_record is not None:
                         steps_to_record = (
                             steps_per_record - self.steps % steps_per_record
                         )
                         steps = min(steps, steps_to_record)
-                    chunk = self._run_chunk(steps)
+                    chunk_steps = self._run_chunk(steps)
                     if (
                         steps_per_record is not None
                         and self.steps % steps_per_record == 0
                     ):
                         self._record(recorders)
                     report(self.time_s)
-                    is_due = time.monotonic() - saved_at >= every_s
+                    is_due = time.monotonic() - last_save_s >= every_s
                     if checkpoint is not None and is_due:
                         self.save(checkpoint)
-                        saved_at = time.monotonic()
+                        last_save_s = time.monotonic()
             except KeyboardInterrupt:
                 if checkpoint is not None:
                     self.save(checkpoint)
@@ -518,12 +532,12 @@ class Simulation(Observables):
             self.save(checkpoint)
 
     def _run_chunk(self, steps: int) -> int:
-        """Run some steps and return how many take about `CHUNK_S`."""
+        """Run a chunk of steps, and return the number of steps of the next chunk."""
         start = time.perf_counter()
         self.run_steps(steps)
         return _choose_next_chunk(steps, time.perf_counter() - start)
 
-    def _record(self, recorders: list[Recording]) -> None:
+    def _record(self, recorders: list[RecordFunction]) -> None:
         """Call each recorder with the simulation."""
         for recorder in recorders:
             recorder(self)
@@ -563,8 +577,11 @@ class Simulation(Observables):
         return checkpoints.load(cls, path)
 
 
-def _list_recorders(record: Any) -> list[Recording]:
-    """Return the argument `record` of `Simulation.run` as a list; ValueError if wrong."""
+def _list_recorders(record: Any) -> list[RecordFunction]:
+    """Return the argument `record` of `Simulation.run` as a list of functions.
+
+    ValueError if it has something else than functions.
+    """
     if record is None:
         return []
     recorders = list(record) if isinstance(record, list | tuple) else [record]
@@ -583,7 +600,7 @@ def _count_steps_per_record(record_every_s: float | None, time_step: float) -> i
             "record_every_s is None; "
             "expected above 0 where there is something to record"
         )
-    interval_s = positive("record_every_s", record_every_s)
+    interval_s = check_positive("record_every_s", record_every_s)
     return max(1, round(interval_s / time_step))
 
 
@@ -598,8 +615,8 @@ def _choose_next_chunk(steps: int, wall_time_s: float) -> int:
     steps : int
         Steps of the last chunk.
     wall_time_s : float
-        Wall time that they took [s].
+        Wall time of these steps [s].
     """
-    estimate = steps * CHUNK_S / max(wall_time_s, 1e-6)
+    estimate = steps * CHUNK_S / max(wall_time_s, SHORTEST_WALL_TIME_S)
     limited = min(max(estimate, 0.1 * steps), 10.0 * steps)
     return max(1, round(limited))

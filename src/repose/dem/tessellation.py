@@ -13,8 +13,13 @@ from .walls import Cone, Mesh, Plane, RingEdge
 if TYPE_CHECKING:
     from .observables import Observables
 
-SECTORS = 48  # of a full turn of a wall
-TUBE_SECTORS = 24  # of a full turn about a rounded edge
+SECTORS = 48  # of a full turn about the axis of a wall
+TUBE_SECTORS = 24  # of a full turn about the core circle of a rounded edge
+# Shift of the box's sides, over the size of the box, within which a parallel plane is
+# shown: it is the thickness of a wall.
+WALL_THICKNESS = 0.02
+PARALLEL_COSINE = 0.999  # cosine of the angle of two planes that count as parallel
+GATE_TOLERANCE = 1e-12  # rounding error of the product of two unit vectors
 
 
 def tessellate(
@@ -57,8 +62,9 @@ def tessellate(
     normals = (sphere_points / extents).reshape(-1, 3)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
 
-    # A convex body has one surface point for each normal. A clump has none in its
-    # dents, so rays in the directions of the normals find its surface.
+    # A convex body has one surface point for each normal, but points in the dents of a
+    # clump cannot be found by their normals. So the surface of a clump is found by rays
+    # in the directions of the normals.
     triangles = _list_grid_triangles(rings, sectors)
     if isinstance(body, Clump):
         points, normals = _find_visible_points(body, normals)
@@ -81,15 +87,16 @@ def _find_visible_points(
     Returns
     -------
     points : ndarray (V, 3)
-        The points [m]. A ray that meets no sphere has the centre of mass.
+        The points [m]. The point of a ray that meets no sphere is the centre of mass.
     normals : ndarray (V, 3)
-        The unit normals there. A ray that meets no sphere has itself.
+        The unit normals at the points. The normal of a ray that meets no sphere is the
+        ray itself.
     """
     centres = clump.spheres_m[:, :3]
     radii = clump.spheres_m[:, 3]
-    # A ray leaves a sphere at the distance t where |t ray - centre| = radius: the
-    # larger root of this quadratic equation. Without a root, it misses the sphere.
-    # All arrays are (V, M): a value for each ray and sphere.
+    # A ray leaves a sphere at the distance t at which |t ray - centre| = radius. It is
+    # the larger root of this quadratic equation. If there is no root, the ray misses the
+    # sphere. The arrays (V, M) have a value for each ray and sphere.
     middles = rays @ centres.T  # the mean of both roots
     discriminants = middles**2 - np.sum(centres**2, axis=1) + radii**2
     half_chords = np.sqrt(np.maximum(discriminants, 0.0))
@@ -132,7 +139,7 @@ def _list_grid_triangles(rows: int, columns: int) -> np.ndarray:
     return np.concatenate([upper, lower])
 
 
-def plane_polygon(
+def find_plane_polygon(
     plane: np.ndarray,
     lower: np.ndarray,
     upper: np.ndarray,
@@ -146,9 +153,10 @@ def plane_polygon(
         A row of `Simulation.walls.planes`. A disc becomes a polygon of `SECTORS`
         corners.
     lower, upper : ndarray (3,)
-        The box, at which an endless plane ends [m].
+        Two corners of the box at which an endless plane ends [m].
     others : sequence of ndarray (7,)
-        Other endless planes, at which it ends, too: beyond them there are no bodies.
+        Other endless planes, at which the polygon ends, too, since there are no bodies
+        beyond them.
 
     Returns
     -------
@@ -176,9 +184,9 @@ def plane_polygon(
     # Cut it by the sides of the box and by the other planes.
     for side_normal, corner in _list_box_sides(lower, upper):
         # A plane that misses the box by no more than the thickness of a wall is shown.
-        is_parallel = abs(side_normal @ normal) > 0.999
-        slack = 0.02 * box_size * is_parallel
-        polygon = _cut_polygon(polygon, side_normal, side_normal @ corner + slack)
+        is_parallel = abs(side_normal @ normal) > PARALLEL_COSINE
+        shift = WALL_THICKNESS * box_size * is_parallel
+        polygon = _cut_polygon(polygon, side_normal, side_normal @ corner + shift)
     for other in others:
         other_point = other[:3]
         other_normal = other[3:6]
@@ -241,26 +249,27 @@ def _cut_polygon(polygon: np.ndarray, normal: np.ndarray, offset: float) -> np.n
     return np.array(corners).reshape(-1, 3)
 
 
-def endless(planes: np.ndarray) -> np.ndarray:
-    """Return which planes, rows (P, 7) of `walls.planes`, are endless instead of discs."""
+def are_endless(planes: np.ndarray) -> np.ndarray:
+    """Return which planes (P, 7) of `walls.planes` are endless instead of discs (P,)."""
     return np.isinf(planes[:, 6])
 
 
-def visible_polygon(simulation: "Observables", k: int) -> np.ndarray:
-    """Find `plane_polygon` of plane number k of a simulation.
+def find_visible_polygon(simulation: "Observables", k: int) -> np.ndarray:
+    """Find the corners (M, 3) of the visible part of plane number k of a simulation.
 
-    It ends at the simulation's box and at its other endless planes.
+    The part ends at the simulation's box and at the other endless planes, see
+    `find_plane_polygon`.
     """
     planes = simulation.walls.planes
     is_other = np.arange(len(planes)) != k
-    others = planes[endless(planes) & is_other]
-    return plane_polygon(planes[k], simulation.lower, simulation.upper, others)
+    others = planes[are_endless(planes) & is_other]
+    return find_plane_polygon(planes[k], simulation.lower, simulation.upper, others)
 
 
-def cone_circles(line: Sequence[float] | np.ndarray) -> np.ndarray:
+def compute_cone_circles(line: Sequence[float] | np.ndarray) -> np.ndarray:
     """Compute radius and height [m] of the circles at both ends of a cone (2, 2).
 
-    They are in the frame of the cone's line.
+    The heights are in the cone's own frame. `line` is that of `walls.Cone`.
     """
     m_r, m_z, offset, first, last, e_r, e_z = line
     return np.array(
@@ -317,7 +326,7 @@ def _compute_edge_profile(ring: RingEdge) -> np.ndarray:
     outward_z = np.sin(middle_angles)
     is_open = np.ones(TUBE_SECTORS, bool)
     for gate_r, gate_z in ring.gates:
-        is_open &= -(outward_r * gate_r + outward_z * gate_z) >= -1e-12
+        is_open &= -(outward_r * gate_r + outward_z * gate_z) >= -GATE_TOLERANCE
 
     # The open sectors are neighbours. The first one comes after a closed one; a whole
     # circle begins at -pi.
@@ -330,12 +339,12 @@ def _compute_edge_profile(ring: RingEdge) -> np.ndarray:
     return np.column_stack([radii, heights])
 
 
-def in_world(frame: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Transform points (M, 3) from a frame (12,) to the world, see `walls.frame_of`."""
+def transform_to_world(frame: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """Transform points (M, 3) from a frame (12,) to the world, see `walls.compute_frame`."""
     return frame[:3] + points @ frame[3:].reshape(3, 3).T
 
 
-def triangulated_walls(
+def triangulate_walls(
     simulation: "Observables",
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Triangulate all walls where they are now.
@@ -359,12 +368,12 @@ def triangulated_walls(
         # The number of the wall in the arrays of the kernels: planes come first.
         number = simulation.wall_set.names.index(name)
         if isinstance(surface, Plane):
-            corners = visible_polygon(simulation, number)
+            corners = find_visible_polygon(simulation, number)
             triangulated[name] = _triangulate_polygon(corners)
         else:
             points, triangles = _triangulate_in_frame(surface)
             frame = simulation.walls.frames[number - n_planes]
-            triangulated[name] = in_world(frame, points), triangles
+            triangulated[name] = transform_to_world(frame, points), triangles
     return triangulated
 
 
@@ -381,7 +390,7 @@ def _triangulate_in_frame(
     if isinstance(surface, Mesh):
         return surface.vertices_m, surface.faces
     if isinstance(surface, Cone):
-        return _revolve_profile(cone_circles(surface.line))
+        return _revolve_profile(compute_cone_circles(surface.line))
     return _revolve_profile(_compute_edge_profile(surface)[::-1])
 
 
@@ -411,11 +420,11 @@ def _triangulate_spheres(
         centre = row[:3]
         radius = row[3]
         surfaces.append((centre + radius * sphere_points, sphere_triangles))
-    points, triangles, _ = joined(surfaces, np.arange(len(surfaces)))
+    points, triangles, _ = join_surfaces(surfaces, np.arange(len(surfaces)))
     return points, triangles
 
 
-def triangulated_bodies(
+def triangulate_bodies(
     simulation: "Observables", rings: int = 8, sectors: int = 16
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Triangulate all bodies that are present.
@@ -456,10 +465,10 @@ def triangulated_bodies(
         position = simulation.positions[body]
         world_points = position + simulation.scales[body] * points @ rotation.T
         surfaces.append((world_points, triangles))
-    return joined(surfaces, bodies)
+    return join_surfaces(surfaces, bodies)
 
 
-def joined(
+def join_surfaces(
     surfaces: Iterable[tuple[np.ndarray, np.ndarray]],
     numbers: Sequence[int] | np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -1,7 +1,7 @@
 """Compute the longest time step with which a simulation is stable.
 
-It is short enough to resolve an impact, and to keep a body stable that is pressed
-between two others.
+The time step must resolve an impact, and a body between two other bodies must stay
+stable.
 """
 
 import math
@@ -12,12 +12,12 @@ from .laws.law import Law
 from .materials import Contact, Material
 from .shapes import Clump, Shape
 
-STEPS_PER_CONTACT = 8  # contact time of a head-on impact over the longest time step
+STEPS_PER_CONTACT = 8  # smallest number of time steps in a head-on impact
 FASTEST_IMPACT_M_S = 2.0
-# Overlap of a soft body under a pile, over half its smallest extent
+# Largest overlap of a soft body under a pile, over half its smallest extent
 OVERLAP_UNDER_PILE = 0.1
-# Speed times duration of an impact over its overlap: 2.94 by Hertz's law, pi by a
-# linear spring.
+# Speed times duration of an impact, over its largest overlap. The exact value is 2.94
+# with Hertz's law and pi with a linear spring.
 DURATION_OVER_OVERLAP = 3.0
 
 
@@ -29,10 +29,13 @@ class Limit(NamedTuple):
 
     @property
     def allowed(self) -> str:
-        """The limit in words, rounded down so that the printed number is allowed."""
-        unit = 10.0 ** (math.floor(math.log10(self.time_step_s)) - 2)
-        rounded = math.floor(self.time_step_s / unit) * unit
-        return f"at most {rounded:.3g}, {self.reason}"
+        """The limit in words.
+
+        It is rounded down to three digits, so that the printed number is allowed.
+        """
+        third_digit = 10.0 ** (math.floor(math.log10(self.time_step_s)) - 2)
+        rounded_down = math.floor(self.time_step_s / third_digit) * third_digit
+        return f"at most {rounded_down:.3g}, {self.reason}"
 
 
 class Scene(NamedTuple):
@@ -43,16 +46,16 @@ class Scene(NamedTuple):
     materials: Mapping[str, Material]
     contacts: Mapping[tuple[str, str], Contact]  # of pairs in both orders
     shapes: Mapping[str, Shape | Clump]
-    walls: frozenset[str]  # their materials
+    walls: frozenset[str]  # materials of the walls
 
 
-def longest(
+def compute_longest(
     scene: Scene, speed_m_s: float = FASTEST_IMPACT_M_S, smallest_scale: float = 1.0
 ) -> Limit:
     """Compute the longest time step of a scene.
 
-    It is the smallest limit of all impacts (`impact`) and all pressed bodies
-    (`pressed`), and proportional to the scale of the bodies.
+    It is the smallest limit of all impacts (`compute_impact_limit`) and of all pressed
+    bodies (`compute_pressed_limit`). It is proportional to the scale of the bodies.
 
     Parameters
     ----------
@@ -69,7 +72,9 @@ def longest(
         The smallest limit, with its reason.
     """
     shapes = list(scene.shapes.values())
-    limits = [impact(scene, a, b, speed_m_s) for a in shapes for b in shapes]
+    limits = [
+        compute_impact_limit(scene, a, b, speed_m_s) for a in shapes for b in shapes
+    ]
     for shape in shapes:
         limits += _list_pressed_limits(scene, shape)
     shortest = min(limits)  # by the time step, the first field
@@ -80,16 +85,31 @@ def longest(
 
 
 def smallest_scales(scene: Scene, time_step_s: float) -> dict[str, float]:
-    """Compute the smallest scale that each shape may have with a time step."""
-    slightly_less = 1.0 - 1e-12  # so that the limit itself is accepted
+    """Compute the smallest scale of each shape with which a time step is stable.
+
+    Parameters
+    ----------
+    scene : Scene
+        Bodies, walls and laws.
+    time_step_s : float
+        The time step [s].
+
+    Returns
+    -------
+    dict of str to float
+        The scales by the names of the shapes.
+    """
+    slightly_less = 1.0 - 1e-12  # rounding must not refuse the limit itself
     scales = {}
     for name, shape in scene.shapes.items():
-        limit = longest(scene._replace(shapes={name: shape}))
+        limit = compute_longest(scene._replace(shapes={name: shape}))
         scales[name] = slightly_less * (time_step_s / limit.time_step_s)
     return scales
 
 
-def impact(scene: Scene, a: Shape | Clump, b: Shape | Clump, speed_m_s: float) -> Limit:
+def compute_impact_limit(
+    scene: Scene, a: Shape | Clump, b: Shape | Clump, speed_m_s: float
+) -> Limit:
     """Compute the time step that resolves a head-on impact of two bodies.
 
     The impact takes `STEPS_PER_CONTACT` steps.
@@ -111,14 +131,14 @@ def impact(scene: Scene, a: Shape | Clump, b: Shape | Clump, speed_m_s: float) -
     return Limit(duration / STEPS_PER_CONTACT, reason)
 
 
-def pressed(
+def compute_pressed_limit(
     scene: Scene,
     shape: Shape | Clump,
     other: str,
     of_body: bool = False,
     overlap_m: float | None = None,
 ) -> Limit:
-    """Compute the longest time step with which a body that two plates press is stable.
+    """Compute the longest time step with which a body between two plates is stable.
 
     Parameters
     ----------
@@ -129,8 +149,8 @@ def pressed(
     other : str
         Material of the plates.
     of_body : bool
-        Whether the plates are equal bodies that move against the body, as in a row of
-        bodies whose neighbours move against each other. This is the stiffest case.
+        Whether other bodies of the same kind take the place of the plates, as in a row
+        of bodies in which each moves against its neighbours. This is the stiffest case.
     overlap_m : float, optional
         Overlap with each plate [m]. None stands for that of a soft body under a pile or
         that of the fastest impact, whichever is smaller.
@@ -149,7 +169,8 @@ def pressed(
     before the step, is stable for dt < 2 / w (sqrt(1 + z^2) - z). In a row of equal
     bodies m is the m* of two of them.
     """
-    # R* and m* of two equal bodies are half those of a body against a plate.
+    # The effective radius and mass of two equal bodies are half those of a body and a
+    # plate.
     n_bodies = 2.0 if of_body else 1.0
     radius = shape.flattest_radius_m / n_bodies
     mass = shape.mass_kg / n_bodies
@@ -168,8 +189,8 @@ def pressed(
     )
     n_contacts = shape.acting_together(overlap_m)
     angular_frequency = math.sqrt(2.0 * n_contacts * stiffness / mass)
-    z = math.sqrt(2.0) * contact_damping_ratio
-    # 1 / (sqrt(1 + z^2) + z) is sqrt(1 + z^2) - z
+    z = math.sqrt(2.0) * contact_damping_ratio  # damping ratio, see the notes
+    # 1 / (sqrt(1 + z^2) + z) equals sqrt(1 + z^2) - z, with less rounding error.
     time_step = 2.0 / angular_frequency / (math.sqrt(1.0 + z * z) + z)
 
     spheres = f", {n_contacts:.1f} spheres at one place" if n_contacts > 1.0 else ""
@@ -183,7 +204,7 @@ def pressed(
 def _estimate_overlap(scene: Scene, shape: Shape | Clump) -> float:
     """Estimate the largest overlap of a body under a pile [m].
 
-    It is not more than in the fastest impact.
+    The result is at most the overlap in the fastest impact.
     """
     half_thickness = float(shape.half_extents_m.min())
     duration = _compute_impact_duration(scene, shape, shape, FASTEST_IMPACT_M_S)
@@ -192,13 +213,13 @@ def _estimate_overlap(scene: Scene, shape: Shape | Clump) -> float:
 
 
 def _list_pressed_limits(scene: Scene, shape: Shape | Clump) -> list[Limit]:
-    """Compute the limits of a body between two walls, and between two bodies.
+    """List the limits of a body between two walls, and between two bodies.
 
-    There is one for each material of walls, and one for each material of bodies.
+    There is one limit for each material of walls, and one for each material of bodies.
     """
-    limits = [pressed(scene, shape, wall) for wall in sorted(scene.walls)]
+    limits = [compute_pressed_limit(scene, shape, wall) for wall in sorted(scene.walls)]
     for material in sorted({other.material for other in scene.shapes.values()}):
-        limits.append(pressed(scene, shape, material, of_body=True))
+        limits.append(compute_pressed_limit(scene, shape, material, of_body=True))
     return limits
 
 

@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 
 from .checks import (
-    array,
-    direction,
-    mapping,
-    name_of,
-    not_negative,
-    number,
-    positive,
-    vector,
+    check_array,
+    check_direction,
+    check_mapping,
+    check_name,
+    check_not_negative,
+    check_number,
+    check_positive,
+    check_vector,
 )
 from .errors import InputError
 from .kernels import state
@@ -27,9 +27,14 @@ from .kernels.features import split
 
 ORIGIN = (0.0, 0.0, 0.0)
 UP = (0.0, 0.0, 1.0)
-# Origin and rotation of the frame that is the world's.
+# Origin and rotation of a frame that coincides with the world's
 WORLD_FRAME = np.concatenate([np.zeros(3), np.eye(3).ravel()])
 Vector = Sequence[float] | np.ndarray
+
+UNIT_TOLERANCE = 1e-6  # error of the length of a user's unit vector
+SMALLEST_AREA = 1e-12  # twice the area of a triangle over the squared size of its mesh
+PARALLEL_TOLERANCE = 1e-12  # of an angular velocity and an axis, relative
+AXIS_TOLERANCE = 1e-9  # distance of a pivot from an axis, over the size of the box
 
 
 @dataclass(frozen=True)
@@ -61,7 +66,8 @@ class Motion:
     def row(self) -> np.ndarray:
         """Return velocity, angular velocity and pivot for the kernels (9,)."""
         vectors = [
-            vector(field.name, getattr(self, field.name)) for field in fields(self)
+            check_vector(field.name, getattr(self, field.name))
+            for field in fields(self)
         ]
         return np.concatenate(vectors)
 
@@ -69,9 +75,9 @@ class Motion:
 STILL = Motion()
 
 
-def _check_common(surface: "Wall") -> None:
-    """Raise ValueError unless a wall's material is a name and its motion a `Motion`."""
-    name_of("material", surface.material)
+def _check_material_and_motion(surface: "Wall") -> None:
+    """Raise ValueError unless a wall's material is a name and its motion is a `Motion`."""
+    check_name("material", surface.material)
     if not isinstance(surface.motion, Motion):
         raise ValueError(f"motion is {surface.motion!r}; expected a Motion")
 
@@ -106,7 +112,7 @@ class Plane:
     motion: Motion = STILL
 
     def __post_init__(self) -> None:
-        _check_common(self)
+        _check_material_and_motion(self)
         self.row()  # checks the values
 
     def row(self) -> np.ndarray:
@@ -115,9 +121,9 @@ class Plane:
         For them the normal points into the wall.
         """
         if self.radius_m != math.inf:
-            positive("radius_m", self.radius_m)
-        point = vector("point_m", self.point_m)
-        normal_into_wall = -direction("normal", self.normal)
+            check_positive("radius_m", self.radius_m)
+        point = check_vector("point_m", self.point_m)
+        normal_into_wall = -check_direction("normal", self.normal)
         return np.concatenate([point, normal_into_wall, [self.radius_m]])
 
 
@@ -157,17 +163,17 @@ class Cone:
     motion: Motion = STILL
 
     def __post_init__(self) -> None:
-        _check_common(self)
-        m_r, m_z, _offset, first, last, e_r, e_z = vector("line", self.line, 7)
-        # How far both unit vectors are from the length 1
+        _check_material_and_motion(self)
+        m_r, m_z, _offset, first, last, e_r, e_z = check_vector("line", self.line, 7)
+        # Deviations of both unit vectors from length 1
         normal_error = abs(math.hypot(m_r, m_z) - 1.0)
         direction_error = abs(math.hypot(e_r, e_z) - 1.0)
-        if max(normal_error, direction_error) > 1e-6 or not first < last:
+        if max(normal_error, direction_error) > UNIT_TOLERANCE or not first < last:
             raise ValueError(
                 f"line is {self.line!r}; expected unit vectors (m_r, m_z) and "
                 "(e_r, e_z), first below last place"
             )
-        frame_of(self)  # checks origin and axis
+        compute_frame(self)  # checks origin and axis
 
     @classmethod
     def between(
@@ -207,23 +213,23 @@ class Cone:
         ValueError
             Naming the value and what is allowed.
         """
-        vector("base_m", base_m)
-        height = positive("height_m", height_m)
-        not_negative("base_radius_m", base_radius_m)
-        not_negative("top_radius_m", top_radius_m)
+        check_vector("base_m", base_m)
+        height = check_positive("height_m", height_m)
+        check_not_negative("base_radius_m", base_radius_m)
+        check_not_negative("top_radius_m", top_radius_m)
         if base_radius_m == top_radius_m == 0.0:
             raise ValueError(
                 "base_radius_m and top_radius_m are 0; expected at most one of them"
             )
 
-        # In the half plane (r, z) the cone is a line from the first circle, at z = 0,
-        # to the second. The unit vector e is along it, and the normal m into the wall
-        # is a quarter turn from e.
+        # In the half plane (r, z) the cone is a line from the first circle, at z = 0, to
+        # the second. The unit vector e points along this line. The normal m into the wall
+        # is perpendicular to e.
         length = math.hypot(height, top_radius_m - base_radius_m)
         e_r = (top_radius_m - base_radius_m) / length
         e_z = height / length
         m_r, m_z = e_z, -e_r
-        # Distance of the line from the origin, and the places of both circles along it
+        # Distance of the line from the origin, and positions of both circles along it
         offset = m_r * base_radius_m
         first = e_r * base_radius_m
         last = e_r * top_radius_m + e_z * height
@@ -273,7 +279,7 @@ def Cylinder(
     ValueError
         Naming the value and what is allowed.
     """
-    positive("radius_m", radius_m)
+    check_positive("radius_m", radius_m)
     return Cone.between(base_m, axis, height_m, radius_m, radius_m, material, motion)
 
 
@@ -318,17 +324,17 @@ class RingEdge:
     motion: Motion = STILL
 
     def __post_init__(self) -> None:
-        _check_common(self)
-        edge = positive("edge_radius_m", self.edge_radius_m)
-        number(
+        _check_material_and_motion(self)
+        edge = check_positive("edge_radius_m", self.edge_radius_m)
+        check_number(
             "radius_m",
             self.radius_m,
             allowed=f"above edge_radius_m, {edge}",
             accepts=lambda radius: radius > edge,
         )
-        number("height_m", self.height_m, "a finite number", lambda _height: True)
-        array("gates", self.gates, (2, 2), "two directions of two finite numbers")
-        frame_of(self)  # checks origin and axis
+        check_number("height_m", self.height_m, "a finite number", lambda _height: True)
+        check_array("gates", self.gates, (2, 2), "two directions of two finite numbers")
+        compute_frame(self)  # checks origin and axis
 
     def row(self) -> np.ndarray:
         """Return radius, height, edge radius and gates in the wall's own frame (7,)."""
@@ -381,15 +387,15 @@ class Mesh:
     axis = UP
 
     def __post_init__(self) -> None:
-        _check_common(self)
-        vertices = array(
+        _check_material_and_motion(self)
+        vertices = check_array(
             "vertices_m", self.vertices_m, (None, 3), "(V, 3) finite numbers"
         )
-        edge = positive("edge_radius_m", self.edge_radius_m)
+        edge = check_positive("edge_radius_m", self.edge_radius_m)
         faces = _check_faces(self.faces, vertices)
         object.__setattr__(self, "vertices_m", vertices)
         object.__setattr__(self, "faces", faces)
-        # faces, edges and vertices that bodies can touch, as the kernels need them
+        # The faces, edges and vertices that bodies can touch, in the form of the kernels
         object.__setattr__(self, "part", split(vertices, faces, edge))
 
     @classmethod
@@ -412,7 +418,7 @@ class Mesh:
         scale : float
             Metres of one unit of the file, above 0.
         edge_radius_m, motion
-            As of `Mesh`.
+            See `Mesh`.
 
         Returns
         -------
@@ -428,7 +434,7 @@ class Mesh:
         """
         import trimesh  # slow to import, and only needed to read a mesh
 
-        positive("scale", scale)
+        check_positive("scale", scale)
         try:
             source: Any = path
             mesh: Any = trimesh.load(source, force="mesh")
@@ -439,7 +445,7 @@ class Mesh:
         if not len(mesh.faces):
             raise InputError(path, "triangles", 0, "at least one")
         mesh.merge_vertices()
-        # A triangle of which two corners were merged is a line and has no area.
+        # If two corners of a triangle were merged, it is a line and has no area.
         is_triangle = [len(set(face)) == 3 for face in mesh.faces.tolist()]
         mesh.update_faces(np.array(is_triangle))
         vertices = scale * mesh.vertices
@@ -488,7 +494,7 @@ def _check_faces(value: Any, vertices: np.ndarray) -> np.ndarray:
     second_side = corners[:, 2] - corners[:, 0]
     double_areas = np.linalg.norm(np.cross(first_side, second_side), axis=1)
     squared_size = np.sum(np.ptp(vertices, axis=0) ** 2)
-    degenerate = np.flatnonzero(double_areas <= 1e-12 * squared_size)
+    degenerate = np.flatnonzero(double_areas <= SMALLEST_AREA * squared_size)
     if len(degenerate):
         raise ValueError(
             f"faces has {faces[degenerate[0]].tolist()}, a triangle without area; "
@@ -497,7 +503,7 @@ def _check_faces(value: Any, vertices: np.ndarray) -> np.ndarray:
     return faces.astype(np.int64)
 
 
-def frame_of(surface: Any) -> np.ndarray:
+def compute_frame(surface: Any) -> np.ndarray:
     """Compute the frame of a curved wall or a mesh.
 
     Parameters
@@ -516,13 +522,13 @@ def frame_of(surface: Any) -> np.ndarray:
     ValueError
         If origin or axis are not three finite numbers, or the axis is zero.
     """
-    origin = vector("origin_m", surface.origin_m)
-    z = direction("axis", surface.axis)
+    origin = check_vector("origin_m", surface.origin_m)
+    z = check_direction("axis", surface.axis)
     if np.array_equal(z, UP):
         rotation = np.eye(3)
     else:
-        # Curved walls are the same all around z, so any x axis across z will do. The
-        # axis of the world that is the least parallel to z gives one.
+        # Curved walls are symmetric about z, so any x axis perpendicular to z will do.
+        # It follows from the axis of the world that is the least parallel to z.
         world_axis = np.eye(3)[np.argmin(np.abs(z))]
         x = np.cross(z, world_axis)
         x /= np.linalg.norm(x)
@@ -542,7 +548,7 @@ class WallSet:
     surfaces: Mapping[str, Any] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
-        self.surfaces = mapping(
+        self.surfaces = check_mapping(
             "walls",
             self.surfaces,
             WALL_KINDS,
@@ -554,7 +560,7 @@ class WallSet:
                 if isinstance(surface, kind):
                     self.names.append(name)
 
-    def of(self, kind: type) -> list:
+    def list_walls(self, kind: type) -> list:
         """List the walls of a class, in order."""
         walls = [self.surfaces[name] for name in self.names]
         return [wall for wall in walls if isinstance(wall, kind)]
@@ -571,7 +577,7 @@ class WallSet:
         return WallSet({**self.surfaces, name: moved})
 
 
-def wall_arrays(
+def make_wall_arrays(
     wall_set: WallSet,
     material_numbers: Mapping[str, int],
     box_size_m: float,
@@ -589,9 +595,9 @@ def wall_arrays(
     box_size_m : float
         Size of the box in which the bodies stay [m].
     old_walls : Walls, optional
-        Arrays of the same walls, from which the new ones go on: they keep the present
-        places, and the motions of all walls but one. None stands for the beginning of a
-        simulation.
+        Arrays of the same walls in a running simulation. The new arrays have their
+        present positions, and their motions except for one wall. None stands for the
+        beginning of a simulation.
     changed_wall : int
         Number of the wall that has another motion than in `old_walls`; -1 for none.
 
@@ -601,18 +607,18 @@ def wall_arrays(
         The arrays (`kernels.state.Walls`).
     """
     # Planes have a point and a normal; all other walls have a frame.
-    planes, cones, rings, meshes = (wall_set.of(kind) for kind in WALL_KINDS)
+    planes, cones, rings, meshes = (wall_set.list_walls(kind) for kind in WALL_KINDS)
     walls_with_frame = [*cones, *rings, *meshes]
     surfaces = [*planes, *walls_with_frame]
     plane_rows = _stack_rows([wall.row() for wall in planes], state.PLANE_COLUMNS)
-    frames = _stack_rows([frame_of(wall) for wall in walls_with_frame], 12)
+    frames = _stack_rows([compute_frame(wall) for wall in walls_with_frame], 12)
     motions = _stack_rows([wall.motion.row() for wall in surfaces], 9)
-    path = 0.0  # how far any wall may have come nearer until now
+    path = 0.0  # distance by which any wall may have come nearer until now [m]
     was_displaced = np.zeros(len(frames), bool)
     if old_walls is not None:
         plane_rows = old_walls.planes.copy()
         frames = old_walls.frames.copy()
-        # The pivots of the other walls stay where their motion has brought them.
+        # The other walls keep their motions, whose pivots have moved along with them.
         is_unchanged = np.arange(len(motions)) != changed_wall
         motions[is_unchanged] = old_walls.motion[is_unchanged]
         path = old_walls.approach[state.WALL_PATH]
@@ -620,8 +626,8 @@ def wall_arrays(
 
     # A wall moves if one of its velocities, the first six columns, is not zero.
     moves = np.any(motions[:, :6] != 0.0, axis=1)
-    # A frame that is not the world's, or will not be, is displaced: the kernels
-    # transform bodies to it.
+    # The kernels transform bodies to the frame of a wall if it is displaced: if it
+    # differs from the frame of the world now, did so before, or will do so.
     is_elsewhere = np.any(frames != WORLD_FRAME, axis=1)
     is_displaced = is_elsewhere | moves[len(planes) :] | was_displaced
 
@@ -648,16 +654,18 @@ def _bound_approach_speeds(
     motions: np.ndarray,
     box_size_m: float,
 ) -> list[float]:
-    """Compute the upper bound `_bound_approach_speed` for each wall.
+    """Compute an upper bound of the approach speed of each wall.
+
+    See `_bound_approach_speed`.
 
     Parameters
     ----------
     surfaces : sequence of Wall
-        The N walls: P planes, then the C others, which have frames.
+        The N walls: P planes, then C other walls, which have frames.
     plane_rows : ndarray (P, 7)
         Present point, normal and radius of the planes.
     frames : ndarray (C, 12)
-        Present origin and rotation of the others.
+        Present origin and rotation of the other walls.
     motions : ndarray (N, 9)
         Velocity, angular velocity and pivot of each wall.
     box_size_m : float
@@ -671,11 +679,11 @@ def _bound_approach_speeds(
     normals = plane_rows[:, 3:6]
     frame_axes = frames[:, 3:].reshape(-1, 3, 3)[:, :, 2]  # the z axes
     axes = [*normals, *frame_axes]
-    places = [*plane_rows[:, :3], *frames[:, :3]]
+    points = [*plane_rows[:, :3], *frames[:, :3]]
     speeds = []
     for k, surface in enumerate(surfaces):
         speeds.append(
-            _bound_approach_speed(surface, axes[k], places[k], motions[k], box_size_m)
+            _bound_approach_speed(surface, axes[k], points[k], motions[k], box_size_m)
         )
     return speeds
 
@@ -688,7 +696,7 @@ def _stack_rows(rows: list[np.ndarray], columns: int) -> np.ndarray:
 def _bound_approach_speed(
     surface: Wall,
     axis: np.ndarray,
-    place: np.ndarray,
+    point: np.ndarray,
     motion: np.ndarray,
     box_size_m: float,
 ) -> float:
@@ -702,7 +710,7 @@ def _bound_approach_speed(
         The wall.
     axis : ndarray (3,)
         Normal of a plane; of another wall the z axis of its present frame.
-    place : ndarray (3,)
+    point : ndarray (3,)
         Point of a plane; of another wall the origin of its present frame [m].
     motion : ndarray (9,)
         Its velocity, angular velocity and pivot.
@@ -722,18 +730,19 @@ def _bound_approach_speed(
     if angular_speed == 0.0:
         return speed
 
-    # A point moves at most with the angular speed times its distance from the pivot.
-    offset = place - pivot
+    # The speed of a point is at most the angular speed times its distance from the
+    # pivot.
+    offset = point - pivot
     distance = np.linalg.norm(offset)
     if isinstance(surface, Mesh):
-        reach = np.linalg.norm(surface.vertices_m, axis=1).max()  # of the vertices
-        return speed + angular_speed * float(reach + distance)
+        largest_distance = np.linalg.norm(surface.vertices_m, axis=1).max()
+        return speed + angular_speed * float(largest_distance + distance)
 
-    # A wall that turns about its own axis stays where it is.
+    # A wall that rotates about its own axis does not approach any body.
     axial_speed = abs(axis @ angular_velocity)
-    is_parallel = abs(axial_speed - angular_speed) < 1e-12 * angular_speed
+    is_parallel = abs(axial_speed - angular_speed) < PARALLEL_TOLERANCE * angular_speed
     offset_across_axis = offset - (offset @ axis) * axis
-    if is_parallel and np.linalg.norm(offset_across_axis) < 1e-9 * box_size_m:
+    if is_parallel and np.linalg.norm(offset_across_axis) < AXIS_TOLERANCE * box_size_m:
         return speed
     # Bodies touch other walls only within the box.
     return speed + angular_speed * float(box_size_m + distance)

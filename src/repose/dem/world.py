@@ -8,11 +8,20 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from . import contact_lists, time_steps
-from .checks import box, chosen, height, mapping, number, positive, vector, whole_number
+from .checks import (
+    check_box,
+    check_height,
+    check_mapping,
+    check_number,
+    check_positive,
+    check_vector,
+    check_whole_number,
+    look_up_choice,
+)
 from .contact_table import (
     check_constants,
+    index_contacts,
     number_materials,
-    pairs_of,
     tabulate_constants,
 )
 from .kernels import clumps, features, parallel, state, tile
@@ -20,10 +29,10 @@ from .kernels.body_tile import TILE_ROWS
 from .laws import CONTACT_LAWS, ROLLING_LAWS
 from .laws.law import COULOMB, FRICTION_LIMITS, TENSIONS, Law
 from .materials import Contact, Material
-from .shapes import Clump, Shape, are_clumps, most_spheres, parts_of
-from .walls import Mesh, Wall, WallSet, wall_arrays
+from .shapes import Clump, Shape, are_clumps, count_ellipsoids, count_most_spheres
+from .walls import Mesh, Wall, WallSet, make_wall_arrays
 
-SKIN_SHARE = 0.45  # skin of the neighbour list over the largest bounding radius
+SKIN_SHARE = 0.45  # skin of the list of near pairs, over the largest bounding radius
 
 
 class World:
@@ -51,13 +60,13 @@ class World:
         curved_walls_above_m: float = -math.inf,
         floor_height_m: float = -math.inf,
     ) -> None:
-        self.shapes = mapping("shapes", shapes, Shape | Clump, "Shape or Clump")
-        self.materials = mapping("materials", materials, Material, "Material")
+        self.shapes = check_mapping("shapes", shapes, Shape | Clump, "Shape or Clump")
+        self.materials = check_mapping("materials", materials, Material, "Material")
         self._has_clumps = are_clumps(self.shapes)
         self._choose_laws(contact_law, rolling_law, tension, friction_limit)
-        self.capacity = whole_number("capacity", capacity, 1)
-        self.largest_scale = positive("largest_scale", largest_scale)
-        self.lower, self.upper = box(lower, upper)
+        self.capacity = check_whole_number("capacity", capacity, 1)
+        self.largest_scale = check_positive("largest_scale", largest_scale)
+        self.lower, self.upper = check_box(lower, upper)
         self.wall_set = WallSet({} if walls is None else walls)
         self._pair_materials(contacts)
         time_step = self._check_time_step(time_step_s)
@@ -68,10 +77,12 @@ class World:
         self.counts = np.zeros(state.COUNTS, np.int64)
         self.physics = self._make_physics(
             time_step,
-            gravity=vector("gravity_m_s2", gravity_m_s2),
-            exit_height=height("exit_height_m", exit_height_m),
-            curved_walls_above=height("curved_walls_above_m", curved_walls_above_m),
-            floor_height=height("floor_height_m", floor_height_m),
+            gravity=check_vector("gravity_m_s2", gravity_m_s2),
+            exit_height=check_height("exit_height_m", exit_height_m),
+            curved_walls_above=check_height(
+                "curved_walls_above_m", curved_walls_above_m
+            ),
+            floor_height=check_height("floor_height_m", floor_height_m),
         )
         self.threads = threads
 
@@ -99,29 +110,29 @@ class World:
         ValueError
             For an unknown name.
         """
-        # The kernels need the names of the options, so the results of `chosen`, which
+        # The kernels need the names of the options, so the results of `look_up_choice`, which
         # refuses unknown names, are not used.
-        chosen("tension", tension, TENSIONS)
+        look_up_choice("tension", tension, TENSIONS)
         if friction_limit is None:
             friction_limit = COULOMB[tension]
-        chosen("friction_limit", friction_limit, FRICTION_LIMITS)
+        look_up_choice("friction_limit", friction_limit, FRICTION_LIMITS)
         self.tension = tension
         self.friction_limit = friction_limit
-        self.contact_law: Law = chosen("contact_law", contact_law, CONTACT_LAWS)
-        self.rolling_law: Law = chosen("rolling_law", rolling_law, ROLLING_LAWS)
+        self.contact_law: Law = look_up_choice("contact_law", contact_law, CONTACT_LAWS)
+        self.rolling_law: Law = look_up_choice("rolling_law", rolling_law, ROLLING_LAWS)
 
     @property
-    def _n_state(self) -> int:
+    def _n_history_rows(self) -> int:
         """Number of rows that the force laws keep for each contact."""
         return self.contact_law.n_state + self.rolling_law.n_state
 
     def _pair_materials(self, contacts: Mapping[tuple[str, str], Contact]) -> None:
         """Give the materials numbers, and check the contacts of pairs that can meet."""
-        self.contact_pairs = pairs_of(contacts, self.materials)
-        self._numbers = number_materials(
+        self.contact_pairs = index_contacts(contacts, self.materials)
+        self._material_numbers = number_materials(
             self.shapes, self._list_wall_materials(), self.materials, self.contact_pairs
         )
-        check_constants(self.contact_law, self._numbers, self.contact_pairs)
+        check_constants(self.contact_law, self._material_numbers, self.contact_pairs)
 
     def _list_wall_materials(self) -> list[str]:
         """List the material of each wall."""
@@ -130,8 +141,8 @@ class World:
     def _check_time_step(self, time_step_s: float) -> float:
         """Return the time step if it is short enough; otherwise raise ValueError.
 
-        It also sets `scene`, on which the longest time step depends, and the smallest
-        scale that each shape may have with this time step.
+        Two attributes are set: `scene`, on which the longest time step depends, and
+        `_smallest_scales`, the smallest scale of each shape with this time step.
         """
         self.scene = time_steps.Scene(
             law=self.contact_law,
@@ -141,8 +152,8 @@ class World:
             shapes=self.shapes,
             walls=frozenset(self._list_wall_materials()),
         )
-        limit = time_steps.longest(self.scene)
-        time_step = number(
+        limit = time_steps.compute_longest(self.scene)
+        time_step = check_number(
             "time_step_s",
             time_step_s,
             allowed=f"above 0, {limit.allowed}",
@@ -152,17 +163,17 @@ class World:
         return time_step
 
     def _make_body_arrays(self) -> None:
-        """Make the arrays for bodies, of which none is there yet, and the search grid."""
-        # Large simulations of smooth bodies run in shares, whatever the number of
-        # threads is. They number the bodies anew as these move. Two arrays translate
-        # between the numbers of the engine and those of the user.
+        """Make the search grid and the arrays of the bodies, of which there is none yet."""
+        # Large simulations of smooth bodies run in shares with any number of threads.
+        # They renumber the bodies from time to time. Two arrays translate between the
+        # numbers of the engine and those of the user.
         is_large = self.capacity >= parallel.FEWEST_BODIES
         self._runs_in_shares = is_large and not self._has_clumps
         self._engine_numbers = np.arange(self.capacity)
         self._user_numbers = np.arange(self.capacity)
 
         n_shares = parallel.SHARES if self._runs_in_shares else 1
-        parts = parts_of(self.shapes.values())
+        parts = count_ellipsoids(self.shapes.values())
         self.bodies = state.new_bodies(self.capacity, parts, n_shares)
         self._shape_ids = np.zeros(self.capacity, np.int32)
         self._scales = np.ones(self.capacity)
@@ -180,9 +191,9 @@ class World:
     def _make_wall_arrays(self) -> None:
         """Make the arrays of the walls and of the features of meshes."""
         self.walls = self._make_walls()
-        # The kernels tell a simulation without meshes by an empty tuple.
+        # An empty tuple tells the kernels that there are no meshes.
         self.meshes: Any = ()
-        mesh_walls = self.wall_set.of(Mesh)
+        mesh_walls = self.wall_set.list_walls(Mesh)
         if mesh_walls:
             slide = max(shape.slide for shape in self.shapes.values())
             self.meshes = features.join([mesh.part for mesh in mesh_walls], slide)
@@ -195,39 +206,39 @@ class World:
         Parameters
         ----------
         old_walls : Walls, optional
-            Arrays of the same walls, which go on from their present places. None stands
-            for the beginning of a simulation.
+            Arrays of the same walls in a running simulation, see
+            `walls.make_wall_arrays`. None stands for the beginning of a simulation.
         changed_wall : int
             Number of the wall whose motion has changed; -1 for none.
         """
         box_size = float(np.linalg.norm(self.upper - self.lower))
-        return wall_arrays(
+        return make_wall_arrays(
             self.wall_set,
-            self._numbers.all_materials,
+            self._material_numbers.all_materials,
             box_size,
             old_walls,
             changed_wall,
         )
 
     def _make_contact_lists(self) -> None:
-        """Make the lists of contacts between bodies and with walls, which are empty."""
+        """Make empty lists of contacts between bodies and with walls."""
         shapes = list(self.shapes.values())
-        self._most_spheres = most_spheres(shapes)
+        self._most_spheres = count_most_spheres(shapes)
         self.pairs = contact_lists.new_pairs(
-            self.capacity, self._most_spheres, self._n_state
+            self.capacity, self._most_spheres, self._n_history_rows
         )
-        # Contacts with planes, with curved walls and with meshes have a list each.
+        # There is a list of contacts for planes, one for curved walls, one for meshes.
         n_planes = len(self.walls.planes)
         n_curved = len(self.walls.cones) + len(self.walls.rings)
-        n_meshes = len(self.wall_set.of(Mesh))
+        n_meshes = len(self.wall_set.list_walls(Mesh))
         self.flat, self.curved, self.meshed = contact_lists.new_wall_contacts(
             self.capacity,
             (n_planes, n_curved, n_meshes),
             self._has_clumps,
-            self._n_state,
+            self._n_history_rows,
         )
-        # The kernels tell smooth bodies from clumps by an empty tuple. `mesh_sphere` of
-        # the clumps is as long as the list of contacts with meshes.
+        # An empty tuple tells the kernels that the bodies are smooth. For clumps, the
+        # array `mesh_sphere` is as long as the list of contacts with meshes.
         self.clumps: Any = ()
         if self._has_clumps:
             self.clumps = clumps.new_clumps(
@@ -243,7 +254,7 @@ class World:
         curved_walls_above: float,
         floor_height: float,
     ) -> state.Physics:
-        """Make the constants of a time step for the kernels.
+        """Make the record of constants that the kernels need in each time step.
 
         Parameters
         ----------
@@ -254,10 +265,10 @@ class World:
         exit_height, curved_walls_above, floor_height : float
             Heights [m], as described in `Simulation`.
         """
-        has_mixed_bodies = len(self._numbers.body_materials) > 1
+        has_mixed_bodies = len(self._material_numbers.body_materials) > 1
         has_mixed_walls = len(set(self._list_wall_materials())) > 1
         return state.Physics(
-            parts=parts_of(self.shapes.values()),
+            parts=count_ellipsoids(self.shapes.values()),
             gravity=gravity,
             law=self.contact_law.make_options(self.tension, self.friction_limit),
             rolling=self.rolling_law.make_options(self.tension, self.friction_limit),
@@ -276,7 +287,11 @@ class World:
     def _tabulate_constants(self, law: Law) -> np.ndarray:
         """Compute a law's constants for all pairs of materials."""
         return tabulate_constants(
-            law, self._numbers, self.materials, self.contact_pairs, self.tension
+            law,
+            self._material_numbers,
+            self.materials,
+            self.contact_pairs,
+            self.tension,
         )
 
     @property

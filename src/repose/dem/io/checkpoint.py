@@ -1,4 +1,4 @@
-"""Save a simulation in one file, and load it so that it goes on with the same bits."""
+"""Save a simulation in one file, and load it so that it continues with the same bits."""
 
 import dataclasses
 import json
@@ -23,7 +23,7 @@ from .whole import write_whole
 
 FORMAT = 1
 DESCRIPTION = "about"  # name of the array that holds the description
-INTACT = "a whole file that Simulation.save wrote"
+INTACT = "a whole file that Simulation.save wrote"  # what messages expect
 # Arguments of a simulation that it keeps as attributes of the same names.
 KEPT_ARGUMENTS = (
     "capacity",
@@ -192,9 +192,9 @@ def _restore_arrays(simulation: World, saved_arrays: Mapping[str, np.ndarray]) -
 
 
 def _may_replace(name: str, new: np.ndarray, saved: np.ndarray) -> bool:
-    """Return whether a saved array may replace a new one of another length.
+    """Return whether a saved array may replace a new array of another length.
 
-    It may if it belongs to a list that grows, and differs in nothing but the length.
+    It may if it belongs to a list that grows, and if only the lengths differ.
     """
     has_type = new.dtype == saved.dtype
     return has_type and _may_grow(name) and new.shape[1:] == saved.shape[1:]
@@ -214,7 +214,7 @@ def _replace_array(simulation: World, name: str, values: np.ndarray) -> None:
     simulation : Simulation
         The simulation.
     name : str
-        Name of the array: that of a list, a point, and that of a field in it.
+        Name of the array: the name of a list, a point, and the name of a field of it.
     values : ndarray
         The other array, of which a copy is used.
     """
@@ -224,7 +224,7 @@ def _replace_array(simulation: World, name: str, values: np.ndarray) -> None:
 
 
 def _copy_aligned(values: np.ndarray) -> np.ndarray:
-    """Copy an array so that it begins at a cache line, as the kernels need it."""
+    """Copy an array. A copy of floats begins at a cache line, which the kernels need."""
     if values.dtype != np.float64:
         return values.copy()
     copy = state.aligned_zeros(*values.shape)

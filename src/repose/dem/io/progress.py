@@ -1,4 +1,4 @@
-"""Show the progress of a run: a bar at a terminal, a line a minute in a log."""
+"""Show the progress of a run: a bar in a terminal, a line per minute in a log."""
 
 import sys
 import time
@@ -7,9 +7,9 @@ from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from typing import Any, NamedTuple
 
-WINDOW_S = 10.0  # wall time over which the speed is taken
-LINE_EVERY_S = 60.0
-BAR_EVERY_S = 0.1
+WINDOW_S = 10.0  # wall time over which the speed is measured
+LINE_EVERY_S = 60.0  # wall time between two lines
+BAR_EVERY_S = 0.1  # wall time between two updates of the bar
 
 
 class Mark(NamedTuple):
@@ -20,7 +20,7 @@ class Mark(NamedTuple):
 
 
 @contextmanager
-def display(
+def show_progress(
     begin_s: float,
     end_s: float,
     time_step_s: float,
@@ -36,7 +36,7 @@ def display(
     time_step_s : float
         Time step [s].
     progress : callable, False or None
-        None shows a bar if stderr is a terminal, and else a line a minute. False shows
+        None shows a bar if stderr is a terminal; otherwise a line per minute. False shows
         nothing. A function is called with the simulated time instead.
     label : str
         Text before the numbers.
@@ -74,7 +74,7 @@ def _report_on_stderr(
     Parameters
     ----------
     begin_s, end_s, time_step_s, label
-        As of `display`.
+        See `show_progress`.
 
     Yields
     ------
@@ -134,11 +134,11 @@ class _Reporter:
         while len(self._marks) > 2 and now - self._marks[0].wall_s > WINDOW_S:
             self._marks.popleft()
 
-        # A bar is drawn at the end, too, so that it is full.
+        # A bar is also drawn at the end, so that it is full.
         is_last_bar = self._has_bar and time_s >= self._end_s
         if now >= self._next_report_s or is_last_bar:
             self._next_report_s = now + self._interval_s
-            text = _write_speed(
+            text = _describe_speed(
                 self._marks[0], self._marks[-1], self._end_s, self._time_step_s
             )
             self._show(time_s, text)
@@ -157,8 +157,8 @@ def _choose_display(
     return nullcontext(write_line)
 
 
-def _write_speed(first: Mark, last: Mark, end_s: float, time_step_s: float) -> str:
-    """Write simulated time, speed and wall time left.
+def _describe_speed(first: Mark, last: Mark, end_s: float, time_step_s: float) -> str:
+    """Return a text with the simulated time, the speed and the wall time left.
 
     Parameters
     ----------
@@ -171,7 +171,9 @@ def _write_speed(first: Mark, last: Mark, end_s: float, time_step_s: float) -> s
     """
     wall_s = max(last.wall_s - first.wall_s, 1e-9)
     speed = (last.time_s - first.time_s) / wall_s
-    time_left = clock((end_s - last.time_s) / speed) if speed > 0.0 else "--:--"
+    time_left = (
+        format_duration((end_s - last.time_s) / speed) if speed > 0.0 else "--:--"
+    )
     return (
         f"{last.time_s:.3f}/{end_s:.3f} s, {speed:.3g} s/s, "
         f"{speed / time_step_s:.0f} steps/s, {time_left} left"
@@ -194,10 +196,10 @@ def _draw_bar(
     Yields
     ------
     callable
-        A function of the simulated time [s] and of the text behind the bar, which draws
+        A function of the simulated time [s] and of the text behind the bar. It draws
         both.
     """
-    # Imported here, as it takes a quarter of a second that only a bar needs.
+    # Imported here because it takes a quarter of a second and only a bar needs it.
     from rich.console import Console
     from rich.progress import BarColumn, Progress, TextColumn
 
@@ -217,8 +219,8 @@ def _draw_bar(
         yield update
 
 
-def clock(seconds: float) -> str:
-    """Write a duration as 1:02:03, or as 02:03 below an hour."""
+def format_duration(seconds: float) -> str:
+    """Return a duration as text: 1:02:03, or 02:03 below an hour."""
     minutes, seconds = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     if hours:

@@ -1,4 +1,4 @@
-"""Record frames of a simulation: the places of its bodies and walls at some times."""
+"""Record frames of a simulation: the positions of bodies and walls at some times."""
 
 import os
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -29,7 +29,7 @@ class Recorder:
 
     def __init__(self) -> None:
         self._frames: list[Frame] = []
-        # of all bodies that the last frame has
+        # Shapes and scales of all bodies of the last frame
         self._shapes = np.zeros(0, np.int32)
         self._scales = np.zeros(0)
 
@@ -41,10 +41,10 @@ class Recorder:
         simulation : Simulation
             The simulation.
         """
-        # Bodies are only added, so the last call has the shapes and scales of all.
+        # Bodies are only added, so the last frame has the shapes and scales of all bodies.
         self._shapes = simulation.shape_ids.copy()
         self._scales = simulation.scales.copy()
-        # A body that is gone has no place.
+        # A body that is gone has no position.
         present = simulation.present[:, None]
         positions = np.where(present, simulation.positions, np.nan)
         quaternions = np.where(present, simulation.quaternions, np.nan)
@@ -58,11 +58,11 @@ class Recorder:
         self._frames.append(frame)
 
     def __len__(self) -> int:
-        """Count the frames that were kept."""
+        """Return the number of recorded frames."""
         return len(self._frames)
 
     def frames(self) -> dict[str, np.ndarray]:
-        """Return what was kept, as arrays of T frames of N bodies.
+        """Return the recorded frames as arrays, for T frames of N bodies.
 
         Returns
         -------
@@ -77,7 +77,8 @@ class Recorder:
         positions = np.full((n_frames, n_bodies, 3), np.nan, np.float32)
         quaternions = np.full((n_frames, n_bodies, 4), np.nan, np.float32)
         for k, frame in enumerate(self._frames):
-            # An early frame may have fewer bodies; the places of the others stay NaN.
+            # An early frame may have fewer bodies. The positions of the other bodies stay
+            # NaN.
             n_added = len(frame.positions)
             positions[k, :n_added] = frame.positions
             quaternions[k, :n_added] = frame.quaternions

@@ -1,8 +1,8 @@
 """Write bodies and walls as VTK files, which ParaView opens.
 
-The format is XML PolyData with each array in base64, so every bit of a number survives.
-It is written here, as the libraries that write it bring a renderer or a mesh converter
-along.
+The format is XML PolyData with each array in base64, so numbers are written exactly.
+This module writes it itself because the libraries that write it contain a renderer or a
+mesh converter.
 """
 
 import base64
@@ -15,9 +15,9 @@ from xml.sax.saxutils import quoteattr
 
 import numpy as np
 
-from ..checks import chosen
+from ..checks import look_up_choice
 from ..rotations import rotation_matrices
-from ..tessellation import joined, triangulated_bodies, triangulated_walls
+from ..tessellation import join_surfaces, triangulate_bodies, triangulate_walls
 from .whole import write_whole
 
 if TYPE_CHECKING:
@@ -59,7 +59,7 @@ def write_vtk(
 
     Notes
     -----
-    All is in SI units. A point has id, shape (its place among the names of the shapes),
+    All values are in SI units. A point has id, shape (its index among the names of the shapes),
     scale, quaternion (w, x, y, z), velocity, angular_velocity, semi_axes (half the
     extents along the body's axes), and tensor. The eigenvalues of the tensor are the
     full extents: ParaView's Tensor Glyph with a sphere of radius 0.5 draws each
@@ -67,18 +67,18 @@ def write_vtk(
     data.
     """
     path = _check_suffix(path, ".vtp")
-    collect_data = chosen("content", content, _COLLECTORS)
-    # The numbers in the data are places among these names.
+    collect_data = look_up_choice("content", content, _COLLECTORS)
+    # The numbers in the data are indices of these names.
     if content == "walls":
-        names = _write_names("wall_names", simulation.wall_set.surfaces)
+        names = _format_names("wall_names", simulation.wall_set.surfaces)
     else:
-        names = _write_names("shape_names", simulation.shapes)
-    text = _write_vtp(simulation.time_s, names, collect_data(simulation))
+        names = _format_names("shape_names", simulation.shapes)
+    text = _format_vtp(simulation.time_s, names, collect_data(simulation))
     write_whole(path, lambda handle: handle.write(text.encode()))
 
 
 def _check_suffix(path: str | os.PathLike, suffix: str) -> Path:
-    """Return a path, or raise ValueError if it ends otherwise."""
+    """Return a path, or raise ValueError if it does not end with the suffix."""
     if Path(path).suffix != suffix:
         raise ValueError(
             f"path is {str(path)!r}; expected a file that ends in {suffix}"
@@ -120,7 +120,7 @@ def _collect_points(simulation: "Observables") -> PolyData:
 
 def _collect_surfaces(simulation: "Observables") -> PolyData:
     """Collect the bodies as triangles."""
-    points, triangles, body = triangulated_bodies(simulation)
+    points, triangles, body = triangulate_bodies(simulation)
     return PolyData(
         points=points,
         cell_kind="Polys",
@@ -135,8 +135,8 @@ def _collect_walls(simulation: "Observables") -> PolyData:
 
     A wall's number is its index among the names of the walls.
     """
-    surfaces = triangulated_walls(simulation).values()
-    points, triangles, wall = joined(surfaces, np.arange(len(surfaces)))
+    surfaces = triangulate_walls(simulation).values()
+    points, triangles, wall = join_surfaces(surfaces, np.arange(len(surfaces)))
     return PolyData(
         points=points,
         cell_kind="Polys",
@@ -153,10 +153,10 @@ _COLLECTORS = {
 }
 
 
-def _write_array(name: str, values: np.ndarray, attributes: str = "") -> str:
-    """Write a DataArray element of numbers.
+def _format_array(name: str, values: np.ndarray, attributes: str = "") -> str:
+    """Return a DataArray element with an array of numbers.
 
-    Its text is the number of bytes and then the bytes, in base64.
+    The text of the element is the number of bytes and then the bytes, in base64.
 
     Parameters
     ----------
@@ -185,13 +185,16 @@ def _write_array(name: str, values: np.ndarray, attributes: str = "") -> str:
     )
 
 
-def _write_arrays(arrays: Mapping[str, np.ndarray]) -> list[str]:
-    """Write a DataArray element for each array."""
-    return [_write_array(name, values) for name, values in arrays.items()]
+def _format_arrays(arrays: Mapping[str, np.ndarray]) -> list[str]:
+    """Return a DataArray element for each array."""
+    return [_format_array(name, values) for name, values in arrays.items()]
 
 
-def _write_names(name: str, names: Iterable[str]) -> str:
-    """Write an array of texts: the codes of their letters, and a 0 after each text."""
+def _format_names(name: str, names: Iterable[str]) -> str:
+    """Return an Array element with texts.
+
+    It has the UTF-8 codes of the letters, and a 0 after each text.
+    """
     texts = list(names)
     codes = [str(byte) for text in texts for byte in [*text.encode(), 0]]
     return (
@@ -200,8 +203,8 @@ def _write_names(name: str, names: Iterable[str]) -> str:
     )
 
 
-def _write_vtp(time_s: float, names: str, data: PolyData) -> str:
-    """Write the text of a .vtp file.
+def _format_vtp(time_s: float, names: str, data: PolyData) -> str:
+    """Return the text of a .vtp file.
 
     Parameters
     ----------
@@ -217,43 +220,44 @@ def _write_vtp(time_s: float, names: str, data: PolyData) -> str:
     str
         The text.
     """
-    # The cells are one list of points, and the place in it at which each cell ends.
+    # The format has one list with the points of all cells, and the index in this list
+    # at which each cell ends.
     n_cells, n_corners = data.cells.shape
     ends = n_corners * np.arange(1, n_cells + 1)
     topology = {
         "connectivity": data.cells.reshape(-1).astype(np.int64),
         "offsets": ends.astype(np.int64),
     }
-    piece = _write_element(
+    piece = _format_element(
         f'Piece NumberOfPoints="{len(data.points)}" '
         f'NumberOf{data.cell_kind}="{n_cells}"',
-        *_write_element("Points", _write_array("position", data.points)),
-        *_write_element(data.cell_kind, *_write_arrays(topology)),
-        *_write_element("PointData", *_write_arrays(data.point_data)),
-        *_write_element("CellData", *_write_arrays(data.cell_data)),
+        *_format_element("Points", _format_array("position", data.points)),
+        *_format_element(data.cell_kind, *_format_arrays(topology)),
+        *_format_element("PointData", *_format_arrays(data.point_data)),
+        *_format_element("CellData", *_format_arrays(data.cell_data)),
     )
     # Time and names belong to the whole file.
-    time = _write_array("TimeValue", np.array([time_s]), ' NumberOfTuples="1"')
-    fields = _write_element("FieldData", time, names)
-    file = _write_element(
+    time = _format_array("TimeValue", np.array([time_s]), ' NumberOfTuples="1"')
+    fields = _format_element("FieldData", time, names)
+    file = _format_element(
         'VTKFile type="PolyData" version="1.0" byte_order="LittleEndian" '
         'header_type="UInt64"',
-        *_write_element("PolyData", *fields, *piece),
+        *_format_element("PolyData", *fields, *piece),
     )
-    return _write_xml(file)
+    return _format_xml(file)
 
 
-def _write_element(tag: str, *content: str) -> list[str]:
-    """Write the lines of an element; the tag comes with its attributes."""
+def _format_element(tag: str, *content: str) -> list[str]:
+    """Return the lines of an element. The tag includes the attributes."""
     return [f"<{tag}>", *content, f"</{tag.partition(' ')[0]}>"]
 
 
-def _write_xml(lines: list[str]) -> str:
-    """Write the text of an XML file."""
+def _format_xml(lines: list[str]) -> str:
+    """Return the text of an XML file."""
     return "\n".join(['<?xml version="1.0"?>', *lines]) + "\n"
 
 
-class State(NamedTuple):
+class SavedState(NamedTuple):
     """The files of a simulation at one time."""
 
     time_s: float
@@ -284,10 +288,10 @@ class VtkSeries:
     def __init__(self, path: str | os.PathLike, surfaces: bool = False) -> None:
         self.path = _check_suffix(path, ".pvd")
         self.content = "surfaces" if surfaces else "points"
-        self._states: list[State] = []
-        # The last file of the walls, and the places of the walls in it.
+        self._states: list[SavedState] = []
+        # The last file of the walls, and the positions of the walls in it
         self._walls_file: str | None = None
-        self._wall_places = np.zeros(0)
+        self._wall_positions = np.zeros(0)
 
     def __call__(self, simulation: "Observables") -> None:
         """Write the present state to new files, and list them in the .pvd file.
@@ -309,16 +313,16 @@ class VtkSeries:
             raise ValueError(
                 f"time_s is {time!r}; expected later than the last one, {last_time!r}"
             )
-        # Write the new files before the .pvd that names them. So the .pvd never names a
-        # missing file.
+        # Write the new files before the .pvd file that lists them. So the .pvd file never
+        # lists a missing file.
         number = len(self._states)
         bodies_file = f"{self.path.stem}/bodies_{number:06d}.vtp"
         write_vtk(self.path.parent / bodies_file, simulation, self.content)
         files = [bodies_file]
         if simulation.wall_set.surfaces:
             files.append(self._write_walls(simulation, number))
-        self._states.append(State(time, files))
-        text = self._write_pvd()
+        self._states.append(SavedState(time, files))
+        text = self._format_pvd()
         write_whole(self.path, lambda handle: handle.write(text.encode()))
 
     def _write_walls(self, simulation: "Observables", number: int) -> str:
@@ -337,17 +341,17 @@ class VtkSeries:
             Name of the file in which the walls are, the new one or the last one.
         """
         walls = simulation.walls
-        places = np.concatenate([walls.planes.ravel(), walls.frames.ravel()])
-        is_unmoved = np.array_equal(places, self._wall_places)
+        positions = np.concatenate([walls.planes.ravel(), walls.frames.ravel()])
+        is_unmoved = np.array_equal(positions, self._wall_positions)
         if self._walls_file is not None and is_unmoved:
             return self._walls_file
         self._walls_file = f"{self.path.stem}/walls_{number:06d}.vtp"
-        self._wall_places = places
+        self._wall_positions = positions
         write_vtk(self.path.parent / self._walls_file, simulation, "walls")
         return self._walls_file
 
-    def _write_pvd(self) -> str:
-        """Write the text of the .pvd file."""
+    def _format_pvd(self) -> str:
+        """Return the text of the .pvd file."""
         data_sets = []
         for state in self._states:
             for part, file in enumerate(state.files):
@@ -355,7 +359,7 @@ class VtkSeries:
                     f'<DataSet timestep="{state.time_s!r}" part="{part}" '
                     f"file={quoteattr(file)}/>"
                 )
-        collection = _write_element("Collection", *data_sets)
-        return _write_xml(
-            _write_element('VTKFile type="Collection" version="1.0"', *collection)
+        collection = _format_element("Collection", *data_sets)
+        return _format_xml(
+            _format_element('VTKFile type="Collection" version="1.0"', *collection)
         )

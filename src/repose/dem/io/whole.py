@@ -9,13 +9,13 @@ from typing import IO, Any
 def write_whole(path: str | os.PathLike, write: Callable[[IO[bytes]], Any]) -> None:
     """Write a file completely, or leave the earlier file unchanged.
 
-    The content goes to a temporary file beside it, which then replaces the file. So an
-    interrupt never leaves half a file.
+    The content is written to a temporary file in the same folder, which then replaces
+    the file. So an interrupt never leaves half a file.
 
     Parameters
     ----------
     path : path
-        The file; its folder is made if there is none.
+        The file. Its folder is made if it does not exist.
     write : callable
         Function that takes an open binary file and writes the content to it.
     """

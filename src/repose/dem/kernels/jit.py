@@ -91,7 +91,7 @@ class Kernel:
         self.py_func = function
         self._options = options
         # of the file as it is imported; it may change on disk later
-        self._text = cache.text_hash(function.__code__.co_filename)
+        self._text = cache.hash_file(function.__code__.co_filename)
 
     @cached_property
     def from_python(self) -> Any:

@@ -259,7 +259,12 @@ def compute_torques(
         factor = touching * min(1.0, limit / math.sqrt(x * x + y * y + z * z + TINY))
         x, y, z = factor * x, factor * y, factor * z
         write_vector(
-            history, rolled, lane, state.flush_tiny(x), state.flush_tiny(y), state.flush_tiny(z)
+            history,
+            rolled,
+            lane,
+            state.flush_tiny(x),
+            state.flush_tiny(y),
+            state.flush_tiny(z),
         )
 
         # Add its dashpot, and cut the sum.

@@ -129,7 +129,7 @@ class Law:
     geometry: Callable[..., None] | None = None
 
     def __post_init__(self) -> None:
-        cache.add_source(self.kernel, self.reach, self.geometry)
+        cache.add_law_sources(self.kernel, self.reach, self.geometry)
         _KERNELS[self.options] = self.kernel
         _REACHES[self.options] = self.reach or _no_reach
         _GEOMETRIES[self.options] = self.geometry or _no_geometry

@@ -8,7 +8,12 @@ import numpy as np
 
 from repose.bench.funnel import Funnel
 from repose.dem import Simulation
-from repose.dem.tessellation import cone_circles, endless, in_world, plane_polygon
+from repose.dem.tessellation import (
+    are_endless,
+    compute_cone_circles,
+    find_plane_polygon,
+    transform_to_world,
+)
 from repose.dem.walls import Cone, Mesh
 from repose.report.renderer.backdrop import DrumInside
 
@@ -233,7 +238,7 @@ def find_frame_points(
     for wall in walls:
         for radius, z in ((wall.r_low_m, wall.z_low_m), (wall.r_high_m, wall.z_high_m)):
             circle = _make_circle(radius, z)
-            points.append(in_world(np.asarray(wall.frame, float), circle))
+            points.append(transform_to_world(np.asarray(wall.frame, float), circle))
     if not panels:
         points.append(np.zeros((1, 3)))
     return np.concatenate(points)
@@ -294,14 +299,14 @@ def make_setting(
     plate_m, panels = _split_planes(simulation, planes)
 
     # `frames` lists the cones first, then other walls, and the meshes last.
-    cones = simulation.wall_set.of(Cone)
-    meshes = simulation.wall_set.of(Mesh)
+    cones = simulation.wall_set.list_walls(Cone)
+    meshes = simulation.wall_set.list_walls(Mesh)
     frusta = [
         _make_frustum(cone, frame) for cone, frame in zip(cones, frames, strict=False)
     ]
     frames_of_meshes = frames[len(frames) - len(meshes) :]
     for mesh, frame in zip(meshes, frames_of_meshes, strict=True):
-        corners = in_world(np.asarray(frame, float), mesh.vertices_m)
+        corners = transform_to_world(np.asarray(frame, float), mesh.vertices_m)
         panels += [Panel(corners[face]) for face in mesh.faces]
     return Setting(plate_m, tuple(panels), tuple(frusta))
 
@@ -330,13 +335,13 @@ def _split_planes(
     panels = []
     for k, plane in enumerate(planes):
         is_other = np.arange(len(planes)) != k
-        endless_others = planes[endless(planes) & is_other]
+        endless_others = planes[are_endless(planes) & is_other]
         is_endless = np.isinf(plane[6])
         faces_up = plane[5] < -1 + 1e-9
         if is_endless and faces_up and not len(endless_others):
             plate_m = float(plane[2])
             continue
-        corners = plane_polygon(
+        corners = find_plane_polygon(
             plane, simulation.lower, upper=simulation.upper, others=endless_others
         )
         # A plane outside the box of the simulation has no corners.
@@ -355,5 +360,5 @@ def _make_frustum(cone: Cone, frame: np.ndarray) -> Frustum:
     frame : array (12,)
         Origin in m, and rotation to the world by rows.
     """
-    (r_low, z_low), (r_high, z_high) = cone_circles(cone.line)
+    (r_low, z_low), (r_high, z_high) = compute_cone_circles(cone.line)
     return Frustum(z_low, r_low, z_high_m=z_high, r_high_m=r_high, frame=tuple(frame))
