@@ -57,7 +57,7 @@ def empty_tile():
 
 
 def parts_of(axes):
-    """As `shapes.parts_of`, for a body with the moments of its axes."""
+    """As `shapes.count_ellipsoids`, for a body with the moments of its axes."""
     return st.SPHERES if axes is SPHERE else len(axes)
 
 

@@ -35,7 +35,7 @@ def write_body(
     body : Body
         Its kind, place, velocities and scale.
     parts : int
-        Largest number of ellipsoids of a body in the simulation (`shapes.count_ellipsoids`).
+        Largest number of ellipsoids of a body (`shapes.count_ellipsoids`).
     scratch : ndarray
         Scratch tile of bodies, which is overwritten.
     """

@@ -340,7 +340,7 @@ def _compute_edge_profile(ring: RingEdge) -> np.ndarray:
 
 
 def transform_to_world(frame: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Transform points (M, 3) from a frame (12,) to the world, see `walls.compute_frame`."""
+    """Transform points (M, 3) from a frame (12,) of `walls.compute_frame` to the world."""
     return frame[:3] + points @ frame[3:].reshape(3, 3).T
 
 

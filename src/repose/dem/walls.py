@@ -76,7 +76,7 @@ STILL = Motion()
 
 
 def _check_material_and_motion(surface: "Wall") -> None:
-    """Raise ValueError unless a wall's material is a name and its motion is a `Motion`."""
+    """Check that a wall's material is a name and its motion a `Motion`; else ValueError."""
     check_name("material", surface.material)
     if not isinstance(surface.motion, Motion):
         raise ValueError(f"motion is {surface.motion!r}; expected a Motion")

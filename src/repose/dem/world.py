@@ -110,8 +110,8 @@ class World:
         ValueError
             For an unknown name.
         """
-        # The kernels need the names of the options, so the results of `look_up_choice`, which
-        # refuses unknown names, are not used.
+        # `look_up_choice` is called to refuse unknown names. Its result is not used, since
+        # these options are kept by name.
         look_up_choice("tension", tension, TENSIONS)
         if friction_limit is None:
             friction_limit = COULOMB[tension]
@@ -163,7 +163,7 @@ class World:
         return time_step
 
     def _make_body_arrays(self) -> None:
-        """Make the search grid and the arrays of the bodies, of which there is none yet."""
+        """Make the search grid, and empty arrays of the bodies."""
         # Large simulations of smooth bodies run in shares with any number of threads.
         # They renumber the bodies from time to time. Two arrays translate between the
         # numbers of the engine and those of the user.

@@ -41,7 +41,7 @@ class Recorder:
         simulation : Simulation
             The simulation.
         """
-        # Bodies are only added, so the last frame has the shapes and scales of all bodies.
+        # Bodies are only added, so the last frame has all of them.
         self._shapes = simulation.shape_ids.copy()
         self._scales = simulation.scales.copy()
         # A body that is gone has no position.

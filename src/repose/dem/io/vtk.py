@@ -59,9 +59,9 @@ def write_vtk(
 
     Notes
     -----
-    All values are in SI units. A point has id, shape (its index among the names of the shapes),
-    scale, quaternion (w, x, y, z), velocity, angular_velocity, semi_axes (half the
-    extents along the body's axes), and tensor. The eigenvalues of the tensor are the
+    All values are in SI units. A point has id, shape (the index among the names of the
+    shapes), scale, quaternion (w, x, y, z), velocity, angular_velocity, semi_axes (half
+    the extents along the body's axes), and tensor. The eigenvalues of the tensor are the
     full extents: ParaView's Tensor Glyph with a sphere of radius 0.5 draws each
     ellipsoid in its size and place. The names of shapes and walls are in the field
     data.

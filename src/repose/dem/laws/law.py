@@ -19,8 +19,8 @@ explains tiles):
 What a rolling law does to bodies, such as whether they creep under it, stands in its
 entry of `laws.ROLLING_LAWS` (`laws.RollingLaw`), which is read without the compiler.
 
-`scratch[tile.GAP + lane]` is the gap of a lane, `lane_vector(history, state.NORMAL, lane)`
-its normal. B may be a wall: it has no inverse mass, and its arm is 0.
+`scratch[tile.GAP + lane]` is the gap of a lane, and
+`lane_vector(history, state.NORMAL, lane)` is its normal. B may be a wall: it has no inverse mass, and its arm is 0.
 """
 
 from collections.abc import Callable, Mapping
