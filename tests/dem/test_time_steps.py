@@ -168,7 +168,7 @@ def test_a_low_restitution_shortens_the_step():
 
 def test_a_hard_wall_shortens_the_step():
     between = time_steps.compute_pressed_limit(
-        study(0.3), BALL, "body", of_body=True
+        study(0.3), BALL, "body", between_bodies=True
     ).time_step_s
     assert (
         time_steps.compute_pressed_limit(study(0.3), BALL, "wall").time_step_s < between

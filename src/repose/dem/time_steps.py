@@ -134,8 +134,8 @@ def compute_impact_limit(
 def compute_pressed_limit(
     scene: Scene,
     shape: Shape | Clump,
-    other: str,
-    of_body: bool = False,
+    plate_material: str,
+    between_bodies: bool = False,
     overlap_m: float | None = None,
 ) -> Limit:
     """Compute the longest time step with which a body between two plates is stable.
@@ -146,9 +146,9 @@ def compute_pressed_limit(
         Materials and laws.
     shape : Shape or Clump
         The body.
-    other : str
+    plate_material : str
         Material of the plates.
-    of_body : bool
+    between_bodies : bool
         Whether other bodies of the same kind take the place of the plates, as in a row
         of bodies in which each moves against its neighbours. This is the stiffest case.
     overlap_m : float, optional
@@ -171,17 +171,17 @@ def compute_pressed_limit(
     """
     # The effective radius and mass of two equal bodies are half those of a body and a
     # plate.
-    n_bodies = 2.0 if of_body else 1.0
+    n_bodies = 2.0 if between_bodies else 1.0
     radius = shape.flattest_radius_m / n_bodies
     mass = shape.mass_kg / n_bodies
     if overlap_m is None:
         overlap_m = _estimate_overlap(scene, shape)
 
-    contact = scene.contacts[shape.material, other]
+    contact = scene.contacts[shape.material, plate_material]
     assert scene.law.oscillator is not None
     stiffness, contact_damping_ratio = scene.law.oscillator(
         scene.materials[shape.material],
-        scene.materials[other],
+        scene.materials[plate_material],
         contact,
         scene.tension,
         radius,
@@ -195,7 +195,7 @@ def compute_pressed_limit(
 
     spheres = f", {n_contacts:.1f} spheres at one place" if n_contacts > 1.0 else ""
     reason = (
-        f"the stable step of a body between two of {other} "
+        f"the stable step of a body between two of {plate_material} "
         f"(restitution {contact.restitution:g}{spheres})"
     )
     return Limit(time_step, reason)
@@ -219,7 +219,9 @@ def _list_pressed_limits(scene: Scene, shape: Shape | Clump) -> list[Limit]:
     """
     limits = [compute_pressed_limit(scene, shape, wall) for wall in sorted(scene.walls)]
     for material in sorted({other.material for other in scene.shapes.values()}):
-        limits.append(compute_pressed_limit(scene, shape, material, of_body=True))
+        limits.append(
+            compute_pressed_limit(scene, shape, material, between_bodies=True)
+        )
     return limits
 
 
