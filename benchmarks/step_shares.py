@@ -11,7 +11,7 @@ import numpy as np
 
 from repose.dem.kernels import state as st
 from repose.dem.kernels.engine import add_wall_loads
-from repose.dem.kernels.forces import pair_forces
+from repose.dem.kernels.forces import add_pair_forces
 from repose.dem.kernels.neighbours import update_near_pairs
 from repose.dem.kernels.rigid import integrate
 
@@ -26,7 +26,7 @@ VALUES = 1024  # they fit the innermost cache
 @numba.njit
 def _repeat_pair_forces(bodies, pairs, clumps, counts, physics, tile, repeats):
     for _ in range(repeats):
-        pair_forces(
+        add_pair_forces(
             bodies, pairs, clumps, counts, physics, tile, 0, 0, counts[st.N_PAIRS]
         )
 

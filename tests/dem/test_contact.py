@@ -13,7 +13,7 @@ from repose.dem.kernels import state as st
 from repose.dem.kernels import tile as tl
 from repose.dem.kernels.contact import solve_gap
 from repose.dem.kernels.damped_mass import write_mobility
-from repose.dem.kernels.forces import scatter
+from repose.dem.kernels.forces import add_forces_to_loads
 from repose.dem.kernels.jit import kernel
 from repose.dem.kernels.simd import gather, rsqrt_by_processor, rsqrt_by_steps
 from repose.dem.laws import hertz_mindlin
@@ -45,8 +45,8 @@ def pair_tile(t, contacts, rows, first, second, parts, dt, law, rolling, load):
     contact_forces(law, t, contacts, st.PAIR_STATE, dt)
     tl.write_torques(t)
     rolling_resistance(rolling, t, contacts, st.PAIR_STATE, dt)
-    scatter(load, first, 0, t, tl.TO_A)
-    scatter(load, second, 0, t, tl.TO_B)
+    add_forces_to_loads(load, first, 0, t, tl.TO_A)
+    add_forces_to_loads(load, second, 0, t, tl.TO_B)
 
 
 def empty_tile():
@@ -126,7 +126,7 @@ def test_gather_and_scatter_are_plain_copies(columns):
     t = st.aligned_zeros(ROWS * LANES)
     gather(rows, rows.shape[1], index, 0, t, tl.A)
     assert np.array_equal(t.reshape(ROWS, LANES)[:columns], rows[index].T)
-    scatter(load, index, 0, t, tl.A)
+    add_forces_to_loads(load, index, 0, t, tl.A)
     expected = np.zeros((40, 8))
     np.add.at(expected, index, rows[index][:, :8])
     assert np.array_equal(load, expected)

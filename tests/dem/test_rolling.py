@@ -100,7 +100,7 @@ def test_rolling_resistance_of_a_tile_agrees_with_the_slow_law(framed):
             np.arange(8) == st.ROLL, [1.0] * (LANES - 2) + [3.0] * 2
         ).ravel()
         m[body_tile.LOAD + column * LANES :][20:LANES] = 2.0
-        assert body_rotation.count_disturbed(m, dt) == LANES - 22
+        assert body_rotation.count_disturbed_bodies(m, dt) == LANES - 22
 
 
 def on_a_slope(mur, orientation, downhill):

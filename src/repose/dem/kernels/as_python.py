@@ -8,7 +8,7 @@ import numpy as np
 WIDTH = 8
 
 
-def _places(first, stride):
+def _lane_slice(first, stride):
     """Return the places of WIDTH numbers in a tile as a slice.
 
     `first` is the place of the first one, `stride` the distance between neighbours.
@@ -31,13 +31,13 @@ def rows_to_lanes(table, column, index, k, tile, first, stride):
     index, k : array of int, int
         Lane `lane` is row index[k + lane] of the table.
     tile : array
-        A flat array; is written.
+        A flat array; it is overwritten.
     first, stride : int
         Place of the first number in the tile, and distance of its rows.
     """
     for lane in range(WIDTH):
         row = table[index[k + lane], column : column + WIDTH]
-        tile[_places(first + lane, stride)] = row
+        tile[_lane_slice(first + lane, stride)] = row
 
 
 def lanes_to_rows(table, column, index, k, tile, first, stride):
@@ -47,7 +47,7 @@ def lanes_to_rows(table, column, index, k, tile, first, stride):
     of 0..7. The arguments are those of `rows_to_lanes`; the table is written.
     """
     for lane in range(WIDTH):
-        numbers = tile[_places(first + lane, stride)]
+        numbers = tile[_lane_slice(first + lane, stride)]
         table[index[k + lane], column : column + WIDTH] = numbers
 
 
@@ -58,7 +58,7 @@ def add_lanes_to_rows(table, column, index, k, tile, first, stride):
     added, since a body may come twice.
     """
     for lane in range(WIDTH):
-        numbers = tile[_places(first + lane, stride)]
+        numbers = tile[_lane_slice(first + lane, stride)]
         table[index[k + lane], column : column + WIDTH] += numbers
 
 

@@ -15,7 +15,9 @@ INT32, INT64 = ir.IntType(32), ir.IntType(64)
 # Places of the two counters, a cache line apart.
 ARRIVED, ROUND = 0, 8
 BARRIER_SIZE = 16
-PATIENCE = 4000  # reads of a counter before the processor is offered to others
+READS_BEFORE_YIELD = (
+    4000  # reads of a counter before the processor is offered to others
+)
 
 
 def _place(context, builder, signature, values):
@@ -35,7 +37,7 @@ def _place(context, builder, signature, values):
     return builder.gep(array.data, [index])
 
 
-def _is_counter(array):
+def _is_int64_array(array):
     """Return whether a numba type is that of an array of int64 numbers."""
     return isinstance(array, types.Array) and array.dtype == types.int64
 
@@ -48,7 +50,7 @@ def atomic_add(typingctx, array, index, value):
     other types of arrays the result is None, by which numba knows that no such function
     exists.
     """
-    if not _is_counter(array):
+    if not _is_int64_array(array):
         return None
 
     def generate(context, builder, sig, values):
@@ -63,7 +65,7 @@ def atomic_add(typingctx, array, index, value):
 @intrinsic
 def atomic_load(typingctx, array, index):
     """Return an element of an int64 array that another thread may write."""
-    if not _is_counter(array):
+    if not _is_int64_array(array):
         return None
 
     def generate(context, builder, sig, values):
@@ -73,7 +75,7 @@ def atomic_load(typingctx, array, index):
 
 
 @intrinsic
-def offer_processor(typingctx):
+def yield_processor(typingctx):
     """Let another thread of the machine run (POSIX sched_yield)."""
 
     def generate(context, builder, sig, values):
@@ -113,5 +115,5 @@ def wait_for_all(counters, threads):
     n_reads = 0
     while atomic_load(counters, ROUND) == this_round:
         n_reads += 1
-        if n_reads > PATIENCE:
-            offer_processor()
+        if n_reads > READS_BEFORE_YIELD:
+            yield_processor()

@@ -19,9 +19,9 @@ it in a step. `omega` is an angular velocity [rad/s]. Vectors are in world axes 
 
 import math
 
-from . import state as st
+from . import state
 from .body_tile import INVERSE_INERTIA, LOAD, OMEGA, PATH, ROWS, TORQUE
-from .geometry import matrix_times
+from .geometry import multiply_symmetric
 from .jit import inlined, kernel
 from .rows import LANES, lane_matrix, lane_vector, write_matrix, write_vector
 from .state import (
@@ -35,14 +35,14 @@ from .state import (
 )
 from .vectors import cross, squared_length
 
-CERTAIN = 1.0 - 1e-12  # share of a budget that rounding leaves
-SLOWEST = 1e-150  # angular speed below which a rotation has no direction [rad/s]
+BUDGET_SHARE = 1.0 - 1e-12  # share of a budget that rounding leaves
+LEAST_SPEED = 1e-150  # angular speed below which a rotation has no direction [rad/s]
 # Newton steps for the direction of a resistance. Its size is then 4e-8 off where the
 # moments of inertia differ sixfold, and 4e-4 for a factor of thirty.
 NEWTON_STEPS = 3
 # First rows of the scratch tile.
-BUDGET = LOAD + st.ROLL * LANES  # per second: a torque
-DASHPOTS = LOAD + st.DASHPOTS * LANES
+BUDGET = LOAD + state.ROLL * LANES  # per second: a torque
+DASHPOTS = LOAD + state.DASHPOTS * LANES
 
 
 @inlined
@@ -93,8 +93,8 @@ def turn_quaternion(motion, lane, omega_x, omega_y, omega_z, half_dt, is_turning
     Parameters
     ----------
     motion : array (MOTION_ROWS * LANES,)
-        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
-        and so on. `state` names the rows.
+        Quaternions, angular momenta and so on of the same bodies: a tile of
+        `Bodies.motion`. The module `state` names the rows.
     lane : int
         Lane of the body in its tile, 0 to LANES - 1.
     omega_x, omega_y, omega_z : float
@@ -168,11 +168,11 @@ def write_rotated_diagonal(scratch, row, motion, diagonal_row):
 def inverse_inertia_times(scratch, lane, x, y, z):
     """Multiply a body's inverse inertia by a vector (x, y, z), both in world axes."""
     xx, xy, xz, yy, yz, zz = lane_matrix(scratch, INVERSE_INERTIA, lane)
-    return matrix_times(xx, xy, xz, yy, yz, zz, x, y, z)
+    return multiply_symmetric(xx, xy, xz, yy, yz, zz, x, y, z)
 
 
 @inlined
-def into_body(motion, lane, x, y, z):
+def rotate_into_body(motion, lane, x, y, z):
     """Return a vector of the world in the axes of a lane's body.
 
     It is rotated by the inverse of the body's quaternion.
@@ -180,8 +180,8 @@ def into_body(motion, lane, x, y, z):
     Parameters
     ----------
     motion : array (MOTION_ROWS * LANES,)
-        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
-        and so on. `state` names the rows.
+        Quaternions, angular momenta and so on of the same bodies: a tile of
+        `Bodies.motion`. The module `state` names the rows.
     lane : int
         Lane of the body in its tile, 0 to LANES - 1.
     x, y, z : float
@@ -200,7 +200,7 @@ def into_body(motion, lane, x, y, z):
 
 
 @inlined
-def into_world(motion, lane, x, y, z):
+def rotate_into_world(motion, lane, x, y, z):
     """Return a vector that is in the axes of a lane's body in world axes.
 
     It is rotated by the body's quaternion.
@@ -208,8 +208,8 @@ def into_world(motion, lane, x, y, z):
     Parameters
     ----------
     motion : array (MOTION_ROWS * LANES,)
-        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
-        and so on. `state` names the rows.
+        Quaternions, angular momenta and so on of the same bodies: a tile of
+        `Bodies.motion`. The module `state` names the rows.
     lane : int
         Lane of the body in its tile, 0 to LANES - 1.
     x, y, z : float
@@ -237,8 +237,8 @@ def exceeds_budget(scratch, lane, lx, ly, lz, dt):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
-        k]`, and `body_tile` names the rows.
+        Working memory of a tile of LANES bodies. A quantity of one body is
+        `scratch[row + lane]`; the module `body_tile` names the rows.
     lane : int
         Lane of the body in its tile, 0 to LANES - 1.
     lx, ly, lz : float
@@ -246,12 +246,12 @@ def exceeds_budget(scratch, lane, lx, ly, lz, dt):
     dt : float
         Time step [s].
     """
-    budget = CERTAIN * dt * scratch[BUDGET + lane]
+    budget = BUDGET_SHARE * dt * scratch[BUDGET + lane]
     return budget * budget < squared_length(lx, ly, lz)
 
 
 @kernel
-def count_disturbed(scratch, dt):
+def count_disturbed_bodies(scratch, dt):
     """Count the bodies of a tile at rest that may begin to turn.
 
     These are the bodies whose torque, times the time step, exceeds their budget of
@@ -260,8 +260,8 @@ def count_disturbed(scratch, dt):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
-        k]`, and `body_tile` names the rows.
+        Working memory of a tile of LANES bodies. A quantity of one body is
+        `scratch[row + lane]`; the module `body_tile` names the rows.
     dt : float
         Time step [s].
     """
@@ -282,11 +282,11 @@ def add_torques(scratch, motion, dt):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
-        k]`, and `body_tile` names the rows.
+        Working memory of a tile of LANES bodies. A quantity of one body is
+        `scratch[row + lane]`; the module `body_tile` names the rows.
     motion : array (MOTION_ROWS * LANES,)
-        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
-        and so on. `state` names the rows.
+        Quaternions, angular momenta and so on of the same bodies: a tile of
+        `Bodies.motion`. The module `state` names the rows.
     dt : float
         Time step [s].
 
@@ -317,11 +317,11 @@ def stop_rotations(scratch, motion):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
-        k]`, and `body_tile` names the rows.
+        Working memory of a tile of LANES bodies. A quantity of one body is
+        `scratch[row + lane]`; the module `body_tile` names the rows.
     motion : array (MOTION_ROWS * LANES,)
-        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
-        and so on. `state` names the rows.
+        Quaternions, angular momenta and so on of the same bodies: a tile of
+        `Bodies.motion`. The module `state` names the rows.
     """
     for place in range(3 * LANES):
         motion[ANGULAR_MOMENTUM + place] = 0.0
@@ -363,7 +363,7 @@ def resistance_direction(l1, l2, l3, j1, j2, j3, momentum, budget):
     length = math.sqrt(
         numerator1 * numerator1 + numerator2 * numerator2 + numerator3 * numerator3
     )
-    inverse_speed = 1.0 / max(length, SLOWEST)
+    inverse_speed = 1.0 / max(length, LEAST_SPEED)
     numerator1, numerator2, numerator3 = (
         inverse_speed * numerator1,
         inverse_speed * numerator2,
@@ -422,11 +422,11 @@ def resist_rolling(scratch, motion, dt):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
-        k]`, and `body_tile` names the rows.
+        Working memory of a tile of LANES bodies. A quantity of one body is
+        `scratch[row + lane]`; the module `body_tile` names the rows.
     motion : array (MOTION_ROWS * LANES,)
-        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
-        and so on. `state` names the rows.
+        Quaternions, angular momenta and so on of the same bodies: a tile of
+        `Bodies.motion`. The module `state` names the rows.
     dt : float
         Time step [s].
 
@@ -446,12 +446,12 @@ def resist_rolling(scratch, motion, dt):
         is_turning = (square > budget * budget) & is_present
         n_turning += 1 if is_turning else 0
         # in the body's own axes: its momentum, and the direction of the resistance
-        l1, l2, l3 = into_body(motion, lane, lx, ly, lz)
+        l1, l2, l3 = rotate_into_body(motion, lane, lx, ly, lz)
         n1, n2, n3 = resistance_direction(
             l1, l2, l3, j1, j2, j3, math.sqrt(square), budget
         )
         # a body that stops has a direction, too, which is not used
-        nx, ny, nz = into_world(motion, lane, n1, n2, n3)
+        nx, ny, nz = rotate_into_world(motion, lane, n1, n2, n3)
         # what is left of the angular momentum, and the angular velocity with it
         lx = lx - budget * nx if is_turning else 0.0
         ly = ly - budget * ny if is_turning else 0.0
@@ -473,11 +473,11 @@ def resist_rolling_in_frame(scratch, motion, dt, frame_x, frame_y, frame_z):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
-        k]`, and `body_tile` names the rows.
+        Working memory of a tile of LANES bodies. A quantity of one body is
+        `scratch[row + lane]`; the module `body_tile` names the rows.
     motion : array (MOTION_ROWS * LANES,)
-        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
-        and so on. `state` names the rows.
+        Quaternions, angular momenta and so on of the same bodies: a tile of
+        `Bodies.motion`. The module `state` names the rows.
     dt : float
         Time step [s].
     frame_x, frame_y, frame_z : float
@@ -490,17 +490,17 @@ def resist_rolling_in_frame(scratch, motion, dt, frame_x, frame_y, frame_z):
         is_present = j1 > 0.0
         # the angular momentum of a body that turns with the frame: in the body's own
         # axes it is the angular velocity times the moments of inertia
-        x, y, z = into_body(motion, lane, frame_x, frame_y, frame_z)
+        x, y, z = rotate_into_body(motion, lane, frame_x, frame_y, frame_z)
         x = x / j1 if is_present else 0.0
         y = y / j2 if is_present else 0.0
         z = z / j3 if is_present else 0.0
-        rest_x, rest_y, rest_z = into_world(motion, lane, x, y, z)
+        rest_x, rest_y, rest_z = rotate_into_world(motion, lane, x, y, z)
         # in the body's own axes: its momentum relative to the frame, and the direction
-        x, y, z = into_body(motion, lane, lx - rest_x, ly - rest_y, lz - rest_z)
+        x, y, z = rotate_into_body(motion, lane, lx - rest_x, ly - rest_y, lz - rest_z)
         square = x * x + y * y + z * z
         is_turning = (square > budget * budget) & is_present
         x, y, z = resistance_direction(x, y, z, j1, j2, j3, math.sqrt(square), budget)
-        x, y, z = into_world(motion, lane, x, y, z)
+        x, y, z = rotate_into_world(motion, lane, x, y, z)
         lx = lx - budget * x if is_turning else rest_x
         ly = ly - budget * y if is_turning else rest_y
         lz = lz - budget * z if is_turning else rest_z
@@ -528,11 +528,11 @@ def advance_orientation(scratch, motion, dt):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
-        k]`, and `body_tile` names the rows.
+        Working memory of a tile of LANES bodies. A quantity of one body is
+        `scratch[row + lane]`; the module `body_tile` names the rows.
     motion : array (MOTION_ROWS * LANES,)
-        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
-        and so on. `state` names the rows.
+        Quaternions, angular momenta and so on of the same bodies: a tile of
+        `Bodies.motion`. The module `state` names the rows.
     dt : float
         Time step [s].
     """
@@ -558,7 +558,7 @@ def advance_orientation(scratch, motion, dt):
         write_vector(scratch, OMEGA, lane, omega_x, omega_y, omega_z)
         square = squared_length(omega_x, omega_y, omega_z)
         # the way of the farthest point of the body
-        scratch[PATH + lane] += dt * motion[st.RADIUS + lane] * math.sqrt(square)
+        scratch[PATH + lane] += dt * motion[state.RADIUS + lane] * math.sqrt(square)
         turn_quaternion(motion, lane, omega_x, omega_y, omega_z, 0.5 * dt, square > 0.0)
 
 
@@ -569,11 +569,11 @@ def write_inverse_inertia(scratch, motion):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
-        k]`, and `body_tile` names the rows.
+        Working memory of a tile of LANES bodies. A quantity of one body is
+        `scratch[row + lane]`; the module `body_tile` names the rows.
     motion : array (MOTION_ROWS * LANES,)
-        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
-        and so on. `state` names the rows.
+        Quaternions, angular momenta and so on of the same bodies: a tile of
+        `Bodies.motion`. The module `state` names the rows.
     """
     write_rotated_diagonal(scratch, INVERSE_INERTIA, motion, INVERSE_MOMENTS)
 
@@ -589,11 +589,11 @@ def write_shapes(scratch, motion, parts):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
-        k]`, and `body_tile` names the rows.
+        Working memory of a tile of LANES bodies. A quantity of one body is
+        `scratch[row + lane]`; the module `body_tile` names the rows.
     motion : array (MOTION_ROWS * LANES,)
-        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
-        and so on. `state` names the rows.
+        Quaternions, angular momenta and so on of the same bodies: a tile of
+        `Bodies.motion`. The module `state` names the rows.
     parts : int
         Largest number of ellipsoids of a body; 0 for clumps.
     """
@@ -621,18 +621,18 @@ def write_dashpot_shares(scratch, motion, dt, parts):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
-        k]`, and `body_tile` names the rows.
+        Working memory of a tile of LANES bodies. A quantity of one body is
+        `scratch[row + lane]`; the module `body_tile` names the rows.
     motion : array (MOTION_ROWS * LANES,)
-        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
-        and so on. `state` names the rows.
+        Quaternions, angular momenta and so on of the same bodies: a tile of
+        `Bodies.motion`. The module `state` names the rows.
     dt : float
         Time step [s].
     parts : int
         Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
         are spheres.
     """
-    share_row = ROWS + st.share_column(parts) * LANES
+    share_row = ROWS + state.share_column(parts) * LANES
     for lane in range(LANES):
         j1, j2, j3 = lane_vector(motion, INVERSE_MOMENTS, lane)
         largest = max(j1, max(j2, j3))
@@ -650,11 +650,11 @@ def rotate_bodies(scratch, motion, dt, parts, is_resting, frame_x, frame_y, fram
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
-        k]`, and `body_tile` names the rows.
+        Working memory of a tile of LANES bodies. A quantity of one body is
+        `scratch[row + lane]`; the module `body_tile` names the rows.
     motion : array (MOTION_ROWS * LANES,)
-        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
-        and so on. `state` names the rows.
+        Quaternions, angular momenta and so on of the same bodies: a tile of
+        `Bodies.motion`. The module `state` names the rows.
     dt : float
         Time step [s].
     parts : int
@@ -671,7 +671,7 @@ def rotate_bodies(scratch, motion, dt, parts, is_resting, frame_x, frame_y, fram
         Whether any body turns.
     """
     has_frame = frame_x != 0.0 or frame_y != 0.0 or frame_z != 0.0
-    if is_resting and not has_frame and count_disturbed(scratch, dt) == 0:
+    if is_resting and not has_frame and count_disturbed_bodies(scratch, dt) == 0:
         return False
     n_turning = add_torques(scratch, motion, dt)
     if is_resting:
@@ -702,11 +702,11 @@ def turn_spheres(scratch, motion, dt, frame_x, frame_y, frame_z):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
-        k]`, and `body_tile` names the rows.
+        Working memory of a tile of LANES bodies. A quantity of one body is
+        `scratch[row + lane]`; the module `body_tile` names the rows.
     motion : array (MOTION_ROWS * LANES,)
-        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
-        and so on. `state` names the rows.
+        Quaternions, angular momenta and so on of the same bodies: a tile of
+        `Bodies.motion`. The module `state` names the rows.
     dt : float
         Time step [s].
     frame_x, frame_y, frame_z : float
@@ -747,7 +747,7 @@ def turn_spheres(scratch, motion, dt, frame_x, frame_y, frame_z):
         n_turning += 1 if is_turning else 0
         turn_quaternion(motion, lane, omega_x, omega_y, omega_z, 0.5 * dt, is_turning)
         # the only column of the shape
-        scratch[ROWS + st.SPHERE_RADIUS * LANES + lane] = motion[st.RADIUS + lane]
+        scratch[ROWS + state.SPHERE_RADIUS * LANES + lane] = motion[state.RADIUS + lane]
     return n_turning
 
 
@@ -758,11 +758,11 @@ def rotate_spheres(scratch, motion, dt, is_resting, frame_x, frame_y, frame_z):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is `scratch[row +
-        k]`, and `body_tile` names the rows.
+        Working memory of a tile of LANES bodies. A quantity of one body is
+        `scratch[row + lane]`; the module `body_tile` names the rows.
     motion : array (MOTION_ROWS * LANES,)
-        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
-        and so on. `state` names the rows.
+        Quaternions, angular momenta and so on of the same bodies: a tile of
+        `Bodies.motion`. The module `state` names the rows.
     dt : float
         Time step [s].
     is_resting : bool
@@ -771,7 +771,7 @@ def rotate_spheres(scratch, motion, dt, is_resting, frame_x, frame_y, frame_z):
         Angular velocity of the frame against which rolling is resisted [rad/s].
     """
     has_frame = frame_x != 0.0 or frame_y != 0.0 or frame_z != 0.0
-    if is_resting and not has_frame and count_disturbed(scratch, dt) == 0:
+    if is_resting and not has_frame and count_disturbed_bodies(scratch, dt) == 0:
         return False
-    write_dashpot_shares(scratch, motion, dt, st.SPHERES)
+    write_dashpot_shares(scratch, motion, dt, state.SPHERES)
     return turn_spheres(scratch, motion, dt, frame_x, frame_y, frame_z) > 0 or has_frame

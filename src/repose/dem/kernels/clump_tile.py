@@ -5,22 +5,21 @@ of its spheres in the axes of their bodies, and their radii; the rows of the bod
 positions and, in the columns of the shape, quaternions.
 
 `scratch` is the scratch tile (rows of `tile`), `contacts` the tile of numbers that the
-contacts keep. The functions read the rows of the bodies (`tl.A`, `tl.B`) and write
+contacts keep. The functions read the rows of the bodies (`tile.A`, `tile.B`) and write
 NORMAL in `contacts`, GAP, RADIUS, RA and RB in `scratch`. See `rows` for the layout of
 a tile.
 """
 
 import math
 
-from . import state as st
-from . import tile as tl
+from . import state, tile
 from .jit import inlined
 from .rows import LANES, Rows, lane_vector, write_vector
 from .state import NORMAL, OFFSET, SHAPE
 from .vectors import squared_length
 
 # Rows that a pair of spheres keeps, after the normal.
-_pair = Rows(st.PAIR_STATE)
+_pair = Rows(state.PAIR_STATE)
 CENTRE_A = _pair.take(3)  # of each sphere, in the axes of its body
 CENTRE_B = _pair.take(3)
 RADIUS_A = _pair.take()
@@ -28,12 +27,12 @@ REACH = _pair.take()  # sum of the radii
 CURVATURE = _pair.take()  # effective radius
 PAIR_STATE = _pair.end  # where the force laws' rows begin
 # Rows that a sphere on a wall keeps, after those of the wall.
-_wall = Rows(st.WALL_STATE)
+_wall = Rows(state.WALL_STATE)
 CENTRE = _wall.take(3)
 RADIUS = _wall.take()
 WALL_STATE = _wall.end
 # Rows of the scratch tile: from the centre of a body to that of its sphere, in world axes.
-ARM_A, ARM_B = tl.SUPPORT, tl.BETWEEN
+ARM_A, ARM_B = tile.SUPPORT, tile.SUPPORT_A_TO_B
 NEAREST = 1e-30  # distance of two centres that still have a direction [m]
 
 
@@ -73,7 +72,7 @@ def write_arms(scratch, contacts, body_row, centre_row, arm_row):
     contacts : array
         Tile of the same contacts, with the centres of the spheres in body axes.
     body_row : int
-        First row of the bodies in `scratch`: tl.A or tl.B.
+        First row of the bodies in `scratch`: tile.A or tile.B.
     centre_row : int
         First of the three rows of the spheres' centres in `contacts`.
     arm_row : int
@@ -101,16 +100,16 @@ def write_sphere_pair_geometry(scratch, contacts):
     Parameters
     ----------
     scratch : array
-        Scratch tile of LANES contacts with the bodies (tl.A, tl.B).
+        Scratch tile of LANES contacts with the bodies (tile.A, tile.B).
     contacts : array
         Tile of the same contacts, which keep centres and radii of their spheres.
     """
-    write_arms(scratch, contacts, tl.A, CENTRE_A, ARM_A)
-    write_arms(scratch, contacts, tl.B, CENTRE_B, ARM_B)
+    write_arms(scratch, contacts, tile.A, CENTRE_A, ARM_A)
+    write_arms(scratch, contacts, tile.B, CENTRE_B, ARM_B)
     for lane in range(LANES):
         # from the centre of body A to that of body B
-        body_a_x, body_a_y, body_a_z = lane_vector(scratch, tl.POSITION_A, lane)
-        body_b_x, body_b_y, body_b_z = lane_vector(scratch, tl.POSITION_B, lane)
+        body_a_x, body_a_y, body_a_z = lane_vector(scratch, tile.POSITION_A, lane)
+        body_b_x, body_b_y, body_b_z = lane_vector(scratch, tile.POSITION_B, lane)
         dx, dy, dz = body_b_x - body_a_x, body_b_y - body_a_y, body_b_z - body_a_z
         # from the centre of the sphere of A to that of the sphere of B
         arm_a_x, arm_a_y, arm_a_z = lane_vector(scratch, ARM_A, lane)
@@ -124,15 +123,15 @@ def write_sphere_pair_geometry(scratch, contacts):
         nx, ny, nz = inverse * spheres_x, inverse * spheres_y, inverse * spheres_z
         write_vector(contacts, NORMAL, lane, nx, ny, nz)
         gap = distance - contacts[REACH + lane]
-        scratch[tl.GAP + lane] = gap
-        scratch[tl.RADIUS + lane] = contacts[CURVATURE + lane]
+        scratch[tile.GAP + lane] = gap
+        scratch[tile.RADIUS + lane] = contacts[CURVATURE + lane]
         # the contact point lies midway between the two surfaces
         reach = contacts[RADIUS_A + lane] + 0.5 * gap
         rx = arm_a_x + reach * nx
         ry = arm_a_y + reach * ny
         rz = arm_a_z + reach * nz
-        write_vector(scratch, tl.RA, lane, rx, ry, rz)
-        write_vector(scratch, tl.RB, lane, rx - dx, ry - dy, rz - dz)
+        write_vector(scratch, tile.RA, lane, rx, ry, rz)
+        write_vector(scratch, tile.RB, lane, rx - dx, ry - dy, rz - dz)
 
 
 @inlined
@@ -140,29 +139,29 @@ def write_sphere_plane_geometry(scratch, contacts):
     """Compute gap, effective radius and contact point of each sphere on a plane.
 
     Writes the rows GAP, RADIUS and RA of `scratch`. Beyond the disc of the plane the
-    gap is tl.BEYOND, which is infinite, as in `tile.write_plane_geometry`.
+    gap is tile.BEYOND, which is infinite, as in `tile.write_plane_geometry`.
 
     Parameters
     ----------
     scratch : array
-        Scratch tile of LANES contacts with their bodies (tl.A).
+        Scratch tile of LANES contacts with their bodies (tile.A).
     contacts : array
         Tile of the same contacts, which keep the plane, and centre and radius of the
         sphere.
     """
-    write_arms(scratch, contacts, tl.A, CENTRE, ARM_A)
+    write_arms(scratch, contacts, tile.A, CENTRE, ARM_A)
     for lane in range(LANES):
         nx, ny, nz = lane_vector(contacts, NORMAL, lane)
         # the centre of the sphere
-        body_x, body_y, body_z = lane_vector(scratch, tl.POSITION_A, lane)
+        body_x, body_y, body_z = lane_vector(scratch, tile.POSITION_A, lane)
         arm_x, arm_y, arm_z = lane_vector(scratch, ARM_A, lane)
         x, y, z = body_x + arm_x, body_y + arm_y, body_z + arm_z
         radius = contacts[RADIUS + lane]
         gap = contacts[OFFSET + lane] - nx * x - ny * y - nz * z - radius
-        scratch[tl.RADIUS + lane] = radius
+        scratch[tile.RADIUS + lane] = radius
         # the contact point lies midway between sphere and plane
         reach = radius + 0.5 * gap
         rx, ry, rz = arm_x + reach * nx, arm_y + reach * ny, arm_z + reach * nz
-        write_vector(scratch, tl.RA, lane, rx, ry, rz)
-        on_disc = tl.is_on_disc(contacts, lane, x, y, z, nx, ny, nz)
-        scratch[tl.GAP + lane] = gap if on_disc else tl.BEYOND
+        write_vector(scratch, tile.RA, lane, rx, ry, rz)
+        on_disc = tile.is_on_disc(contacts, lane, x, y, z, nx, ny, nz)
+        scratch[tile.GAP + lane] = gap if on_disc else tile.BEYOND

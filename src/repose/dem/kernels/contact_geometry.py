@@ -41,7 +41,7 @@ def write_contact(
     Parameters
     ----------
     geometry : array (8,)
-        Is written.
+        Overwritten.
     nx, ny, nz : float
         Unit normal n, from the body into the wall.
     gap, radius : float
@@ -67,7 +67,7 @@ def write_sphere_contact(geometry, nx, ny, nz, gap, effective_radius, sphere_rad
     Parameters
     ----------
     geometry : array (8,)
-        Is written.
+        Overwritten.
     nx, ny, nz : float
         Unit normal, from the sphere into the wall.
     gap : float

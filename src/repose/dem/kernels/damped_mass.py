@@ -15,7 +15,7 @@ wherever they touch.
 
 Reads the bodies and the contact points in the tile `scratch` (rows of `tile`), and the
 normals in `history`, the tile of the numbers that contacts keep. Writes the row
-tl.INVERSE_MASS of `scratch`. A lane of a tile is one contact.
+tile.INVERSE_MASS of `scratch`. A lane of a tile is one contact.
 
 References
 ----------
@@ -25,8 +25,7 @@ bodies of spheres.
 
 import numpy as np
 
-from . import state as st
-from . import tile as tl
+from . import state, tile
 from .clumps import count_set_bits, set_bit
 from .jit import inlined
 from .rows import LANES, lane_matrix, lane_vector
@@ -45,25 +44,25 @@ def write_mobility(scratch, history, body_row, arm_row, parts, keep):
         Scratch tile and tile of the contacts; the row INVERSE_MASS of `scratch` is
         written.
     body_row, arm_row : int
-        First row of the body and of its contact point in `scratch`: tl.A and tl.RA, or
-        tl.B and tl.RB.
+        First row of the body and of its contact point in `scratch`: tile.A and tile.RA, or
+        tile.B and tile.RB.
     parts : int
         Ellipsoids of a body. A contact of SPHERES does not turn them.
     keep : float
         1.0 to keep what the row holds and add to it, 0.0 to overwrite it. A number
         instead of a branch keeps the loop vector code.
     """
-    inverse_mass_row = body_row + st.INVERSE_MASS * LANES
-    if parts == st.SPHERES:
+    inverse_mass_row = body_row + state.INVERSE_MASS * LANES
+    if parts == state.SPHERES:
         for lane in range(LANES):
-            scratch[tl.INVERSE_MASS + lane] = (
-                keep * scratch[tl.INVERSE_MASS + lane]
+            scratch[tile.INVERSE_MASS + lane] = (
+                keep * scratch[tile.INVERSE_MASS + lane]
                 + scratch[inverse_mass_row + lane]
             )
         return
-    inverse_inertia_row = body_row + st.INVERSE_INERTIA * LANES
+    inverse_inertia_row = body_row + state.INVERSE_INERTIA * LANES
     for lane in range(LANES):
-        nx, ny, nz = lane_vector(history, tl.NORMAL, lane)
+        nx, ny, nz = lane_vector(history, tile.NORMAL, lane)
         rx, ry, rz = lane_vector(scratch, arm_row, lane)
         # the vector product r x n
         cross_x, cross_y, cross_z = (
@@ -79,8 +78,8 @@ def write_mobility(scratch, history, body_row, arm_row, parts, keep):
             + 2.0
             * (xy * cross_x * cross_y + xz * cross_x * cross_z + yz * cross_y * cross_z)
         )
-        scratch[tl.INVERSE_MASS + lane] = (
-            keep * scratch[tl.INVERSE_MASS + lane]
+        scratch[tile.INVERSE_MASS + lane] = (
+            keep * scratch[tile.INVERSE_MASS + lane]
             + scratch[inverse_mass_row + lane]
             + turning
         )
@@ -95,10 +94,10 @@ def write_mass_of_pairs(scratch, history, pairs, parts, clumps, base, lanes):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     history : array (rows * LANES,)
-        Tile of the quantities that these contacts keep from step to step. `state` names
+        What these contacts keep from step to step, in a tile. The module `state` names
         the rows.
     pairs : Pairs or SpherePairs
         The lists of pairs, of smooth bodies or of clumps.
@@ -110,13 +109,13 @@ def write_mass_of_pairs(scratch, history, pairs, parts, clumps, base, lanes):
     base, lanes : int
         First contact of the tile, and number of lanes in use.
     """
-    write_mobility(scratch, history, tl.A, tl.RA, parts, 0.0)
-    write_mobility(scratch, history, tl.B, tl.RB, parts, 1.0)
+    write_mobility(scratch, history, tile.A, tile.RA, parts, 0.0)
+    write_mobility(scratch, history, tile.B, tile.RB, parts, 1.0)
     # the number of contacts of the two clumps is that of their entry
     if len(clumps) > 0:
         for lane in range(lanes):
             n_contacts = pairs.n_contacts[pairs.entry[base + lane]]
-            scratch[tl.INVERSE_MASS + lane] *= n_contacts
+            scratch[tile.INVERSE_MASS + lane] *= n_contacts
 
 
 @inlined
@@ -128,10 +127,10 @@ def write_mass_on_wall(scratch, history, contacts, parts, clumps, base, lanes):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     history : array (rows * LANES,)
-        Tile of the quantities that these contacts keep from step to step. `state` names
+        What these contacts keep from step to step, in a tile. The module `state` names
         the rows.
     contacts : WallContacts
         The list of contacts with walls of one kind.
@@ -143,7 +142,7 @@ def write_mass_on_wall(scratch, history, contacts, parts, clumps, base, lanes):
     base, lanes : int
         First contact of the tile, and number of lanes in use.
     """
-    write_mobility(scratch, history, tl.A, tl.RA, parts, 0.0)
+    write_mobility(scratch, history, tile.A, tile.RA, parts, 0.0)
     # the number of spheres of the clump on this wall
     if len(clumps) > 0:
         for lane in range(lanes):
@@ -151,7 +150,7 @@ def write_mass_on_wall(scratch, history, contacts, parts, clumps, base, lanes):
             n_spheres = count_set_bits(
                 contacts.touching_bits[contacts.wall[k], contacts.body[k]]
             )
-            scratch[tl.INVERSE_MASS + lane] *= n_spheres
+            scratch[tile.INVERSE_MASS + lane] *= n_spheres
 
 
 @inlined
@@ -175,6 +174,6 @@ def mark_spheres_on_meshes(meshed, mesh_sphere, n):
         known[meshed.wall[k], meshed.body[k]] = np.uint64(0)
     for k in range(n):
         i = np.int64(meshed.body[k])
-        sphere = np.int64(mesh_sphere[k]) - st.MOST_SPHERES * i
+        sphere = np.int64(mesh_sphere[k]) - state.MOST_SPHERES * i
         # a view of one word, since bits are set in a row of words
         set_bit(known[meshed.wall[k], i : i + 1], sphere)

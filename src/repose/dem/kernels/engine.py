@@ -10,13 +10,13 @@ simulation of smooth bodies (see `forces`), and `meshes` where no wall is a mesh
 code is not compiled then.
 """
 
-from . import state as st
+from . import state
 from .forces import (
-    curved_forces,
-    fill_laws,
-    mesh_forces,
-    pair_forces,
-    plane_forces,
+    add_curved_wall_forces,
+    add_mesh_forces,
+    add_pair_forces,
+    add_plane_forces,
+    fill_law_constants,
     write_still_wall,
 )
 from .frames import move_plane_contacts, move_walls
@@ -29,7 +29,7 @@ from .wall_search import find_new_mesh_contacts, find_new_wall_contacts
 
 
 @inlined
-def is_roomy(count, room):
+def has_free_quarter(count, room):
     """Return whether a list of `count` items is at most three quarters full.
 
     `room` is the length of its arrays. A step adds fewer items than the last quarter
@@ -58,11 +58,11 @@ def has_room(pairs, flat, curved, meshed, counts):
         Where False, Python has to make longer lists before the next step.
     """
     return (
-        is_roomy(counts[st.N_PAIRS], pairs.first.shape[0])
-        and is_roomy(counts[st.N_NEAR], pairs.near_limit.shape[0])
-        and is_roomy(counts[st.N_PLANE], flat.body.shape[0])
-        and is_roomy(counts[st.N_CURVED], curved.body.shape[0])
-        and is_roomy(counts[st.N_MESHED], meshed.body.shape[0])
+        has_free_quarter(counts[state.N_PAIRS], pairs.first.shape[0])
+        and has_free_quarter(counts[state.N_NEAR], pairs.near_limit.shape[0])
+        and has_free_quarter(counts[state.N_PLANE], flat.body.shape[0])
+        and has_free_quarter(counts[state.N_CURVED], curved.body.shape[0])
+        and has_free_quarter(counts[state.N_MESHED], meshed.body.shape[0])
     )
 
 
@@ -87,7 +87,7 @@ def begin_step(
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     counts : array (COUNTS,) of int
         Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
         indices.
@@ -97,17 +97,17 @@ def begin_step(
         Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
-    if counts[st.N_GONE] > 0:
+    if counts[state.N_GONE] > 0:
         drop_contacts_of_gone(
             bodies, pairs, flat, curved, meshed, clumps, counts, grid, ghost
         )
-    if walls.approach[st.WALLS_MOVE] > 0.0:
+    if walls.approach[state.WALLS_MOVE] > 0.0:
         move_walls(walls, physics.dt)
-        move_plane_contacts(flat, walls, counts[st.N_PLANE])
+        move_plane_contacts(flat, walls, counts[state.N_PLANE])
 
 
 @inlined
-def wall_contacts_and_forces(
+def process_wall_contacts(
     bodies,
     flat,
     curved,
@@ -134,7 +134,7 @@ def wall_contacts_and_forces(
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes or ()
         The features of all meshes; an empty tuple where no wall is a mesh.
     counts : array (COUNTS,) of int
@@ -143,7 +143,7 @@ def wall_contacts_and_forces(
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     contact_tile : array
-        Scratch tile of LANES contacts (rows of `tile`); is overwritten.
+        Scratch tile of LANES contacts (rows of `tile`); it is overwritten.
     scratch : Scratch
         Working memory of this thread (`state.Scratch`); it is overwritten.
     ghost : int
@@ -173,10 +173,10 @@ def wall_contacts_and_forces(
     # Prepare the tile for walls that stand still and are all of one material, the last
     # one. Where walls move or have several materials, each tile of contacts writes its own.
     write_still_wall(contact_tile)
-    fill_laws(contact_tile, physics, 0, physics.law_constants.shape[0] - 1)
+    fill_law_constants(contact_tile, physics, 0, physics.law_constants.shape[0] - 1)
     # Add the forces, wall kind by wall kind.
-    plane_forces(bodies, flat, clumps, walls, counts, physics, contact_tile, ghost)
-    curved_forces(
+    add_plane_forces(bodies, flat, clumps, walls, counts, physics, contact_tile, ghost)
+    add_curved_wall_forces(
         bodies,
         curved,
         clumps,
@@ -189,7 +189,7 @@ def wall_contacts_and_forces(
         ghost,
     )
     if len(meshes) > 0:
-        mesh_forces(
+        add_mesh_forces(
             bodies,
             meshed,
             clumps,
@@ -206,7 +206,7 @@ def wall_contacts_and_forces(
 
 
 @inlined
-def find_pair_contacts(bodies, pairs, clumps, counts, grid, physics, scratch, ghost):
+def update_pair_lists(bodies, pairs, clumps, counts, grid, physics, scratch, ghost):
     """Bring the lists of pairs up to date: find the pairs that touch now.
 
     First, near pairs whose bodies have moved enough to close their gap are checked;
@@ -248,7 +248,9 @@ def find_pair_contacts(bodies, pairs, clumps, counts, grid, physics, scratch, gh
 
 
 @inlined
-def add_pair_forces(bodies, pairs, clumps, counts, grid, physics, contact_tile, ghost):
+def apply_pair_forces(
+    bodies, pairs, clumps, counts, grid, physics, contact_tile, ghost
+):
     """Add the forces of touching pairs to the loads, and retire the pairs that parted.
 
     A pair that parted goes back to the near pairs, with its present gap.
@@ -269,14 +271,22 @@ def add_pair_forces(bodies, pairs, clumps, counts, grid, physics, contact_tile, 
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     contact_tile : array
-        Scratch tile of LANES contacts (rows of `tile`); is overwritten.
+        Scratch tile of LANES contacts (rows of `tile`); it is overwritten.
     ghost : int
         Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
     # one thread handles all pairs, as share 0 of the loads
-    n_ended = pair_forces(
-        bodies, pairs, clumps, counts, physics, contact_tile, 0, 0, counts[st.N_PAIRS]
+    n_ended = add_pair_forces(
+        bodies,
+        pairs,
+        clumps,
+        counts,
+        physics,
+        contact_tile,
+        0,
+        0,
+        counts[state.N_PAIRS],
     )
     if len(clumps) == 0:
         retire_pairs(bodies, pairs, counts, grid, 0, n_ended, ghost)
@@ -319,7 +329,7 @@ def advance(
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes or ()
         The features of all meshes; an empty tuple where no wall is a mesh.
     counts : array (COUNTS,) of int
@@ -343,7 +353,7 @@ def advance(
     # the arrays of the grid have one place for each body, so the body after them is
     # absent
     ghost = grid.cell.shape[0]
-    scratch = st.split_scratch(scratch_numbers)
+    scratch = state.split_scratch(scratch_numbers)
     for step in range(steps):
         if not has_room(pairs, flat, curved, meshed, counts):
             return step
@@ -361,11 +371,11 @@ def advance(
             ghost,
         )
         # contacts and forces: the loads of all bodies
-        find_pair_contacts(bodies, pairs, clumps, counts, grid, physics, scratch, ghost)
-        add_pair_forces(
+        update_pair_lists(bodies, pairs, clumps, counts, grid, physics, scratch, ghost)
+        apply_pair_forces(
             bodies, pairs, clumps, counts, grid, physics, contact_tile, ghost
         )
-        wall_contacts_and_forces(
+        process_wall_contacts(
             bodies,
             flat,
             curved,
@@ -380,9 +390,11 @@ def advance(
             ghost,
         )
         # the motion under these loads
-        counts[st.STEPS] += 1
-        n_events = integrate(bodies, counts, physics, body_tile, 0, counts[st.N_BODIES])
-        time = counts[st.STEPS] * physics.dt
+        counts[state.STEPS] += 1
+        n_events = integrate(
+            bodies, counts, physics, body_tile, 0, counts[state.N_BODIES]
+        )
+        time = counts[state.STEPS] * physics.dt
         handle_events(bodies, grid, counts, 0, n_events, time)
     return steps
 
@@ -415,7 +427,7 @@ def add_wall_loads(
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes or ()
         The features of all meshes; an empty tuple where no wall is a mesh.
     counts : array (COUNTS,) of int
@@ -424,15 +436,15 @@ def add_wall_loads(
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     contact_tile : array
-        Scratch tile of LANES contacts (rows of `tile`); is overwritten.
+        Scratch tile of LANES contacts (rows of `tile`); it is overwritten.
     scratch_numbers : array (SCRATCH,)
         Memory of the other scratch arrays (`state.Scratch`).
     ghost : int
         Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
-    scratch = st.split_scratch(scratch_numbers)
-    wall_contacts_and_forces(
+    scratch = state.split_scratch(scratch_numbers)
+    process_wall_contacts(
         bodies,
         flat,
         curved,

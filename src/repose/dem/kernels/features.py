@@ -8,7 +8,7 @@ to the faces. The normals of neighbouring features fit together without gap or o
 for any mesh. Edges between coplanar triangles and concave edges bound no set of normals
 and are no features. An open border is a rim, rounded down to the back of its face.
 
-`split` makes a `Part`, the features of one mesh; `join` puts the parts of all meshes
+`split` makes a `MeshFeatures`, the features of one mesh; `join` puts the parts of all meshes
 into a `Meshes`, which the kernels take. This is Python but for `put_in_cells`.
 
 Names: V, F and E are the numbers of vertices, faces and edges of the mesh. A *plane* is
@@ -90,7 +90,7 @@ class Meshes(NamedTuple):
     slide: Any
 
 
-class Part(NamedTuple):
+class MeshFeatures(NamedTuple):
     """The features of one mesh; the fields are those of `Meshes`."""
 
     kind: Any
@@ -122,7 +122,7 @@ def _compute_area_vectors(vertices, faces):
     Parameters
     ----------
     vertices : ndarray (V, 3)
-        Places of the vertices [m].
+        Positions of the vertices [m].
     faces : ndarray (F, 3)
         Vertices of each triangle, counterclockwise as seen from outside.
 
@@ -137,7 +137,7 @@ def _compute_area_vectors(vertices, faces):
     return 0.5 * np.cross(b - a, c - a)
 
 
-def edge_table(faces):
+def find_edges(faces):
     """Find the edges of a mesh and their faces.
 
     Parameters
@@ -187,9 +187,9 @@ def _find_coplanar_pairs(vertices, faces, edges, edge_faces, face_normals):
     Parameters
     ----------
     vertices, faces : ndarray (V, 3), (F, 3)
-        Places of the vertices [m], and vertices of each triangle.
+        Positions of the vertices [m], and vertices of each triangle.
     edges, edge_faces : ndarray (E, 2)
-        Vertices and faces of each edge, see `edge_table`.
+        Vertices and faces of each edge, see `find_edges`.
     face_normals : ndarray (F, 3)
         Outward unit normals.
 
@@ -225,7 +225,7 @@ def _measure_thicknesses(vertices, faces, group, group_normals):
     Parameters
     ----------
     vertices, faces : ndarray (V, 3), (F, 3)
-        Places of the vertices [m], and vertices of each triangle.
+        Positions of the vertices [m], and vertices of each triangle.
     group : ndarray (F,)
         Number of the group of each triangle.
     group_normals : ndarray (G, 3)
@@ -244,15 +244,15 @@ def _measure_thicknesses(vertices, faces, group, group_normals):
     return highest - lowest
 
 
-def planes_of_faces(vertices, faces, edges, edge_faces):
+def find_planes(vertices, faces, edges, edge_faces):
     """Find the planes of a mesh: groups of coplanar triangles.
 
     Parameters
     ----------
     vertices, faces : ndarray (V, 3), (F, 3)
-        Places of the vertices [m], and vertices of each triangle.
+        Positions of the vertices [m], and vertices of each triangle.
     edges, edge_faces : ndarray (E, 2)
-        Vertices and faces of each edge, see `edge_table`.
+        Vertices and faces of each edge, see `find_edges`.
 
     Returns
     -------
@@ -313,7 +313,7 @@ def _sort_planes_of_vertices(planes_at):
     return pairs, np.arange(len(pairs)) - first
 
 
-def inward_steps(vertices, faces, edges, edge_faces, face_plane, plane_normals):
+def find_inward_steps(vertices, faces, edges, edge_faces, face_plane, plane_normals):
     """Find how each vertex moves when the mesh is eroded.
 
     A vertex moves to a depth of 1 below all its planes, or as near to that as least
@@ -322,11 +322,11 @@ def inward_steps(vertices, faces, edges, edge_faces, face_plane, plane_normals):
     Parameters
     ----------
     vertices, faces : ndarray (V, 3), (F, 3)
-        Places of the vertices [m], and vertices of each triangle.
+        Positions of the vertices [m], and vertices of each triangle.
     edges, edge_faces : ndarray (E, 2)
-        Vertices and faces of each edge, see `edge_table`. A rim has one face.
+        Vertices and faces of each edge, see `find_edges`. A rim has one face.
     face_plane, plane_normals : ndarray (F,), (P, 3)
-        Plane of each face, and normal of each plane, see `planes_of_faces`.
+        Plane of each face, and normal of each plane, see `find_planes`.
 
     Returns
     -------
@@ -367,7 +367,7 @@ def _compute_areas_and_sides(vertices, faces):
     Parameters
     ----------
     vertices, faces : ndarray (V, 3), (F, 3)
-        Places of the vertices [m], and vertices of each triangle.
+        Positions of the vertices [m], and vertices of each triangle.
     """
     sides = [vertices[faces[:, k]] - vertices[faces[:, k - 1]] for k in range(3)]
     return np.vstack([_compute_area_vectors(vertices, faces), *sides])
@@ -382,7 +382,7 @@ def _keeps_triangles(vertices, faces, displacement):
     Parameters
     ----------
     vertices, faces : ndarray (V, 3), (F, 3)
-        Places of the vertices [m], and vertices of each triangle.
+        Positions of the vertices [m], and vertices of each triangle.
     displacement : ndarray (V, 3)
         Displacement of each vertex [m].
     """
@@ -398,7 +398,7 @@ def _find_largest_radius(vertices, faces, steps, radius):
     Parameters
     ----------
     vertices, faces : ndarray (V, 3), (F, 3)
-        Places of the vertices [m], and vertices of each triangle.
+        Positions of the vertices [m], and vertices of each triangle.
     steps : ndarray (V, 3)
         Displacement of each vertex for an edge radius of 1.
     radius : float
@@ -421,22 +421,22 @@ def _find_largest_radius(vertices, faces, steps, radius):
     return low
 
 
-def erode(vertices, faces, steps, radius):
+def erode_mesh(vertices, faces, steps, radius):
     """Return the vertices of the mesh eroded by an edge radius: those of the core.
 
     Parameters
     ----------
     vertices, faces : ndarray (V, 3), (F, 3)
-        Places of the vertices [m], and vertices of each triangle.
+        Positions of the vertices [m], and vertices of each triangle.
     steps : ndarray (V, 3)
-        Displacement of each vertex for a radius of 1, see `inward_steps`.
+        Displacement of each vertex for a radius of 1, see `find_inward_steps`.
     radius : float
         The edge radius [m].
 
     Returns
     -------
     ndarray (V, 3)
-        The places of the vertices [m].
+        The positions of the vertices [m].
 
     Raises
     ------
@@ -458,9 +458,9 @@ def _make_face_rows(core, faces, edges, edge_faces, face_plane, plane_normals, r
     Parameters
     ----------
     core, faces : ndarray (V, 3), (F, 3)
-        Places of the eroded vertices [m], and vertices of each triangle.
+        Positions of the eroded vertices [m], and vertices of each triangle.
     edges, edge_faces : ndarray (E, 2)
-        Vertices and faces of each edge, see `edge_table`.
+        Vertices and faces of each edge, see `find_edges`.
     face_plane, plane_normals : ndarray (F,), (P, 3)
         Plane of each face, and outward normal of each plane.
     radius : float
@@ -510,11 +510,11 @@ def _write_sides(rows, core, edges, edge_faces, outward):
     Parameters
     ----------
     rows : ndarray (F, COLUMNS)
-        Is written.
+        Overwritten.
     core : ndarray (V, 3)
-        Places of the eroded vertices [m].
+        Positions of the eroded vertices [m].
     edges, edge_faces : ndarray (E, 2)
-        Vertices and faces of each edge, see `edge_table`.
+        Vertices and faces of each edge, see `find_edges`.
     outward : ndarray (F, 3)
         Outward unit normals of the faces.
     """
@@ -545,9 +545,9 @@ def _make_edge_rows(core, edges, edge_faces, face_plane, plane_normals):
     Parameters
     ----------
     core : ndarray (V, 3)
-        Places of the eroded vertices [m].
+        Positions of the eroded vertices [m].
     edges, edge_faces : ndarray (E, 2)
-        Vertices and faces of each edge, see `edge_table`. A rim has one face, and -1 in
+        Vertices and faces of each edge, see `find_edges`. A rim has one face, and -1 in
         place of the other.
     face_plane, plane_normals : ndarray (F,), (P, 3)
         Plane of each face, and outward normal of each plane.
@@ -649,7 +649,7 @@ def _turn_from_rays(directions, ray_vertex, rays):
     Parameters
     ----------
     directions : ndarray (V, 3)
-        A unit vector for each vertex; is overwritten.
+        A unit vector for each vertex; it is overwritten.
     ray_vertex, rays : ndarray (R,), (R, 3)
         Vertex and unit vector of each ray; a vertex may have several.
 
@@ -678,11 +678,11 @@ def _find_convex_vertices(core, edges, pairs, normals):
     Parameters
     ----------
     core : ndarray (V, 3)
-        Places of the vertices [m].
+        Positions of the vertices [m].
     edges : ndarray (E, 2)
         Vertices of each edge.
     pairs, normals : ndarray
-        The planes of each vertex and their normals, see `inward_steps`.
+        The planes of each vertex and their normals, see `find_inward_steps`.
 
     Returns
     -------
@@ -718,7 +718,7 @@ def _find_gentle_neighbours(core, faces, face_plane, plane_normals):
     Parameters
     ----------
     core, faces : ndarray (V, 3), (F, 3)
-        Places of the vertices [m], and vertices of each triangle.
+        Positions of the vertices [m], and vertices of each triangle.
     face_plane, plane_normals : ndarray (F,), (P, 3)
         Plane of each face, and outward normal of each plane.
 
@@ -764,7 +764,7 @@ def _split_bent_planes(core, vertices, faces, face_plane, plane_normals, radius)
     Parameters
     ----------
     core, vertices : ndarray (V, 3)
-        Places of the vertices after and before the erosion [m].
+        Positions of the vertices after and before the erosion [m].
     faces : ndarray (F, 3)
         Vertices of each triangle.
     face_plane, plane_normals : ndarray (F,), (P, 3)
@@ -799,7 +799,7 @@ def split(vertices, faces, radius):
     Parameters
     ----------
     vertices : ndarray (V, 3)
-        Places of the vertices [m].
+        Positions of the vertices [m].
     faces : ndarray (F, 3)
         Vertices of each triangle, counterclockwise as seen from outside.
     radius : float
@@ -807,7 +807,7 @@ def split(vertices, faces, radius):
 
     Returns
     -------
-    Part
+    MeshFeatures
         The features: faces, then edges, then vertices.
 
     Raises
@@ -815,12 +815,12 @@ def split(vertices, faces, radius):
     ValueError
         Where the triangles are no surface, or leave no room for the edge radius.
     """
-    edges, edge_faces = edge_table(faces)
-    face_plane, plane_normals = planes_of_faces(vertices, faces, edges, edge_faces)
-    steps, pairs, normals = inward_steps(
+    edges, edge_faces = find_edges(faces)
+    face_plane, plane_normals = find_planes(vertices, faces, edges, edge_faces)
+    steps, pairs, normals = find_inward_steps(
         vertices, faces, edges, edge_faces, face_plane, plane_normals
     )
-    core = erode(vertices, faces, steps, radius)
+    core = erode_mesh(vertices, faces, steps, radius)
     face_plane, plane_normals = _split_bent_planes(
         core, vertices, faces, face_plane, plane_normals, radius
     )
@@ -853,8 +853,8 @@ def split(vertices, faces, radius):
     planes_at = np.column_stack([faces.ravel(), np.repeat(face_plane, 3)])
     planes_at = np.unique(planes_at, axis=0)
     corners[first_vertex:] = _find_ranges(planes_at[:, 0], len(core))[convex_vertices]
-    box, cells, begin, items = _make_cells(core, faces, kind, data, radius)
-    return Part(
+    box, cells, begin, items = _sort_into_cells(core, faces, kind, data, radius)
+    return MeshFeatures(
         kind=kind,
         data=data,
         span=span,
@@ -875,7 +875,7 @@ def _make_boxes(core, faces, data, radius):
     Parameters
     ----------
     core, faces : ndarray (V, 3), (F, 3)
-        Places of the eroded vertices [m], and vertices of each triangle.
+        Positions of the eroded vertices [m], and vertices of each triangle.
     data : ndarray (n, COLUMNS)
         The features: faces first, then edges and vertices, see `Meshes`.
     radius : float
@@ -901,13 +901,13 @@ def _make_boxes(core, faces, data, radius):
     return np.concatenate(lower), np.concatenate(upper)
 
 
-def _make_cells(core, faces, kind, data, radius):
+def _sort_into_cells(core, faces, kind, data, radius):
     """Divide the mesh's box into cells, about as many as there are features.
 
     Parameters
     ----------
     core, faces : ndarray (V, 3), (F, 3)
-        Places of the vertices [m], and vertices of each triangle.
+        Positions of the vertices [m], and vertices of each triangle.
     kind, data : ndarray (n,), (n, COLUMNS)
         The features, see `Meshes`.
     radius : float
@@ -948,7 +948,7 @@ def _make_cells(core, faces, kind, data, radius):
 
 
 @inlined
-def cell_at(place, lower, cell):
+def find_cell(place, lower, cell):
     """Return the indices along each axis of the cell in which a place lies.
 
     Parameters
@@ -1014,8 +1014,8 @@ def put_in_cells(low, high, kind, data, lower, cell, n_cells, place, items):
     """
     for feature in range(low.shape[0]):
         # the block of cells that the box of the feature meets
-        i0, j0, k0 = cell_at(low[feature], lower, cell)
-        i1, j1, k1 = cell_at(high[feature], lower, cell)
+        i0, j0, k0 = find_cell(low[feature], lower, cell)
+        i1, j1, k1 = find_cell(high[feature], lower, cell)
         is_face = kind[feature] == FACE
         for i in range(i0, min(i1 + 1, n_cells[0])):
             for j in range(j0, min(j1 + 1, n_cells[1])):
@@ -1032,10 +1032,10 @@ def put_in_cells(low, high, kind, data, lower, cell, n_cells, place, items):
                     place[number] += 1
 
 
-def _find_begins(parts, name):
+def _find_first_rows(parts, name):
     """Return where an array of each part begins in the joined array, and its end.
 
-    `name` is the field of `Part`.
+    `name` is the field of `MeshFeatures`.
     """
     lengths = [len(getattr(part, name)) for part in parts]
     return np.cumsum([0, *lengths])
@@ -1051,10 +1051,10 @@ def _join_shifted(parts, name, begins):
 
     Parameters
     ----------
-    parts : sequence of Part
+    parts : sequence of MeshFeatures
         The features of each mesh.
     name : str
-        The field of `Part` with these arrays.
+        The field of `MeshFeatures` with these arrays.
     begins : ndarray
         Where the rows of each part begin in the joined array that the numbers refer to.
 
@@ -1077,7 +1077,7 @@ def join(parts, slide):
 
     Parameters
     ----------
-    parts : sequence of Part
+    parts : sequence of MeshFeatures
         The features of each mesh.
     slide : float
         See `Meshes.slide`.
@@ -1087,10 +1087,10 @@ def join(parts, slide):
     Meshes
         The features of all meshes.
     """
-    feature_begins = _find_begins(parts, "kind")
-    ray_begins = _find_begins(parts, "rays")
-    near_begins = _find_begins(parts, "near")
-    cell_begins = _find_begins(parts, "begin")
+    feature_begins = _find_first_rows(parts, "kind")
+    ray_begins = _find_first_rows(parts, "rays")
+    near_begins = _find_first_rows(parts, "near")
+    cell_begins = _find_first_rows(parts, "begin")
     # the spans of vertices are places in `rays`, all others in `near`
     spans = []
     for number, part in enumerate(parts):
@@ -1102,13 +1102,13 @@ def join(parts, slide):
         data=_join_arrays(parts, "data"),
         mesh=np.repeat(np.arange(len(parts)), np.diff(feature_begins)),
         span=np.concatenate(spans),
-        corners=_join_shifted(parts, "corners", _find_begins(parts, "normals")),
+        corners=_join_shifted(parts, "corners", _find_first_rows(parts, "normals")),
         near=_join_shifted(parts, "near", feature_begins),
         rays=_join_arrays(parts, "rays"),
         normals=_join_arrays(parts, "normals"),
         box=np.array([part.box for part in parts]),
         cells=np.column_stack([[part.cells for part in parts], cell_begins[:-1]]),
-        begin=_join_shifted(parts, "begin", _find_begins(parts, "items")),
+        begin=_join_shifted(parts, "begin", _find_first_rows(parts, "items")),
         items=_join_shifted(parts, "items", feature_begins),
         seen=np.zeros(n_features, np.int64),
         stamp=np.zeros(1, np.int64),

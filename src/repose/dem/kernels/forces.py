@@ -3,8 +3,8 @@
 The same loops serve smooth bodies and clumps of spheres. A tile has LANES lanes, one
 for each contact. For each tile: copy the rows of its bodies into the tile `scratch`
 (gather), compute the geometry, apply the force laws, handle the contacts that ended,
-and add the forces to the loads of the bodies (scatter). The kernels are `pair_forces`,
-and `plane_forces`, `curved_forces` and `mesh_forces` for walls.
+and add the forces to the loads of the bodies (scatter). The kernels are `add_pair_forces`,
+and `add_plane_forces`, `add_curved_wall_forces` and `add_mesh_forces` for walls.
 
 `clumps` is an empty tuple in a simulation of smooth bodies, else a `clumps.Clumps`. The
 length of a tuple is part of its type, so numba compiles only the branch for the bodies
@@ -22,10 +22,7 @@ pairs that parted by `neighbours.retire_pairs` and `sphere_search.retire_spheres
 """
 
 from ..laws.law import contact_forces, reach, rolling_resistance, surfaces
-from . import clump_tile as ct
-from . import contact_geometry as cg
-from . import state as st
-from . import tile as tl
+from . import clump_tile, contact_geometry, state, tile
 from .clump_walls import (
     follow_sphere_contact,
     forget_sphere_contact,
@@ -36,7 +33,7 @@ from .clump_walls import (
 from .clumps import set_bit
 from .contact_geometry import arm_of, normal_of, shift_arm
 from .damped_mass import mark_spheres_on_meshes, write_mass_of_pairs, write_mass_on_wall
-from .frames import load_walls, surface_velocity
+from .frames import add_loads_of_walls, surface_velocity
 from .jit import inlined, kernel
 from .meshes import follow_mesh_contact
 from .rows import LANES, vector_at, write_vector
@@ -51,11 +48,11 @@ from .walls import (
 )
 
 ON_WALL, OF_PAIR = 1, 0  # values of `on_wall`
-OPEN = 1.0  # gap of a lane whose contact has no forces [m]
+GAP_WITHOUT_FORCE = 1.0  # gap of a lane whose contact has no forces [m]
 
 
 @inlined
-def scatter(load, index, base, scratch, first):
+def add_forces_to_loads(load, index, base, scratch, first):
     """Add the forces and torques of a tile to the loads of its bodies.
 
     Parameters
@@ -67,10 +64,10 @@ def scatter(load, index, base, scratch, first):
     base : int
         Place of lane 0 in `index`.
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     first : int
-        First row of the loads in the tile: tl.TO_A or tl.TO_B.
+        First row of the loads in the tile: tile.TO_A or tile.TO_B.
     """
     for lane in range(0, LANES, WIDTH):
         add_lanes_to_rows(load, 0, index, base + lane, scratch, first + lane, LANES)
@@ -89,15 +86,15 @@ def gather_bodies(rows, index, base, scratch, first):
     base : int
         Place of lane 0 in `index`.
     scratch : array
-        Scratch tile of LANES contacts; is written.
+        Scratch tile of LANES contacts; it is overwritten.
     first : int
-        First row of the bodies in the tile: tl.A or tl.B.
+        First row of the bodies in the tile: tile.A or tile.B.
     """
     gather(rows, rows.shape[1], index, base, scratch, first)
 
 
 @inlined
-def mark_touched(bodies, share, index, base):
+def mark_loads_as_nonzero(bodies, share, index, base):
     """Note that a share of the loads of a tile's bodies is no longer zero.
 
     Shares that are zero are skipped when the loads are summed. `share` is the number of
@@ -108,7 +105,7 @@ def mark_touched(bodies, share, index, base):
 
 
 @inlined
-def fetch_bodies(rows, load, index, base):
+def prefetch_bodies(rows, load, index, base):
     """Prefetch the rows and loads of the bodies of a tile of contacts.
 
     The bodies are index[base] and the LANES - 1 after it.
@@ -120,7 +117,7 @@ def fetch_bodies(rows, load, index, base):
 
 
 @inlined
-def fetch_contacts(pairs, load, rows, base):
+def prefetch_next_pairs(pairs, load, rows, base):
     """Prefetch what the next tiles of pairs need.
 
     That is the tile of contacts after the next one, and the second bodies of the next
@@ -139,44 +136,44 @@ def fetch_contacts(pairs, load, rows, base):
         for column in range(0, pairs.data.shape[1], WIDTH):
             prefetch(pairs.data, base // LANES + 2, column)
     if base + LANES < pairs.first.shape[0]:
-        fetch_bodies(rows, load, pairs.second, base + LANES)
+        prefetch_bodies(rows, load, pairs.second, base + LANES)
 
 
 @inlined
-def zero_lane(scratch, lane):
+def clear_lane(scratch, lane):
     """Zero the forces, torques and budgets of both bodies of one lane."""
-    for column in range(st.LOAD_COLUMNS):
-        scratch[tl.TO_A + column * LANES + lane] = 0.0
-        scratch[tl.TO_B + column * LANES + lane] = 0.0
+    for column in range(state.LOAD_COLUMNS):
+        scratch[tile.TO_A + column * LANES + lane] = 0.0
+        scratch[tile.TO_B + column * LANES + lane] = 0.0
 
 
 @inlined
-def fill_laws(scratch, physics, a, b):
+def fill_law_constants(scratch, physics, a, b):
     """Write the constants of the force laws for two materials to all lanes of a tile.
 
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     a, b : int
         Numbers of the materials of the bodies A and B.
     """
-    tl.fill_constants(scratch, tl.LAW, physics.law_constants[a, b])
-    tl.fill_constants(scratch, tl.ROLLING, physics.rolling_constants[a, b])
+    tile.fill_constants(scratch, tile.LAW, physics.law_constants[a, b])
+    tile.fill_constants(scratch, tile.ROLLING, physics.rolling_constants[a, b])
 
 
 @inlined
-def fill_lane_laws(scratch, lane, physics, a, b):
+def fill_lane_law_constants(scratch, lane, physics, a, b):
     """Write the constants of the force laws for two materials to one lane of a tile.
 
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     lane : int
         Lane of the contact in its tile, 0 to LANES - 1.
     physics : Physics
@@ -186,14 +183,14 @@ def fill_lane_laws(scratch, lane, physics, a, b):
     """
     for number in range(physics.law_constants.shape[2]):
         constant = physics.law_constants[a, b, number]
-        scratch[tl.LAW + number * LANES + lane] = constant
+        scratch[tile.LAW + number * LANES + lane] = constant
     for number in range(physics.rolling_constants.shape[2]):
         constant = physics.rolling_constants[a, b, number]
-        scratch[tl.ROLLING + number * LANES + lane] = constant
+        scratch[tile.ROLLING + number * LANES + lane] = constant
 
 
 @inlined
-def law_rows(clumps, on_wall):
+def first_law_row(clumps, on_wall):
     """Return the first row of the force laws in the tile that contacts keep.
 
     The rows before it hold the geometry, which depends on the kind of body and on
@@ -207,12 +204,12 @@ def law_rows(clumps, on_wall):
         ON_WALL or OF_PAIR.
     """
     if len(clumps) == 0:
-        return st.WALL_STATE if on_wall else st.PAIR_STATE
-    return ct.WALL_STATE if on_wall else ct.PAIR_STATE
+        return state.WALL_STATE if on_wall else state.PAIR_STATE
+    return clump_tile.WALL_STATE if on_wall else clump_tile.PAIR_STATE
 
 
 @inlined
-def apply_laws(scratch, history, physics, clumps, on_wall):
+def apply_force_laws(scratch, history, physics, clumps, on_wall):
     """Compute forces and torques on both bodies of each lane by the force laws.
 
     The geometry of the lanes has to be in the tiles. Writes the rows TO_A and TO_B of
@@ -221,10 +218,10 @@ def apply_laws(scratch, history, physics, clumps, on_wall):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     history : array (rows * LANES,)
-        Tile of the quantities that these contacts keep from step to step. `state` names
+        What these contacts keep from step to step, in a tile. The module `state` names
         the rows.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
@@ -233,12 +230,12 @@ def apply_laws(scratch, history, physics, clumps, on_wall):
     on_wall : int
         ON_WALL or OF_PAIR.
     """
-    first = law_rows(clumps, on_wall)
+    first = first_law_row(clumps, on_wall)
     of_spheres = 0 if len(clumps) == 0 else 1
     # the contact law first: force on A, and the torques that follow from it
     surfaces(physics.law, scratch, history, of_spheres, on_wall)
     contact_forces(physics.law, scratch, history, first, physics.dt)
-    tl.write_torques(scratch)
+    tile.write_torques(scratch)
     # the rows of the rolling law follow those of the contact law
     rolling_resistance(
         physics.rolling, scratch, history, first + physics.n_state * LANES, physics.dt
@@ -246,7 +243,7 @@ def apply_laws(scratch, history, physics, clumps, on_wall):
 
 
 @inlined
-def end_gap(history, physics, clumps, on_wall, lane):
+def separation_gap(history, physics, clumps, on_wall, lane):
     """Return the gap at which the contact of a lane ends [m].
 
     It is 0.0 unless the law attracts across a gap.
@@ -254,7 +251,7 @@ def end_gap(history, physics, clumps, on_wall, lane):
     Parameters
     ----------
     history : array (rows * LANES,)
-        Tile of the quantities that these contacts keep from step to step. `state` names
+        What these contacts keep from step to step, in a tile. The module `state` names
         the rows.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
@@ -265,7 +262,7 @@ def end_gap(history, physics, clumps, on_wall, lane):
     lane : int
         Lane of the contact in its tile, 0 to LANES - 1.
     """
-    return reach(physics.law, history, law_rows(clumps, on_wall), lane)
+    return reach(physics.law, history, first_law_row(clumps, on_wall), lane)
 
 
 @inlined
@@ -275,10 +272,10 @@ def write_pair_geometry(scratch, history, parts, clumps):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     history : array (rows * LANES,)
-        Tile of the quantities that these contacts keep from step to step. `state` names
+        What these contacts keep from step to step, in a tile. The module `state` names
         the rows.
     parts : int
         Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
@@ -287,13 +284,13 @@ def write_pair_geometry(scratch, history, parts, clumps):
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     """
     if len(clumps) == 0:
-        tl.write_pair_geometry(scratch, history, parts)
+        tile.write_pair_geometry(scratch, history, parts)
     else:
-        ct.write_sphere_pair_geometry(scratch, history)
+        clump_tile.write_sphere_pair_geometry(scratch, history)
 
 
 @kernel
-def pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begin, end):
+def add_pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begin, end):
     """Compute the forces of touching pairs and add them to one share of the loads.
 
     Parameters
@@ -310,8 +307,8 @@ def pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begin, e
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     share : int
         Number of the share, the first index of `bodies.load`.
     begin, end : int
@@ -323,53 +320,53 @@ def pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begin, e
         Number of the pairs that parted. They are written to `pairs.ended` from place
         `begin` on, and their gaps to `pairs.gap`.
     """
-    n_pairs = min(counts[st.N_PAIRS], end)
+    n_pairs = min(counts[state.N_PAIRS], end)
     load = bodies.load[share]
     n_ended = 0
-    fill_laws(scratch, physics, 0, 0)
-    share_row = st.share_column(physics.parts) * LANES
+    fill_law_constants(scratch, physics, 0, 0)
+    share_row = state.share_column(physics.parts) * LANES
     # A large simulation has several shares and does not fit into the caches.
     is_large = bodies.load.shape[0] > 1
     for base in range(begin, n_pairs, LANES):
         history = pairs.data[base // LANES]
         n_lanes = min(LANES, n_pairs - base)
         if is_large:
-            fetch_contacts(pairs, load, bodies.rows, base)
+            prefetch_next_pairs(pairs, load, bodies.rows, base)
         # each lane has the constants of its own two materials
         if physics.mixed_pairs:
             for lane in range(LANES):
                 k = base + lane
                 kind_a = bodies.material[pairs.first[k]]
                 kind_b = bodies.material[pairs.second[k]]
-                fill_lane_laws(scratch, lane, physics, kind_a, kind_b)
+                fill_lane_law_constants(scratch, lane, physics, kind_a, kind_b)
         # copies of both bodies, the geometry, and the effective mass
-        gather_bodies(bodies.rows, pairs.first, base, scratch, tl.A)
-        gather_bodies(bodies.rows, pairs.second, base, scratch, tl.B)
+        gather_bodies(bodies.rows, pairs.first, base, scratch, tile.A)
+        gather_bodies(bodies.rows, pairs.second, base, scratch, tile.B)
         write_pair_geometry(scratch, history, physics.parts, clumps)
         write_mass_of_pairs(
             scratch, history, pairs, physics.parts, clumps, base, n_lanes
         )
         # A contact takes the smaller share of its bodies, see `laws.tangential`.
         for lane in range(LANES):
-            scratch[tl.SHARE + lane] = min(
-                scratch[tl.A + share_row + lane], scratch[tl.B + share_row + lane]
+            scratch[tile.SHARE + lane] = min(
+                scratch[tile.A + share_row + lane], scratch[tile.B + share_row + lane]
             )
-        apply_laws(scratch, history, physics, clumps, OF_PAIR)
+        apply_force_laws(scratch, history, physics, clumps, OF_PAIR)
         # Few tiles have a lane with a gap, so the others skip the loop over the lanes.
-        if tl.count_open_lanes(scratch) > 0:
+        if tile.count_open_lanes(scratch) > 0:
             for lane in range(n_lanes):
-                gap = scratch[tl.GAP + lane]
-                if gap > end_gap(history, physics, clumps, OF_PAIR, lane):
-                    zero_lane(scratch, lane)
+                gap = scratch[tile.GAP + lane]
+                if gap > separation_gap(history, physics, clumps, OF_PAIR, lane):
+                    clear_lane(scratch, lane)
                     pairs.gap[base + lane] = gap
                     pairs.ended[begin + n_ended] = base + lane
                     n_ended += 1
         # add the forces to both bodies
-        scatter(load, pairs.first, base, scratch, tl.TO_A)
-        scatter(load, pairs.second, base, scratch, tl.TO_B)
+        add_forces_to_loads(load, pairs.first, base, scratch, tile.TO_A)
+        add_forces_to_loads(load, pairs.second, base, scratch, tile.TO_B)
         if is_large:
-            mark_touched(bodies, share, pairs.first, base)
-            mark_touched(bodies, share, pairs.second, base)
+            mark_loads_as_nonzero(bodies, share, pairs.first, base)
+            mark_loads_as_nonzero(bodies, share, pairs.second, base)
     return n_ended
 
 
@@ -380,23 +377,25 @@ def write_still_wall(scratch):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     """
     for lane in range(LANES):
-        for column in range(st.SHAPE):
-            scratch[tl.B + column * LANES + lane] = 0.0
+        for column in range(state.SHAPE):
+            scratch[tile.B + column * LANES + lane] = 0.0
         # a wall has no arm, so its velocity at a contact is that of its columns
         for axis in range(3):
-            scratch[tl.RB + axis * LANES + lane] = 0.0
+            scratch[tile.RB + axis * LANES + lane] = 0.0
 
 
 @inlined
-def fill_walls(bodies, contacts, walls, physics, first_wall, base, n, scratch):
+def write_wall_laws_and_motion(
+    bodies, contacts, walls, physics, first_wall, base, n, scratch
+):
     """Write law constants and motion of the walls of a tile of contacts.
 
     Nothing is written where all walls stand still and are of one material; then the
-    tile holds what `write_still_wall` and `fill_laws` wrote.
+    tile holds what `write_still_wall` and `fill_law_constants` wrote.
 
     Parameters
     ----------
@@ -405,7 +404,7 @@ def fill_walls(bodies, contacts, walls, physics, first_wall, base, n, scratch):
     contacts : WallContacts
         The list of contacts with walls of one kind.
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     first_wall : int
@@ -415,7 +414,7 @@ def fill_walls(bodies, contacts, walls, physics, first_wall, base, n, scratch):
     scratch : array
         Scratch tile of LANES contacts (rows of `tile`); the walls are its bodies B.
     """
-    if not (physics.mixed_walls or walls.approach[st.WALLS_MOVE] > 0.0):
+    if not (physics.mixed_walls or walls.approach[state.WALLS_MOVE] > 0.0):
         return
     for lane in range(LANES):
         k = base + lane
@@ -423,24 +422,31 @@ def fill_walls(bodies, contacts, walls, physics, first_wall, base, n, scratch):
         vx = vy = vz = omega_x = omega_y = omega_z = 0.0
         if k < n:
             wall = first_wall + contacts.wall[k]
-            omega_x, omega_y, omega_z = vector_at(walls.motion[wall], st.WALL_SPIN)
+            omega_x, omega_y, omega_z = vector_at(walls.motion[wall], state.WALL_SPIN)
             if physics.mixed_walls:
                 material = bodies.material[contacts.body[k]]
-                fill_lane_laws(scratch, lane, physics, material, walls.material[wall])
+                fill_lane_law_constants(
+                    scratch, lane, physics, material, walls.material[wall]
+                )
             # a wall's velocity depends on the place of the contact point
-            x = scratch[tl.A + lane] + scratch[tl.RA + lane]
-            y = scratch[tl.A + LANES + lane] + scratch[tl.RA + LANES + lane]
-            z = scratch[tl.A + 2 * LANES + lane] + scratch[tl.RA + 2 * LANES + lane]
+            x = scratch[tile.A + lane] + scratch[tile.RA + lane]
+            y = scratch[tile.A + LANES + lane] + scratch[tile.RA + LANES + lane]
+            z = scratch[tile.A + 2 * LANES + lane] + scratch[tile.RA + 2 * LANES + lane]
             vx, vy, vz = surface_velocity(walls.motion[wall], x, y, z)
-        write_vector(scratch, tl.B + st.VELOCITY * LANES, lane, vx, vy, vz)
+        write_vector(scratch, tile.B + state.VELOCITY * LANES, lane, vx, vy, vz)
         # only laws of rolling use the angular velocity, since a wall has no arm
         write_vector(
-            scratch, tl.B + st.ANGULAR_VELOCITY * LANES, lane, omega_x, omega_y, omega_z
+            scratch,
+            tile.B + state.ANGULAR_VELOCITY * LANES,
+            lane,
+            omega_x,
+            omega_y,
+            omega_z,
         )
 
 
 @inlined
-def search_soon(bodies, contacts, walls, k, gap):
+def schedule_wall_search(bodies, contacts, walls, k, gap):
     """Let body and wall of contact k be searched when they may have closed a gap.
 
     The contact ended. Writes their limit, and when the body is due for walls.
@@ -452,7 +458,7 @@ def search_soon(bodies, contacts, walls, k, gap):
     contacts : WallContacts
         The list of contacts with walls of one kind.
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     k : int
         Index of the contact in its list.
     gap : float
@@ -461,14 +467,16 @@ def search_soon(bodies, contacts, walls, k, gap):
     """
     wall = contacts.wall[k]
     i = contacts.body[k]
-    limit = bodies.displacement[i] + walls.approach[st.WALL_PATH] + max(gap, 0.0)
+    limit = bodies.displacement[i] + walls.approach[state.WALL_PATH] + max(gap, 0.0)
     contacts.limit[wall, i] = min(contacts.limit[wall, i], limit)
     bodies.wall_check[i] = min(bodies.wall_check[i], limit)
     bodies.wall_margin[i // LANES] = 0.0
 
 
 @inlined
-def wall_forces(bodies, contacts, clumps, walls, physics, first_wall, base, n, scratch):
+def compute_wall_forces(
+    bodies, contacts, clumps, walls, physics, first_wall, base, n, scratch
+):
     """Compute the forces of a tile of contacts with walls whose geometry is known.
 
     The forces are written to the rows `TO_A` of `scratch`.
@@ -482,7 +490,7 @@ def wall_forces(bodies, contacts, clumps, walls, physics, first_wall, base, n, s
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     first_wall : int
@@ -490,23 +498,25 @@ def wall_forces(bodies, contacts, clumps, walls, physics, first_wall, base, n, s
     base, n : int
         The first contact of the tile, and the number of contacts in the list.
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     """
     history = contacts.data[base // LANES]
-    fill_walls(bodies, contacts, walls, physics, first_wall, base, n, scratch)
+    write_wall_laws_and_motion(
+        bodies, contacts, walls, physics, first_wall, base, n, scratch
+    )
     write_mass_on_wall(
         scratch, history, contacts, physics.parts, clumps, base, min(LANES, n - base)
     )
     # the share of the dashpot that acts is that of the body
-    share_row = st.share_column(physics.parts) * LANES
+    share_row = state.share_column(physics.parts) * LANES
     for lane in range(LANES):
-        scratch[tl.SHARE + lane] = scratch[tl.A + share_row + lane]
-    apply_laws(scratch, history, physics, clumps, ON_WALL)
+        scratch[tile.SHARE + lane] = scratch[tile.A + share_row + lane]
+    apply_force_laws(scratch, history, physics, clumps, ON_WALL)
 
 
 @inlined
-def add_wall_forces(bodies, contacts, walls, first_wall, base, n, scratch):
+def add_wall_forces_to_loads(bodies, contacts, walls, first_wall, base, n, scratch):
     """Add the forces of a tile of contacts to the loads of the bodies and the walls.
 
     Parameters
@@ -516,24 +526,24 @@ def add_wall_forces(bodies, contacts, walls, first_wall, base, n, scratch):
     contacts : WallContacts
         The list of contacts with walls of one kind.
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     first_wall : int
         Number of the first wall of this kind among all walls.
     base, n : int
         The first contact of the tile, and the number of contacts in the list.
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     """
-    load_walls(walls, first_wall, contacts, base, n, scratch)
+    add_loads_of_walls(walls, first_wall, contacts, base, n, scratch)
     # contacts with walls use the first share of the loads
-    scatter(bodies.load[0], contacts.body, base, scratch, tl.TO_A)
+    add_forces_to_loads(bodies.load[0], contacts.body, base, scratch, tile.TO_A)
     if bodies.load.shape[0] > 1:
-        mark_touched(bodies, 0, contacts.body, base)
+        mark_loads_as_nonzero(bodies, 0, contacts.body, base)
 
 
 @inlined
-def drop_touch(contacts, clumps, counts, length_slot, k, ghost):
+def release_wall_contact(contacts, clumps, counts, length_slot, k, ghost):
     """Remove contact k with a wall from its list; of clumps, its sphere is free again.
 
     Parameters
@@ -546,7 +556,7 @@ def drop_touch(contacts, clumps, counts, length_slot, k, ghost):
         Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
         indices.
     length_slot : int
-        Index in `counts` of the length of this list, such as st.N_PLANE.
+        Index in `counts` of the length of this list, such as state.N_PLANE.
     k : int
         Index of the contact in its list.
     ghost : int
@@ -559,7 +569,7 @@ def drop_touch(contacts, clumps, counts, length_slot, k, ghost):
 
 
 @inlined
-def drop_ended(contacts, clumps, counts, length_slot, n_ended, ghost):
+def drop_ended_contacts(contacts, clumps, counts, length_slot, n_ended, ghost):
     """Remove the contacts with walls that ended in this step, the last first.
 
     A removed contact is replaced by the last one, so the places of the others stay
@@ -576,7 +586,7 @@ def drop_ended(contacts, clumps, counts, length_slot, n_ended, ghost):
         Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
         indices.
     length_slot : int
-        Index in `counts` of the length of this list, such as st.N_PLANE.
+        Index in `counts` of the length of this list, such as state.N_PLANE.
     n_ended : int
         Number of the contacts that ended.
     ghost : int
@@ -584,7 +594,9 @@ def drop_ended(contacts, clumps, counts, length_slot, n_ended, ghost):
         lists hold this index.
     """
     for place in range(n_ended - 1, -1, -1):
-        drop_touch(contacts, clumps, counts, length_slot, contacts.ended[place], ghost)
+        release_wall_contact(
+            contacts, clumps, counts, length_slot, contacts.ended[place], ghost
+        )
 
 
 @inlined
@@ -594,10 +606,10 @@ def write_plane_geometry(scratch, history, parts, clumps):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     history : array (rows * LANES,)
-        Tile of the quantities that these contacts keep from step to step. `state` names
+        What these contacts keep from step to step, in a tile. The module `state` names
         the rows.
     parts : int
         Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
@@ -606,13 +618,13 @@ def write_plane_geometry(scratch, history, parts, clumps):
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     """
     if len(clumps) == 0:
-        tl.write_plane_geometry(scratch, history, parts)
+        tile.write_plane_geometry(scratch, history, parts)
     else:
-        ct.write_sphere_plane_geometry(scratch, history)
+        clump_tile.write_sphere_plane_geometry(scratch, history)
 
 
 @kernel
-def plane_forces(bodies, flat, clumps, walls, counts, physics, scratch, ghost):
+def add_plane_forces(bodies, flat, clumps, walls, counts, physics, scratch, ghost):
     """Compute the forces of all contacts with planes and add them to the loads.
 
     A contact that ended is removed, and its body is searched when the gap may close.
@@ -626,20 +638,20 @@ def plane_forces(bodies, flat, clumps, walls, counts, physics, scratch, ghost):
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     counts : array (COUNTS,) of int
         Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
         indices.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     ghost : int
         Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
-    n_contacts = counts[st.N_PLANE]
+    n_contacts = counts[state.N_PLANE]
     # A large simulation has several shares of the loads, and does not fit into the
     # caches.
     is_large = bodies.load.shape[0] > 1
@@ -648,30 +660,34 @@ def plane_forces(bodies, flat, clumps, walls, counts, physics, scratch, ghost):
     for base in range(0, n_contacts, LANES):
         history = flat.data[base // LANES]
         if is_large and base + LANES < n_contacts:
-            fetch_bodies(bodies.rows, bodies.load[0], flat.body, base + LANES)
+            prefetch_bodies(bodies.rows, bodies.load[0], flat.body, base + LANES)
         # copies of the bodies, the geometry, and the forces
-        gather_bodies(bodies.rows, flat.body, base, scratch, tl.A)
+        gather_bodies(bodies.rows, flat.body, base, scratch, tile.A)
         write_plane_geometry(scratch, history, physics.parts, clumps)
-        wall_forces(bodies, flat, clumps, walls, physics, 0, base, n_contacts, scratch)
+        compute_wall_forces(
+            bodies, flat, clumps, walls, physics, 0, base, n_contacts, scratch
+        )
         # Few tiles have a lane with a gap, so the others skip the loop over the lanes.
-        if tl.count_open_lanes(scratch) > 0:
+        if tile.count_open_lanes(scratch) > 0:
             for lane in range(min(LANES, n_contacts - base)):
-                gap = scratch[tl.GAP + lane]
-                if gap > end_gap(history, physics, clumps, ON_WALL, lane):
-                    zero_lane(scratch, lane)
+                gap = scratch[tile.GAP + lane]
+                if gap > separation_gap(history, physics, clumps, ON_WALL, lane):
+                    clear_lane(scratch, lane)
                     # beyond the edge of a disc there is no gap to close
-                    distance_left = gap if gap < tl.BEYOND else 0.0
-                    search_soon(bodies, flat, walls, base + lane, distance_left)
-                    if gap == tl.BEYOND:
-                        note_past_edge(flat, clumps, base + lane)
+                    distance_left = gap if gap < tile.BEYOND else 0.0
+                    schedule_wall_search(
+                        bodies, flat, walls, base + lane, distance_left
+                    )
+                    if gap == tile.BEYOND:
+                        mark_past_edge(flat, clumps, base + lane)
                     flat.ended[n_ended] = base + lane
                     n_ended += 1
-        add_wall_forces(bodies, flat, walls, 0, base, n_contacts, scratch)
-    drop_ended(flat, clumps, counts, st.N_PLANE, n_ended, ghost)
+        add_wall_forces_to_loads(bodies, flat, walls, 0, base, n_contacts, scratch)
+    drop_ended_contacts(flat, clumps, counts, state.N_PLANE, n_ended, ghost)
 
 
 @inlined
-def note_past_edge(flat, clumps, k):
+def mark_past_edge(flat, clumps, k):
     """Note that the body of contact k slid over the edge of a disc.
 
     It is past the wall now: no contact of it (of a clump, of this sphere) begins until
@@ -695,7 +711,7 @@ def note_past_edge(flat, clumps, k):
 
 
 @inlined
-def note_past_end(bodies, curved, clumps, walls, n, k, depth):
+def mark_past_end(bodies, curved, clumps, walls, n, k, depth):
     """Note that the body of contact k slid over the end of a curved wall.
 
     Parameters
@@ -707,7 +723,7 @@ def note_past_end(bodies, curved, clumps, walls, n, k, depth):
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     n, k : int
         Number of contacts in the list, and index of this contact.
     depth : float
@@ -720,7 +736,7 @@ def note_past_end(bodies, curved, clumps, walls, n, k, depth):
 
 
 @inlined
-def is_double(contacts, k):
+def is_duplicate(contacts, k):
     """Return whether an earlier contact of the same body and wall is at the same place.
 
     Two contacts of a long body with a curved wall merge when the body turns across it.
@@ -746,16 +762,16 @@ def is_double(contacts, k):
 
 
 @inlined
-def write_lane(scratch, history, lane, geometry):
+def write_contact_to_lane(scratch, history, lane, geometry):
     """Copy the geometry of one contact to its lane of both tiles.
 
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     history : array (rows * LANES,)
-        Tile of the quantities that these contacts keep from step to step. `state` names
+        What these contacts keep from step to step, in a tile. The module `state` names
         the rows.
     lane : int
         Lane of the contact in its tile, 0 to LANES - 1.
@@ -764,10 +780,10 @@ def write_lane(scratch, history, lane, geometry):
     """
     nx, ny, nz = normal_of(geometry)
     rx, ry, rz = arm_of(geometry)
-    write_vector(history, tl.NORMAL, lane, nx, ny, nz)
-    write_vector(scratch, tl.RA, lane, rx, ry, rz)
-    scratch[tl.GAP + lane] = geometry[cg.GAP]
-    scratch[tl.RADIUS + lane] = geometry[cg.RADIUS]
+    write_vector(history, tile.NORMAL, lane, nx, ny, nz)
+    write_vector(scratch, tile.RA, lane, rx, ry, rz)
+    scratch[tile.GAP + lane] = geometry[contact_geometry.GAP]
+    scratch[tile.RADIUS + lane] = geometry[contact_geometry.RADIUS]
 
 
 @inlined
@@ -777,11 +793,11 @@ def open_unused_lanes(scratch, n_lanes):
     They may hold the geometry of another tile. `n_lanes` is the number of lanes in use.
     """
     for lane in range(n_lanes, LANES):
-        scratch[tl.GAP + lane] = OPEN
+        scratch[tile.GAP + lane] = GAP_WITHOUT_FORCE
 
 
 @inlined
-def write_curved_geometry(
+def update_curved_contact(
     bodies, curved, clumps, walls, physics, scratch, lane, k, geometry, local_row
 ):
     """Write the geometry of contact k with a cone, tube or ring to its lane.
@@ -795,12 +811,12 @@ def write_curved_geometry(
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     lane : int
         Lane of the contact in its tile, 0 to LANES - 1.
     k : int
@@ -809,7 +825,7 @@ def write_curved_geometry(
         Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
         (`contact_geometry`).
     local_row : array
-        Working memory for the row of a body in the frame of a wall; it is overwritten.
+        Working memory for a body's row in the frame of a wall. It is overwritten.
 
     Returns
     -------
@@ -830,35 +846,37 @@ def write_curved_geometry(
             geometry,
             local_row,
         )
-        write_lane(scratch, history, lane, geometry)
-        history[st.GAP + lane] = geometry[cg.GAP]
+        write_contact_to_lane(scratch, history, lane, geometry)
+        history[state.GAP + lane] = geometry[contact_geometry.GAP]
         return (
-            geometry[cg.GAP] > end_gap(history, physics, clumps, ON_WALL, lane)
+            geometry[contact_geometry.GAP]
+            > separation_gap(history, physics, clumps, ON_WALL, lane)
             or not is_on_wall
-            or (physics.parts != st.SPHERES and is_double(curved, k))
+            or (physics.parts != state.SPHERES and is_duplicate(curved, k))
         )
     # The same for the sphere of a clump, at the end of its arm.
     arm_x, arm_y, arm_z = sphere_arm(row, history, lane)
-    x, y, z = vector_at(row, st.POSITION)
+    x, y, z = vector_at(row, state.POSITION)
     distance_beyond = write_sphere_contact_in_world(
         walls,
         curved.wall[k],
         x + arm_x,
         y + arm_y,
         z + arm_z,
-        history[ct.RADIUS + lane],
+        history[clump_tile.RADIUS + lane],
         geometry,
     )
     shift_arm(geometry, arm_x, arm_y, arm_z)
-    write_lane(scratch, history, lane, geometry)
+    write_contact_to_lane(scratch, history, lane, geometry)
     return (
-        geometry[cg.GAP] > end_gap(history, physics, clumps, ON_WALL, lane)
+        geometry[contact_geometry.GAP]
+        > separation_gap(history, physics, clumps, ON_WALL, lane)
         or distance_beyond > 0.0
     )
 
 
 @kernel
-def curved_forces(
+def add_curved_wall_forces(
     bodies, curved, clumps, walls, counts, physics, scratch, geometry, local_row, ghost
 ):
     """Compute the forces of all contacts with cones, tubes and rings, and add them.
@@ -874,35 +892,35 @@ def curved_forces(
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     counts : array (COUNTS,) of int
         Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
         indices.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     geometry : array (8,)
         Working memory for one contact (`contact_geometry`); it is overwritten.
     local_row : array
-        Working memory for the row of a body in the frame of a wall; it is overwritten.
+        Working memory for a body's row in the frame of a wall. It is overwritten.
     ghost : int
         Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
-    n_contacts = counts[st.N_CURVED]
+    n_contacts = counts[state.N_CURVED]
     first_wall = walls.planes.shape[0]
     n_ended = 0
     for base in range(0, n_contacts, LANES):
         n_lanes = min(LANES, n_contacts - base)
         history = curved.data[base // LANES]
-        gather_bodies(bodies.rows, curved.body, base, scratch, tl.A)
+        gather_bodies(bodies.rows, curved.body, base, scratch, tile.A)
         open_unused_lanes(scratch, n_lanes)
         # The geometry is found contact by contact, the forces for the whole tile.
         for lane in range(n_lanes):
             k = base + lane
-            if write_curved_geometry(
+            if update_curved_contact(
                 bodies,
                 curved,
                 clumps,
@@ -917,11 +935,11 @@ def curved_forces(
                 curved.ended[n_ended] = k
                 n_ended += 1
                 # it ended with an overlap, so it slid over the wall's end
-                if scratch[tl.GAP + lane] <= 0.0:
-                    depth = -scratch[tl.GAP + lane]
-                    note_past_end(bodies, curved, clumps, walls, n_contacts, k, depth)
-                scratch[tl.GAP + lane] = OPEN
-        wall_forces(
+                if scratch[tile.GAP + lane] <= 0.0:
+                    depth = -scratch[tile.GAP + lane]
+                    mark_past_end(bodies, curved, clumps, walls, n_contacts, k, depth)
+                scratch[tile.GAP + lane] = GAP_WITHOUT_FORCE
+        compute_wall_forces(
             bodies,
             curved,
             clumps,
@@ -934,17 +952,19 @@ def curved_forces(
         )
         # Contacts that ended have no force, and their bodies are searched again.
         for lane in range(n_lanes):
-            if scratch[tl.GAP + lane] > end_gap(
+            if scratch[tile.GAP + lane] > separation_gap(
                 history, physics, clumps, ON_WALL, lane
             ):
-                zero_lane(scratch, lane)
-                search_soon(bodies, curved, walls, base + lane, 0.0)
-        add_wall_forces(bodies, curved, walls, first_wall, base, n_contacts, scratch)
-    drop_ended(curved, clumps, counts, st.N_CURVED, n_ended, ghost)
+                clear_lane(scratch, lane)
+                schedule_wall_search(bodies, curved, walls, base + lane, 0.0)
+        add_wall_forces_to_loads(
+            bodies, curved, walls, first_wall, base, n_contacts, scratch
+        )
+    drop_ended_contacts(curved, clumps, counts, state.N_CURVED, n_ended, ghost)
 
 
 @inlined
-def write_mesh_geometry(
+def update_mesh_contact(
     bodies,
     meshed,
     clumps,
@@ -968,7 +988,7 @@ def write_mesh_geometry(
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes
         The features of all meshes (`features.Meshes`).
     physics : Physics
@@ -980,9 +1000,9 @@ def write_mesh_geometry(
     other_geometry : array (8,)
         Working memory for a second contact; it is overwritten.
     local_row : array
-        Working memory for the row of a body in the frame of a wall; it is overwritten.
+        Working memory for a body's row in the frame of a wall. It is overwritten.
     """
-    end = end_gap(meshed.data[k // LANES], physics, clumps, ON_WALL, k % LANES)
+    end = separation_gap(meshed.data[k // LANES], physics, clumps, ON_WALL, k % LANES)
     if len(clumps) == 0:
         return follow_mesh_contact(
             bodies,
@@ -1013,7 +1033,7 @@ def write_mesh_geometry(
 
 
 @kernel
-def mesh_forces(
+def add_mesh_forces(
     bodies,
     meshed,
     clumps,
@@ -1040,7 +1060,7 @@ def mesh_forces(
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes
         The features of all meshes (`features.Meshes`).
     counts : array (COUNTS,) of int
@@ -1049,17 +1069,17 @@ def mesh_forces(
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     geometry, other_geometry : array (8,)
-        Scratch for two contacts (`contact_geometry`); is overwritten.
+        Scratch for two contacts (`contact_geometry`); it is overwritten.
     local_row : array
-        Working memory for the row of a body in the frame of a wall; it is overwritten.
+        Working memory for a body's row in the frame of a wall. It is overwritten.
     ghost : int
         Index of the ghost, a body without mass that never moves. Unused places of the
         lists hold this index.
     """
-    n_contacts = counts[st.N_MESHED]
+    n_contacts = counts[state.N_MESHED]
     n_curved = walls.cones.shape[0] + walls.rings.shape[0]
     first_wall = walls.planes.shape[0] + n_curved
     n_ended = 0
@@ -1068,12 +1088,12 @@ def mesh_forces(
     for base in range(0, n_contacts, LANES):
         n_lanes = min(LANES, n_contacts - base)
         history = meshed.data[base // LANES]
-        gather_bodies(bodies.rows, meshed.body, base, scratch, tl.A)
+        gather_bodies(bodies.rows, meshed.body, base, scratch, tile.A)
         open_unused_lanes(scratch, n_lanes)
         # The geometry is found contact by contact, the forces for the whole tile.
         for lane in range(n_lanes):
             k = base + lane
-            is_touching = write_mesh_geometry(
+            is_touching = update_mesh_contact(
                 bodies,
                 meshed,
                 clumps,
@@ -1086,13 +1106,13 @@ def mesh_forces(
                 other_geometry,
                 local_row,
             )
-            write_lane(scratch, history, lane, geometry)
-            history[st.GAP + lane] = geometry[cg.GAP]
+            write_contact_to_lane(scratch, history, lane, geometry)
+            history[state.GAP + lane] = geometry[contact_geometry.GAP]
             if not is_touching:
                 meshed.ended[n_ended] = k
                 n_ended += 1
-                scratch[tl.GAP + lane] = OPEN
-        wall_forces(
+                scratch[tile.GAP + lane] = GAP_WITHOUT_FORCE
+        compute_wall_forces(
             bodies,
             meshed,
             clumps,
@@ -1104,12 +1124,14 @@ def mesh_forces(
             scratch,
         )
         for lane in range(n_lanes):
-            if scratch[tl.GAP + lane] > end_gap(
+            if scratch[tile.GAP + lane] > separation_gap(
                 history, physics, clumps, ON_WALL, lane
             ):
-                zero_lane(scratch, lane)
+                clear_lane(scratch, lane)
                 # search the mesh in the next step
                 k = base + lane
                 meshed.limit[meshed.wall[k], meshed.body[k]] = -1.0
-        add_wall_forces(bodies, meshed, walls, first_wall, base, n_contacts, scratch)
-    drop_ended(meshed, clumps, counts, st.N_MESHED, n_ended, ghost)
+        add_wall_forces_to_loads(
+            bodies, meshed, walls, first_wall, base, n_contacts, scratch
+        )
+    drop_ended_contacts(meshed, clumps, counts, state.N_MESHED, n_ended, ghost)

@@ -2,16 +2,14 @@
 
 Reads `Walls.motion` and `Walls.moves`. `move_walls` writes the places of moving walls
 (`Walls.planes`, `Walls.frames`), their pivots and `Walls.approach`;
-`move_plane_contacts` writes the planes in the tiles of `WallContacts.data`; `load_walls`
+`move_plane_contacts` writes the planes in the tiles of `WallContacts.data`; `add_loads_of_walls`
 adds to `Walls.loads`. A frame is a row of `Walls.frames` (12,): the origin, then the
 rotation from the frame's axes to the world's, row by row.
 """
 
 import math
 
-from . import contact_geometry as cg
-from . import state as st
-from . import tile as tl
+from . import contact_geometry, state, tile
 from .jit import inlined, kernel
 from .rows import LANES, lane_vector, set_vector, vector_at
 from .state import FRAME_ORIGIN, FRAME_ROTATION, PART, SHAPE, SPHERES
@@ -69,14 +67,14 @@ def normal_to_world(walls, frame, geometry):
     Parameters
     ----------
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     frame : int
         Number of the wall's frame: curved walls first, then meshes.
     geometry : array (8,)
         The contact (`contact_geometry`).
     """
     if walls.displaced[frame]:
-        rotate_to_world(walls.frames[frame], geometry, cg.NORMAL)
+        rotate_to_world(walls.frames[frame], geometry, contact_geometry.NORMAL)
 
 
 @inlined
@@ -86,15 +84,15 @@ def contact_to_world(walls, frame, geometry):
     Parameters
     ----------
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     frame : int
         Number of the wall's frame: curved walls first, then meshes.
     geometry : array (8,)
         The contact (`contact_geometry`).
     """
     if walls.displaced[frame]:
-        rotate_to_world(walls.frames[frame], geometry, cg.NORMAL)
-        rotate_to_world(walls.frames[frame], geometry, cg.ARM)
+        rotate_to_world(walls.frames[frame], geometry, contact_geometry.NORMAL)
+        rotate_to_world(walls.frames[frame], geometry, contact_geometry.ARM)
 
 
 @inlined
@@ -113,7 +111,7 @@ def write_row_in_frame(row, parts, frame, local_row):
     Parameters
     ----------
     row : array
-        The body: a row of `Bodies.rows`, whose columns `state` names.
+        The body: a row of `Bodies.rows`. The module `state` names its columns.
     parts : int
         Number of ellipsoids of the body; SPHERES, -1, for a sphere.
     frame : array (12,)
@@ -121,11 +119,11 @@ def write_row_in_frame(row, parts, frame, local_row):
     local_row : array
         Is written; its other columns keep their values.
     """
-    x, y, z = vector_at(row, st.POSITION)
+    x, y, z = vector_at(row, state.POSITION)
     x, y, z = place_in_frame(frame, x, y, z)
-    set_vector(local_row, st.POSITION, x, y, z)
+    set_vector(local_row, state.POSITION, x, y, z)
     if parts == SPHERES:
-        local_row[st.SPHERE_RADIUS] = row[st.SPHERE_RADIUS]
+        local_row[state.SPHERE_RADIUS] = row[state.SPHERE_RADIUS]
     for part in range(parts):
         # R' S: the three columns of S, each rotated into the frame
         first = SHAPE + PART * part
@@ -151,9 +149,9 @@ def surface_velocity(motion, x, y, z):
     x, y, z : float
         The place in the world [m]; r is the vector from the wall's pivot to it.
     """
-    vx, vy, vz = vector_at(motion, st.WALL_VELOCITY)
-    omega_x, omega_y, omega_z = vector_at(motion, st.WALL_SPIN)
-    pivot_x, pivot_y, pivot_z = vector_at(motion, st.WALL_PIVOT)
+    vx, vy, vz = vector_at(motion, state.WALL_VELOCITY)
+    omega_x, omega_y, omega_z = vector_at(motion, state.WALL_SPIN)
+    pivot_x, pivot_y, pivot_z = vector_at(motion, state.WALL_PIVOT)
     rx, ry, rz = x - pivot_x, y - pivot_y, z - pivot_z
     return (
         vx + omega_y * rz - omega_z * ry,
@@ -163,7 +161,7 @@ def surface_velocity(motion, x, y, z):
 
 
 @inlined
-def rotated_about(angle, ux, uy, uz, x, y, z):
+def rotate_vector(angle, ux, uy, uz, x, y, z):
     """Return a vector rotated about an axis, by the formula of Rodrigues.
 
     Parameters
@@ -186,7 +184,7 @@ def rotated_about(angle, ux, uy, uz, x, y, z):
 
 
 @inlined
-def turn_frame(frame, angle, ux, uy, uz):
+def rotate_frame(frame, angle, ux, uy, uz):
     """Turn the rotation of a frame about an axis, in place; its origin stays.
 
     Parameters
@@ -201,7 +199,7 @@ def turn_frame(frame, angle, ux, uy, uz):
     # the columns of the rotation are the axes of the frame
     for axis in range(3):
         column = FRAME_ROTATION + axis
-        x, y, z = rotated_about(
+        x, y, z = rotate_vector(
             angle,
             ux,
             uy,
@@ -225,7 +223,7 @@ def move_walls(walls, dt):
     Parameters
     ----------
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     dt : float
         Time step [s].
     """
@@ -236,15 +234,15 @@ def move_walls(walls, dt):
             continue
         # the rotation in this step: an angle about a unit vector u
         motion = walls.motion[wall]
-        omega_x, omega_y, omega_z = vector_at(motion, st.WALL_SPIN)
+        omega_x, omega_y, omega_z = vector_at(motion, state.WALL_SPIN)
         rate = math.sqrt(omega_x**2 + omega_y**2 + omega_z**2)
         inverse = 1.0 / rate if rate > 0.0 else 0.0
         ux, uy, uz = omega_x * inverse, omega_y * inverse, omega_z * inverse
         angle = rate * dt
         # a plane is moved itself, another wall with its frame; both begin with a place
         surface = planes[wall] if wall < n_planes else walls.frames[wall - n_planes]
-        pivot_x, pivot_y, pivot_z = vector_at(motion, st.WALL_PIVOT)
-        arm_x, arm_y, arm_z = rotated_about(
+        pivot_x, pivot_y, pivot_z = vector_at(motion, state.WALL_PIVOT)
+        arm_x, arm_y, arm_z = rotate_vector(
             angle,
             ux,
             uy,
@@ -255,18 +253,18 @@ def move_walls(walls, dt):
         )
         # the pivot moves, and the wall's place lies at the rotated arm from it
         for axis in range(3):
-            motion[st.WALL_PIVOT + axis] += dt * motion[st.WALL_VELOCITY + axis]
-        surface[0] = motion[st.WALL_PIVOT] + arm_x
-        surface[1] = motion[st.WALL_PIVOT + 1] + arm_y
-        surface[2] = motion[st.WALL_PIVOT + 2] + arm_z
+            motion[state.WALL_PIVOT + axis] += dt * motion[state.WALL_VELOCITY + axis]
+        surface[0] = motion[state.WALL_PIVOT] + arm_x
+        surface[1] = motion[state.WALL_PIVOT + 1] + arm_y
+        surface[2] = motion[state.WALL_PIVOT + 2] + arm_z
         # the direction of the wall: of a plane its normal, of others the frame's axes
         if wall < n_planes:
-            nx, ny, nz = vector_at(surface, st.PLANE_NORMAL)
-            nx, ny, nz = rotated_about(angle, ux, uy, uz, nx, ny, nz)
-            set_vector(surface, st.PLANE_NORMAL, nx, ny, nz)
+            nx, ny, nz = vector_at(surface, state.PLANE_NORMAL)
+            nx, ny, nz = rotate_vector(angle, ux, uy, uz, nx, ny, nz)
+            set_vector(surface, state.PLANE_NORMAL, nx, ny, nz)
         else:
-            turn_frame(surface, angle, ux, uy, uz)
-    walls.approach[st.WALL_PATH] += dt * walls.approach[st.WALL_SPEED]
+            rotate_frame(surface, angle, ux, uy, uz)
+    walls.approach[state.WALL_PATH] += dt * walls.approach[state.WALL_SPEED]
 
 
 @kernel
@@ -280,7 +278,7 @@ def move_plane_contacts(flat, walls, n):
     flat : WallContacts
         The contacts with planes.
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     n : int
         Number of contacts.
     """
@@ -291,14 +289,14 @@ def move_plane_contacts(flat, walls, n):
 
 
 @inlined
-def write_plane(tile, lane, plane):
+def write_plane(history, lane, plane):
     """Write a plane to the lane of a contact: normal, offset, middle, squared radius.
 
     The offset is the distance of the plane from the origin along its normal.
 
     Parameters
     ----------
-    tile : array (rows * LANES,)
+    history : array (rows * LANES,)
         The contact's tile of `WallContacts.data`; its lane is written.
     lane : int
         Lane of the contact in its tile, 0 to LANES - 1.
@@ -307,18 +305,18 @@ def write_plane(tile, lane, plane):
     """
     offset = 0.0
     for axis in range(3):
-        normal = plane[st.PLANE_NORMAL + axis]
-        point = plane[st.PLANE_POINT + axis]
-        tile[st.NORMAL + axis * LANES + lane] = normal
-        tile[st.MIDDLE + axis * LANES + lane] = point
+        normal = plane[state.PLANE_NORMAL + axis]
+        point = plane[state.PLANE_POINT + axis]
+        history[state.NORMAL + axis * LANES + lane] = normal
+        history[state.MIDDLE + axis * LANES + lane] = point
         offset += normal * point
-    tile[st.OFFSET + lane] = offset
-    radius = plane[st.PLANE_RADIUS]
-    tile[st.SQUARED_RADIUS + lane] = radius * radius
+    history[state.OFFSET + lane] = offset
+    radius = plane[state.PLANE_RADIUS]
+    history[state.SQUARED_RADIUS + lane] = radius * radius
 
 
 @inlined
-def load_walls(walls, first_wall, contacts, base, n, scratch):
+def add_loads_of_walls(walls, first_wall, contacts, base, n, scratch):
     """Add the loads of a tile of contacts to their walls, if the user asked for them.
 
     The load of a wall is the force on it and the torque about the origin of the world,
@@ -327,7 +325,7 @@ def load_walls(walls, first_wall, contacts, base, n, scratch):
     Parameters
     ----------
     walls : Walls
-        Shapes, places and motion of all walls (`state.Walls`).
+        Shapes, positions and motion of all walls (`state.Walls`).
     first_wall : int
         Number of the first wall of this kind among all walls.
     contacts : WallContacts
@@ -344,14 +342,14 @@ def load_walls(walls, first_wall, contacts, base, n, scratch):
     for lane in range(min(LANES, n - base)):
         load = walls.loads[first_wall + contacts.wall[base + lane]]
         # the force on the wall is opposite to that on the body
-        force_x, force_y, force_z = lane_vector(scratch, tl.TO_A, lane)
+        force_x, force_y, force_z = lane_vector(scratch, tile.TO_A, lane)
         fx, fy, fz = -force_x, -force_y, -force_z
         # The torque on B is only the couple of a law of rolling: a wall has no arm.
-        torque_row = tl.TO_B + st.TORQUE * LANES
+        torque_row = tile.TO_B + state.TORQUE * LANES
         couple_x, couple_y, couple_z = lane_vector(scratch, torque_row, lane)
         # the contact point: the body's centre and its arm
-        body_x, body_y, body_z = lane_vector(scratch, tl.A, lane)
-        arm_x, arm_y, arm_z = lane_vector(scratch, tl.RA, lane)
+        body_x, body_y, body_z = lane_vector(scratch, tile.A, lane)
+        arm_x, arm_y, arm_z = lane_vector(scratch, tile.RA, lane)
         x, y, z = body_x + arm_x, body_y + arm_y, body_z + arm_z
         # the force, then the torque: contact point x force
         load[0] += fx

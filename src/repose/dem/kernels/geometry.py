@@ -68,7 +68,7 @@ def step_normal(nx, ny, nz, step_u, step_w):
 
 
 @inlined
-def matrix_times(xx, xy, xz, yy, yz, zz, x, y, z):
+def multiply_symmetric(xx, xy, xz, yy, yz, zz, x, y, z):
     """Multiply a symmetric matrix (xx, xy, xz, yy, yz, zz) by a vector (x, y, z)."""
     return xx * x + xy * y + xz * z, xy * x + yy * y + yz * z, xz * x + yz * y + zz * z
 
@@ -87,10 +87,10 @@ def shape_matrix(row, part):
 
 
 @inlined
-def times_shape(row, part, x, y, z):
+def multiply_by_shape(row, part, x, y, z):
     """Multiply the matrix S of one ellipsoid (see `shape_matrix`) by a vector."""
     xx, xy, xz, yy, yz, zz = shape_matrix(row, part)
-    return matrix_times(xx, xy, xz, yy, yz, zz, x, y, z)
+    return multiply_symmetric(xx, xy, xz, yy, yz, zz, x, y, z)
 
 
 @inlined
@@ -100,7 +100,7 @@ def extent(row, parts, nx, ny, nz):
     Parameters
     ----------
     row : array
-        The body: a row of `Bodies.rows`, whose columns `state` names.
+        The body: a row of `Bodies.rows`. The module `state` names its columns.
     parts : int
         Ellipsoids of the body, or SPHERES for a sphere.
     nx, ny, nz : float
@@ -111,13 +111,13 @@ def extent(row, parts, nx, ny, nz):
     h = 0.0
     for part in range(parts):
         # an ellipsoid reaches sqrt(n' S n)
-        x, y, z = times_shape(row, part, nx, ny, nz)
+        x, y, z = multiply_by_shape(row, part, nx, ny, nz)
         h += math.sqrt(nx * x + ny * y + nz * z)
     return h
 
 
 @inlined
-def part_terms(xx, xy, xz, yy, yz, zz, nx, ny, nz):
+def ellipsoid_support(xx, xy, xz, yy, yz, zz, nx, ny, nz):
     """Return support point and curvature matrix of an ellipsoid at the normal n.
 
     The support point, its outermost point along n from its centre, is x = S n / h, with
@@ -138,7 +138,7 @@ def part_terms(xx, xy, xz, yy, yz, zz, nx, ny, nz):
     xx, xy, xz, yy, yz, zz : float
         Curvature matrix [m].
     """
-    x, y, z = matrix_times(xx, xy, xz, yy, yz, zz, nx, ny, nz)
+    x, y, z = multiply_symmetric(xx, xy, xz, yy, yz, zz, nx, ny, nz)
     inverse_h = rsqrt(nx * x + ny * y + nz * z)
     # the support point
     x, y, z = inverse_h * x, inverse_h * y, inverse_h * z
@@ -163,7 +163,7 @@ def add_part(row, part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz):
     Parameters
     ----------
     row : array
-        The body: a row of `Bodies.rows`, whose columns `state` names.
+        The body: a row of `Bodies.rows`. The module `state` names its columns.
     part : int
         Number of the ellipsoid.
     nx, ny, nz : float
@@ -179,7 +179,7 @@ def add_part(row, part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz):
         The sums: support point (3) and curvature matrix (6).
     """
     sxx, sxy, sxz, syy, syz, szz = shape_matrix(row, part)
-    px, py, pz, pxx, pxy, pxz, pyy, pyz, pzz = part_terms(
+    px, py, pz, pxx, pxy, pxz, pyy, pyz, pzz = ellipsoid_support(
         sxx, sxy, sxz, syy, syz, szz, nx, ny, nz
     )
     # the support point, then the matrix
@@ -213,7 +213,7 @@ def support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz):
     Parameters
     ----------
     row : array
-        The body: a row of `Bodies.rows`, whose columns `state` names.
+        The body: a row of `Bodies.rows`. The module `state` names its columns.
     parts : int
         Ellipsoids of the body, or SPHERES for a sphere.
     nx, ny, nz : float
@@ -241,7 +241,7 @@ def support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz):
     q_ww = 0.0
     for part in range(parts):
         # (sx, sy, sz) is S times a vector, with the matrix S of this ellipsoid
-        sx, sy, sz = times_shape(row, part, nx, ny, nz)
+        sx, sy, sz = multiply_by_shape(row, part, nx, ny, nz)
         square = nx * sx + ny * sy + nz * sz
         # a part that the body does not have is a matrix of zeros
         if square <= 0.0:
@@ -255,9 +255,9 @@ def support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz):
         along_u += part_u
         along_w += part_w
         # Q of this part is (S - x x') / h, here between u and u, u and w, w and w
-        sx, sy, sz = times_shape(row, part, ux, uy, uz)
+        sx, sy, sz = multiply_by_shape(row, part, ux, uy, uz)
         q_uu += (sx * ux + sy * uy + sz * uz - part_u * part_u) * inverse_h
         q_uw += (sx * wx + sy * wy + sz * wz - part_u * part_w) * inverse_h
-        sx, sy, sz = times_shape(row, part, wx, wy, wz)
+        sx, sy, sz = multiply_by_shape(row, part, wx, wy, wz)
         q_ww += (sx * wx + sy * wy + sz * wz - part_w * part_w) * inverse_h
     return h, along_u, along_w, q_uu, q_uw, q_ww

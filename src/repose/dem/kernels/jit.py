@@ -130,7 +130,7 @@ def _type(kernel, context):
     return typeof_impl(kernel.from_kernels, context)
 
 
-def _compiled_with(function, options):
+def _compile(function, options):
     """Return a `Kernel`, or a Python function where the compiler is off."""
     return _as_python(function) if JIT_OFF else Kernel(function, options)
 
@@ -142,14 +142,14 @@ def compiled(function):
 
 def kernel(function):
     """Compile a function of floats and arrays."""
-    return _compiled_with(function, OPTIONS)
+    return _compile(function, OPTIONS)
 
 
 def kernel_without_gil(function):
     """Compile a kernel that several Python threads run at the same time."""
-    return _compiled_with(function, OPTIONS | {"nogil": True})
+    return _compile(function, OPTIONS | {"nogil": True})
 
 
 def inlined(function):
     """Compile a small function that is always inlined into its callers."""
-    return _compiled_with(function, OPTIONS | {"forceinline": True})
+    return _compile(function, OPTIONS | {"forceinline": True})

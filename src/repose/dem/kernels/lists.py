@@ -5,7 +5,7 @@ Contact k of a list is lane k % LANES of tile k // LANES. The functions write `d
 place.
 """
 
-from . import state as st
+from . import state
 from .jit import inlined
 from .rows import LANES, write_vector
 
@@ -28,8 +28,8 @@ def put_contact(data, k, nx, ny, nz):
     """
     tile = data[k // LANES]
     lane = k % LANES
-    write_vector(tile, st.NORMAL, lane, nx, ny, nz)
-    for row in range(st.PAIR_STATE, data.shape[1], LANES):
+    write_vector(tile, state.NORMAL, lane, nx, ny, nz)
+    for row in range(state.PAIR_STATE, data.shape[1], LANES):
         tile[row + lane] = 0.0
 
 

@@ -8,13 +8,13 @@ Users keep the numbers that `Simulation.add` returned. `reorder` permutes the ar
 
 import numpy as np
 
-from . import state as st
+from . import state
 from .jit import kernel
 from .neighbours import insert_into_cell
 from .rows import LANES
 
 
-def morton(cell, shape):
+def compute_morton_codes(cell, shape):
     """Return the places of cells on a Morton curve.
 
     On this curve, cells that are near in space are mostly near. The place of a cell is a
@@ -48,7 +48,7 @@ def morton(cell, shape):
 
 
 @kernel
-def relink(grid, n):
+def rebuild_cell_lists(grid, n):
     """Put the first n bodies into the lists of their cells, after a renumbering.
 
     The lists are emptied first; `grid.cell` has the cell of each body, or -1.
@@ -87,14 +87,14 @@ def permute_lanes(order, tiles):
     """
     n_tiles = len(tiles)
     # a table with a row for each lane, then back to tiles
-    table = st.contact_rows(tiles, tiles.size)
+    table = state.contact_rows(tiles, tiles.size)
     permute(order, table)
     # from rows of lanes back to lanes of rows
     by_tile = table.reshape(n_tiles, LANES, -1)
     tiles[:] = by_tile.transpose(0, 2, 1).reshape(tiles.shape)
 
 
-def sort_by(bodies, arrays, *tiles):
+def sort_by_body(bodies, arrays, *tiles):
     """Sort a list of contacts by a body of each, in place.
 
     Contacts of one body keep their order, so the result does not depend on the sort.
@@ -150,7 +150,7 @@ def _permute_bodies(order, bodies, grid, flat, curved, meshed):
     bodies.wall_margin[:] = 0.0
 
 
-def _rename_bodies(new_number, pairs, flat, curved, meshed, counts):
+def _renumber_bodies(new_number, pairs, flat, curved, meshed, counts):
     """Write the new number of each body to the lists of contacts and near pairs.
 
     Parameters
@@ -167,13 +167,13 @@ def _rename_bodies(new_number, pairs, flat, curved, meshed, counts):
     """
     # arrays of body numbers, and where `counts` has their length
     lists = (
-        (pairs.first, st.N_PAIRS),
-        (pairs.second, st.N_PAIRS),
-        (pairs.near_first, st.N_NEAR),
-        (pairs.near_second, st.N_NEAR),
-        (flat.body, st.N_PLANE),
-        (curved.body, st.N_CURVED),
-        (meshed.body, st.N_MESHED),
+        (pairs.first, state.N_PAIRS),
+        (pairs.second, state.N_PAIRS),
+        (pairs.near_first, state.N_NEAR),
+        (pairs.near_second, state.N_NEAR),
+        (flat.body, state.N_PLANE),
+        (curved.body, state.N_CURVED),
+        (meshed.body, state.N_MESHED),
     )
     for numbers, slot in lists:
         n = counts[slot]
@@ -198,14 +198,14 @@ def _sort_contacts(pairs, flat, counts):
         indices.
     """
     # pairs that touch
-    n_pairs = counts[st.N_PAIRS]
+    n_pairs = counts[state.N_PAIRS]
     lower = np.minimum(pairs.first[:n_pairs], pairs.second[:n_pairs])
-    sort_by(lower, (pairs.first, pairs.second), pairs.data)
+    sort_by_body(lower, (pairs.first, pairs.second), pairs.data)
     # contacts with planes
-    bodies = flat.body[: counts[st.N_PLANE]]
-    sort_by(bodies, (flat.body, flat.wall, flat.feature), flat.data)
+    bodies = flat.body[: counts[state.N_PLANE]]
+    sort_by_body(bodies, (flat.body, flat.wall, flat.feature), flat.data)
     # near pairs
-    n_near = counts[st.N_NEAR]
+    n_near = counts[state.N_NEAR]
     lower_near = np.minimum(pairs.near_first[:n_near], pairs.near_second[:n_near])
     near_arrays = (
         pairs.near_first,
@@ -213,7 +213,7 @@ def _sort_contacts(pairs, flat, counts):
         pairs.near_limit,
         pairs.near_normal,
     )
-    sort_by(lower_near, near_arrays)
+    sort_by_body(lower_near, near_arrays)
     # the blocks of near pairs have changed, see `parallel.CHANGED`
     pairs.near_check[:] = 0.0
 
@@ -242,16 +242,18 @@ def reorder(bodies, grid, pairs, flat, curved, meshed, counts):
     ndarray (n,)
         The old number of each body.
     """
-    n = int(counts[st.N_BODIES])
-    old_number = np.argsort(morton(grid.cell[:n], grid.shape), kind="stable")
+    n = int(counts[state.N_BODIES])
+    old_number = np.argsort(
+        compute_morton_codes(grid.cell[:n], grid.shape), kind="stable"
+    )
     new_number = np.empty(n, np.int64)
     new_number[old_number] = np.arange(n)
     # the arrays with a place for each body
     _permute_bodies(old_number, bodies, grid, flat, curved, meshed)
     # the lists that hold numbers of bodies
-    n_moved = int(counts[st.N_MOVED])
+    n_moved = int(counts[state.N_MOVED])
     grid.moved_list[:n_moved] = new_number[grid.moved_list[:n_moved]]
-    relink(grid, n)
-    _rename_bodies(new_number, pairs, flat, curved, meshed, counts)
+    rebuild_cell_lists(grid, n)
+    _renumber_bodies(new_number, pairs, flat, curved, meshed, counts)
     _sort_contacts(pairs, flat, counts)
     return old_number

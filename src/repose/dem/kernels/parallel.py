@@ -22,8 +22,8 @@ import numpy as np
 
 from . import state
 from .atomics import wait_for_all
-from .engine import begin_step, has_room, wall_contacts_and_forces
-from .forces import pair_forces
+from .engine import begin_step, has_room, process_wall_contacts
+from .forces import add_pair_forces
 from .jit import inlined, kernel, kernel_without_gil
 from .neighbours import (
     add_contact,
@@ -427,7 +427,7 @@ def advance_shared(
             renew_pairs(
                 bodies, pairs, (), counts, grid, physics.parts, scratch.normal, ghost
             )
-            wall_contacts_and_forces(
+            process_wall_contacts(
                 bodies,
                 plane_contacts,
                 curved_contacts,
@@ -448,7 +448,7 @@ def advance_shared(
         for share in range(thread, SHARES, n_threads):
             begin, end = share_range(counts[state.N_PAIRS], share, LANES)
             share_begins[share] = begin
-            n_found[share] = pair_forces(
+            n_found[share] = add_pair_forces(
                 bodies, pairs, (), counts, physics, contact_tile, share, begin, end
             )
         wait_for_all(shared.counters, n_threads)

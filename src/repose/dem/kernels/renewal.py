@@ -10,7 +10,7 @@ pairs and of contacts with walls, `counts`, and the columns of motion of gone bo
 
 from . import state
 from .clumps import chain_entries, drop_entries_of_gone
-from .forces import drop_touch
+from .forces import release_wall_contact
 from .jit import inlined, kernel
 from .neighbours import (
     add_smooth_pair_if_near,
@@ -263,7 +263,7 @@ def drop_wall_contacts_of_gone(presence, contacts, clumps, counts, length_index,
     # begin at the end, because the last contact replaces a dropped one
     for k in range(counts[length_index] - 1, -1, -1):
         if presence[contacts.body[k]] != state.PRESENT:
-            drop_touch(contacts, clumps, counts, length_index, k, ghost)
+            release_wall_contact(contacts, clumps, counts, length_index, k, ghost)
 
 
 @kernel

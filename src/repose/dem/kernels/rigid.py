@@ -15,7 +15,7 @@ import math
 
 from . import state
 from .body_rotation import rotate_bodies, rotate_spheres, write_shapes
-from .body_tile import BEFORE, LOAD, MORE, PATH, ROWS
+from .body_tile import HEIGHT_BEFORE, LOAD, PATH, ROWS, SHARE_LOAD
 from .jit import inlined, kernel
 from .neighbours import mark_moved
 from .rows import LANES, add_vector, lane_vector, set_vector, vector_at, write_vector
@@ -48,7 +48,8 @@ def move_centres(scratch, gx, gy, gz, dt):
 
     The method is semi-implicit Euler: first the velocity changes, then the new velocity
     moves the centre. The function writes the velocities and positions, the height
-    before the step (row BEFORE) and the length of the path (row PATH). Absent bodies
+    before the step (row HEIGHT_BEFORE)
+    and the length of the path (row PATH). Absent bodies
     have no mass and do not move.
 
     Parameters
@@ -71,7 +72,7 @@ def move_centres(scratch, gx, gy, gz, dt):
         vy = flush_tiny(vy + velocity_per_force * fy + is_present * dt * gy)
         vz = flush_tiny(vz + velocity_per_force * fz + is_present * dt * gz)
         write_vector(scratch, VELOCITY, lane, vx, vy, vz)
-        scratch[BEFORE + lane] = scratch[HEIGHT + lane]
+        scratch[HEIGHT_BEFORE + lane] = scratch[HEIGHT + lane]
         # the new velocity moves the centre
         add_vector(scratch, POSITION, lane, dt * vx, dt * vy, dt * vz)
         scratch[PATH + lane] = dt * math.sqrt(squared_length(vx, vy, vz))
@@ -113,7 +114,7 @@ def add_paths_and_count_events(
         displacement[first_body + lane] = new_displacement
         z = scratch[HEIGHT + lane]
         # the conditions of `find_body_events`, for all lanes at once
-        has_fallen = (scratch[BEFORE + lane] >= exit_height) & (z < exit_height)
+        has_fallen = (scratch[HEIGHT_BEFORE + lane] >= exit_height) & (z < exit_height)
         is_present = scratch[INVERSE_MASS + lane] > 0.0
         has_moved_far = new_displacement >= motion[RENEWAL + lane]
         is_below_floor = z < floor_height
@@ -171,7 +172,7 @@ def find_body_events(bodies, physics, scratch, motion, lane, i):
     # heights of the centre after and before the step
     z = scratch[HEIGHT + lane]
     event = 0
-    if scratch[BEFORE + lane] >= physics.exit_height and z < physics.exit_height:
+    if scratch[HEIGHT_BEFORE + lane] >= physics.exit_height and z < physics.exit_height:
         event |= FELL
     if bodies.displacement[i] >= motion[RENEWAL + lane]:
         event |= MOVED_FAR
@@ -239,10 +240,17 @@ def sum_loads(bodies, tile_number, scratch):
         if bodies.touched[share, tile_number]:
             bodies.touched[share, tile_number] = 0
             load = bodies.load[share]
-            # copy the share to the rows MORE, and add these to the sum
-            gather(load, state.LOAD_COLUMNS, bodies.indices, first_body, scratch, MORE)
+            # copy the share to the rows SHARE_LOAD, and add these to the sum
+            gather(
+                load,
+                state.LOAD_COLUMNS,
+                bodies.indices,
+                first_body,
+                scratch,
+                SHARE_LOAD,
+            )
             for index in range(state.LOAD_COLUMNS * LANES):
-                scratch[LOAD + index] += scratch[MORE + index]
+                scratch[LOAD + index] += scratch[SHARE_LOAD + index]
             load[first_body : first_body + LANES] = 0.0
 
 

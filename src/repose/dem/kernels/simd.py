@@ -42,7 +42,7 @@ SMALLEST = 1e-300  # makes the root of zero a number to divide by
 
 # The arguments of the three intrinsics that move numbers between a table and a tile:
 # arrays `table`, `index` and `tile`, the other four integers.
-MOVE_ARGUMENTS = ("table", "column", "index", "k", "tile", "first", "stride")
+COPY_ARGUMENTS = ("table", "column", "index", "k", "tile", "first", "stride")
 
 
 def _shuffle(builder, first, second, places):
@@ -142,7 +142,7 @@ def _write_transposition(builder, pointers):
     return columns
 
 
-class _Move:
+class _CopyArguments:
     """The arguments of an intrinsic that moves numbers, as LLVM values.
 
     Attributes
@@ -160,12 +160,12 @@ class _Move:
         context, builder
             Numba's target context and LLVM's builder.
         signature : numba signature
-            Types of the arguments, in the order of MOVE_ARGUMENTS.
+            Types of the arguments, in the order of COPY_ARGUMENTS.
         values : sequence of LLVM values
             The arguments.
         """
         self.builder = builder
-        arguments = zip(MOVE_ARGUMENTS, signature.args, values, strict=True)
+        arguments = zip(COPY_ARGUMENTS, signature.args, values, strict=True)
         for name, kind, value in arguments:
             if isinstance(kind, types.Array):
                 array = context.make_array(kind)(context, builder, value)
@@ -206,7 +206,7 @@ class _Move:
         return [self.lanes(quantity) for quantity in range(WIDTH)]
 
 
-def _move_signature(table, column, index, k, tile, first, stride):
+def _find_copy_signature(table, column, index, k, tile, first, stride):
     """Return the signature of an intrinsic that moves numbers.
 
     Where the intrinsic cannot move them the result is None, by which numba knows that
@@ -230,28 +230,28 @@ def _move_signature(table, column, index, k, tile, first, stride):
     return types.void(table, column, index, k, tile, first, stride)
 
 
-def _move_intrinsic(write_code):
+def _make_copy_intrinsic(write_code):
     """Make an intrinsic, a function with LLVM code of its own, that moves numbers.
 
     Parameters
     ----------
     write_code : callable
-        Writes the code, given LLVM's builder and the arguments as a `_Move`. It gives the
+        Writes the code, given LLVM's builder and the arguments as a `_CopyArguments`. It gives the
         intrinsic its name and docstring.
 
     Returns
     -------
     callable
-        A function that kernels call with MOVE_ARGUMENTS.
+        A function that kernels call with COPY_ARGUMENTS.
     """
 
     # numba calls `declare` with the types of the arguments, then `generate` for the code
     def declare(typingctx, table, column, index, k, tile, first, stride):
         def generate(context, builder, sig, values):
-            write_code(builder, _Move(context, builder, sig, values))
+            write_code(builder, _CopyArguments(context, builder, sig, values))
             return context.get_dummy_value()
 
-        signature = _move_signature(table, column, index, k, tile, first, stride)
+        signature = _find_copy_signature(table, column, index, k, tile, first, stride)
         return signature, generate
 
     declare.__name__ = write_code.__name__
@@ -259,43 +259,43 @@ def _move_intrinsic(write_code):
     return intrinsic(declare)
 
 
-@_move_intrinsic
+@_make_copy_intrinsic
 def rows_to_lanes(builder, move):
     """Copy eight columns of eight rows of a table to lanes of a tile.
 
     tile[first + c * stride + lane] = table[index[k + lane], column + c], for c and lane
-    of 0..7. Kernels call it with MOVE_ARGUMENTS.
+    of 0..7. Kernels call it with COPY_ARGUMENTS.
 
     Parameters
     ----------
     builder : ir.IRBuilder
         LLVM's builder.
-    move : _Move
+    move : _CopyArguments
         The arguments of the call.
     """
     for quantity, lanes in enumerate(_write_transposition(builder, move.rows())):
         _store(builder, lanes, move.lanes(quantity))
 
 
-@_move_intrinsic
+@_make_copy_intrinsic
 def lanes_to_rows(builder, move):
     """Copy eight rows of eight lanes of a tile to columns of a table.
 
     table[index[k + lane], column + c] = tile[first + c * stride + lane], for c and lane
-    of 0..7. Kernels call it with MOVE_ARGUMENTS.
+    of 0..7. Kernels call it with COPY_ARGUMENTS.
 
     Parameters
     ----------
     builder : ir.IRBuilder
         LLVM's builder.
-    move : _Move
+    move : _CopyArguments
         The arguments of the call.
     """
     for lane, row in enumerate(_write_transposition(builder, move.all_lanes())):
         _store(builder, row, move.row(lane))
 
 
-@_move_intrinsic
+@_make_copy_intrinsic
 def add_lanes_to_rows(builder, move):
     """Add eight rows of eight lanes of a tile to columns of a table.
 
@@ -306,7 +306,7 @@ def add_lanes_to_rows(builder, move):
     ----------
     builder : ir.IRBuilder
         LLVM's builder.
-    move : _Move
+    move : _CopyArguments
         The arguments of the call.
     """
     for lane, row in enumerate(_write_transposition(builder, move.all_lanes())):
@@ -410,7 +410,7 @@ def gather(rows, columns, index, base, tile, first):
     base : int
         Place of lane 0 in `index`.
     tile : array
-        The tile; is written.
+        The tile; it is overwritten.
     first : int
         Place in the tile to which column 0 goes; the next columns go to the next rows.
     """

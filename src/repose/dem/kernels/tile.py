@@ -14,8 +14,8 @@ are not used.
 
 import math
 
-from . import state as st
-from .geometry import matrix_times, part_terms, radii_product
+from . import state
+from .geometry import ellipsoid_support, multiply_symmetric, radii_product
 from .jit import inlined
 from .rows import LANES, Rows, lane_matrix, lane_vector, write_matrix, write_vector
 from .simd import rsqrt
@@ -29,14 +29,14 @@ MOST_COLUMNS = 40
 A = _rows.take(MOST_COLUMNS)
 B = _rows.take(MOST_COLUMNS)
 # Rows of the columns that the geometry needs: the centre (3), and the shape.
-POSITION_A, POSITION_B = A + st.POSITION * LANES, B + st.POSITION * LANES
-SHAPE_A, SHAPE_B = A + st.SHAPE * LANES, B + st.SHAPE * LANES
-SPHERE_RADIUS_A = A + st.SPHERE_RADIUS * LANES
-SPHERE_RADIUS_B = B + st.SPHERE_RADIUS * LANES
+POSITION_A, POSITION_B = A + state.POSITION * LANES, B + state.POSITION * LANES
+SHAPE_A, SHAPE_B = A + state.SHAPE * LANES, B + state.SHAPE * LANES
+SPHERE_RADIUS_A = A + state.SPHERE_RADIUS * LANES
+SPHERE_RADIUS_B = B + state.SPHERE_RADIUS * LANES
 SUPPORT = _rows.take(3)  # support point of A, from its centre
-BETWEEN = _rows.take(3)  # from the support point of A to that of B
-CURVED = _rows.take(6)  # curvature matrix of A: xx, xy, xz, yy, yz, zz
-BOTH = _rows.take(6)  # sum of the curvature matrices of A and B
+SUPPORT_A_TO_B = _rows.take(3)  # from the support point of A to that of B
+CURVATURE_A = _rows.take(6)  # curvature matrix of A: xx, xy, xz, yy, yz, zz
+CURVATURE_SUM = _rows.take(6)  # sum of the curvature matrices of A and B
 AREA_A, AREA_B = _rows.take_each(2)  # product of the principal radii of curvature
 GAP = _rows.take()  # negative for an overlap
 RADIUS = _rows.take()  # effective radius
@@ -78,8 +78,8 @@ def fill_constants(scratch, first, constants):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     first : int
         First row of the law; constant number c goes to the row c rows after it.
     constants : array
@@ -91,14 +91,14 @@ def fill_constants(scratch, first, constants):
 
 
 @inlined
-def lane_part(scratch, shape_row, lane, nx, ny, nz):
+def ellipsoid_terms(scratch, shape_row, lane, nx, ny, nz):
     """Return support point and curvature matrix of one ellipsoid along the normal n.
 
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     shape_row : int
         First of the six rows with the ellipsoid's matrix (xx, xy, xz, yy, yz, zz).
     lane : int
@@ -109,10 +109,10 @@ def lane_part(scratch, shape_row, lane, nx, ny, nz):
     Returns
     -------
     tuple of 9 float
-        See `geometry.part_terms`.
+        See `geometry.ellipsoid_support`.
     """
     xx, xy, xz, yy, yz, zz = lane_matrix(scratch, shape_row, lane)
-    return part_terms(xx, xy, xz, yy, yz, zz, nx, ny, nz)
+    return ellipsoid_support(xx, xy, xz, yy, yz, zz, nx, ny, nz)
 
 
 @inlined
@@ -124,8 +124,8 @@ def body_terms(scratch, shape_row, parts, lane, nx, ny, nz):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     shape_row : int
         First row of the first part's matrix; each part has PART rows.
     parts : int
@@ -143,10 +143,12 @@ def body_terms(scratch, shape_row, parts, lane, nx, ny, nz):
         Curvature matrix [m].
     """
     # the first part, then the sum with the others
-    x, y, z, xx, xy, xz, yy, yz, zz = lane_part(scratch, shape_row, lane, nx, ny, nz)
+    x, y, z, xx, xy, xz, yy, yz, zz = ellipsoid_terms(
+        scratch, shape_row, lane, nx, ny, nz
+    )
     for part in range(1, parts):
         part_row = shape_row + part * PART * LANES
-        dx, dy, dz, dxx, dxy, dxz, dyy, dyz, dzz = lane_part(
+        dx, dy, dz, dxx, dxy, dxz, dyy, dyz, dzz = ellipsoid_terms(
             scratch, part_row, lane, nx, ny, nz
         )
         x, y, z = x + dx, y + dy, z + dz
@@ -159,16 +161,16 @@ def body_terms(scratch, shape_row, parts, lane, nx, ny, nz):
 def write_terms_of_a(scratch, contacts, parts):
     """Write what the geometry of a contact needs of body A, for each lane.
 
-    Writes the rows SUPPORT (outermost point along the normal), CURVED (curvature matrix
+    Writes the rows SUPPORT (outermost point along the normal), CURVATURE_A (curvature matrix
     there) and AREA_A (product of the principal radii of curvature).
 
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     contacts : array (rows * LANES,)
-        Tile of the quantities that these contacts keep from step to step. `state` names
+        What these contacts keep from step to step, in a tile. The module `state` names
         the rows.
     parts : int
         Number of ellipsoids of a body.
@@ -179,7 +181,7 @@ def write_terms_of_a(scratch, contacts, parts):
             scratch, SHAPE_A, parts, lane, nx, ny, nz
         )
         write_vector(scratch, SUPPORT, lane, support_x, support_y, support_z)
-        write_matrix(scratch, CURVED, lane, xx, xy, xz, yy, yz, zz)
+        write_matrix(scratch, CURVATURE_A, lane, xx, xy, xz, yy, yz, zz)
         scratch[AREA_A + lane] = radii_product(xx, xy, xz, yy, yz, zz)
 
 
@@ -187,17 +189,17 @@ def write_terms_of_a(scratch, contacts, parts):
 def add_terms_of_b(scratch, contacts, parts):
     """Combine body B of each lane with body A, whose terms are known.
 
-    Call `write_terms_of_a` first. Writes the rows BETWEEN (from the support point of A
-    to that of B), BOTH (sum of the two curvature matrices) and AREA_B (product of the
+    Call `write_terms_of_a` first. Writes the rows SUPPORT_A_TO_B (from the support point of A
+    to that of B), CURVATURE_SUM (sum of the two curvature matrices) and AREA_B (product of the
     principal radii of curvature of B).
 
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     contacts : array (rows * LANES,)
-        Tile of the quantities that these contacts keep from step to step. `state` names
+        What these contacts keep from step to step, in a tile. The module `state` names
         the rows.
     parts : int
         Number of ellipsoids of a body.
@@ -218,13 +220,13 @@ def add_terms_of_b(scratch, contacts, parts):
         between_x = centre_b_x - centre_a_x - support_a_x - support_b_x
         between_y = centre_b_y - centre_a_y - support_a_y - support_b_y
         between_z = centre_b_z - centre_a_z - support_a_z - support_b_z
-        write_vector(scratch, BETWEEN, lane, between_x, between_y, between_z)
+        write_vector(scratch, SUPPORT_A_TO_B, lane, between_x, between_y, between_z)
         # Curvatures: the product of the radii of B, and the sum of both matrices.
         scratch[AREA_B + lane] = radii_product(xx, xy, xz, yy, yz, zz)
-        axx, axy, axz, ayy, ayz, azz = lane_matrix(scratch, CURVED, lane)
+        axx, axy, axz, ayy, ayz, azz = lane_matrix(scratch, CURVATURE_A, lane)
         write_matrix(
             scratch,
-            BOTH,
+            CURVATURE_SUM,
             lane,
             axx + xx,
             axy + xy,
@@ -255,16 +257,16 @@ def write_newton_step(scratch, contacts):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     contacts : array (rows * LANES,)
-        Tile of the quantities that these contacts keep from step to step. `state` names
+        What these contacts keep from step to step, in a tile. The module `state` names
         the rows.
     """
     for lane in range(LANES):
         nx, ny, nz = lane_vector(contacts, NORMAL, lane)
-        between_x, between_y, between_z = lane_vector(scratch, BETWEEN, lane)
-        xx, xy, xz, yy, yz, zz = lane_matrix(scratch, BOTH, lane)
+        between_x, between_y, between_z = lane_vector(scratch, SUPPORT_A_TO_B, lane)
+        xx, xy, xz, yy, yz, zz = lane_matrix(scratch, CURVATURE_SUM, lane)
         # the gap f and its gradient g along the normal so far
         gap = dot(nx, ny, nz, between_x, between_y, between_z)
         gx, gy, gz = between_x - gap * nx, between_y - gap * ny, between_z - gap * nz
@@ -279,7 +281,7 @@ def write_newton_step(scratch, contacts):
         inverse = 1.0 / (det if is_definite else trace * trace)
         gradient_factor = inverse * (trace + gap if is_definite else trace)
         matrix_factor = inverse if is_definite else 0.0
-        cg_x, cg_y, cg_z = matrix_times(xx, xy, xz, yy, yz, zz, gx, gy, gz)
+        cg_x, cg_y, cg_z = multiply_symmetric(xx, xy, xz, yy, yz, zz, gx, gy, gz)
         sx = gradient_factor * gx - matrix_factor * cg_x
         sy = gradient_factor * gy - matrix_factor * cg_y
         sz = gradient_factor * gz - matrix_factor * cg_z
@@ -303,10 +305,10 @@ def write_contact_points(scratch, contacts):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     contacts : array (rows * LANES,)
-        Tile of the quantities that these contacts keep from step to step. `state` names
+        What these contacts keep from step to step, in a tile. The module `state` names
         the rows.
     """
     for lane in range(LANES):
@@ -320,7 +322,7 @@ def write_contact_points(scratch, contacts):
         # The step moves the support point of A by its curvature times the step. The
         # contact lies midway between the two support points.
         support_x, support_y, support_z = lane_vector(scratch, SUPPORT, lane)
-        xx, xy, xz, yy, yz, zz = lane_matrix(scratch, CURVED, lane)
+        xx, xy, xz, yy, yz, zz = lane_matrix(scratch, CURVATURE_A, lane)
         half_gap = 0.5 * scratch[GAP + lane]
         rx = support_x + xx * sx + xy * sy + xz * sz + half_gap * nx
         ry = support_y + xy * sx + yy * sy + yz * sz + half_gap * ny
@@ -340,16 +342,16 @@ def write_contact_points(scratch, contacts):
 
 
 @inlined
-def write_terms(scratch, contacts, parts):
+def write_terms_of_both(scratch, contacts, parts):
     """Write the terms of both bodies that the Newton step needs.
 
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     contacts : array (rows * LANES,)
-        Tile of the quantities that these contacts keep from step to step. `state` names
+        What these contacts keep from step to step, in a tile. The module `state` names
         the rows.
     parts : int
         Number of ellipsoids of a body; a constant in each call.
@@ -369,10 +371,10 @@ def write_sphere_pair_geometry(scratch, contacts):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     contacts : array (rows * LANES,)
-        Tile of the quantities that these contacts keep from step to step. `state` names
+        What these contacts keep from step to step, in a tile. The module `state` names
         the rows.
     """
     for lane in range(LANES):
@@ -418,24 +420,24 @@ def write_pair_geometry(scratch, contacts, parts):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     contacts : array (rows * LANES,)
-        Tile of the quantities that these contacts keep from step to step. `state` names
+        What these contacts keep from step to step, in a tile. The module `state` names
         the rows.
     parts : int
         Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     """
-    if parts == st.SPHERES:
+    if parts == state.SPHERES:
         write_sphere_pair_geometry(scratch, contacts)
         return
     # The number of parts is a constant in each call, so that the loops are vector code.
     if parts == 1:
-        write_terms(scratch, contacts, 1)
+        write_terms_of_both(scratch, contacts, 1)
     elif parts == 2:
-        write_terms(scratch, contacts, 2)
+        write_terms_of_both(scratch, contacts, 2)
     else:
-        write_terms(scratch, contacts, MOST_PARTS)
+        write_terms_of_both(scratch, contacts, MOST_PARTS)
     write_newton_step(scratch, contacts)
     write_contact_points(scratch, contacts)
 
@@ -450,10 +452,10 @@ def write_terms_of_sphere(scratch, contacts):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     contacts : array (rows * LANES,)
-        Tile of the quantities that these contacts keep from step to step. `state` names
+        What these contacts keep from step to step, in a tile. The module `state` names
         the rows.
     """
     for lane in range(LANES):
@@ -479,12 +481,12 @@ def is_on_disc(contacts, lane, x, y, z, nx, ny, nz):
     nx, ny, nz : float
         Unit normal of the plane.
     """
-    middle_x, middle_y, middle_z = lane_vector(contacts, st.MIDDLE, lane)
+    middle_x, middle_y, middle_z = lane_vector(contacts, state.MIDDLE, lane)
     dx, dy, dz = x - middle_x, y - middle_y, z - middle_z
     height = dot(dx, dy, dz, nx, ny, nz)
     # the squared distance from the middle in the plane, by Pythagoras
     square = squared_length(dx, dy, dz) - height * height
-    return square <= contacts[st.SQUARED_RADIUS + lane]
+    return square <= contacts[state.SQUARED_RADIUS + lane]
 
 
 @inlined
@@ -497,8 +499,8 @@ def write_plane_geometry(scratch, contacts, parts):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     contacts : array
         Tile of the contacts: the plane's normal (row NORMAL, into the wall), its OFFSET
         along the normal, and its disc (MIDDLE, SQUARED_RADIUS).
@@ -506,7 +508,7 @@ def write_plane_geometry(scratch, contacts, parts):
         Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     """
     # The number of parts is a constant in each call, so that the loop is vector code.
-    if parts == st.SPHERES:
+    if parts == state.SPHERES:
         write_terms_of_sphere(scratch, contacts)
     elif parts == 1:
         write_terms_of_a(scratch, contacts, 1)
@@ -548,11 +550,11 @@ def write_torques(scratch):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES contacts. Lane k of a row is `scratch[row +
-        k]`, and `tile` names the rows.
+        Working memory of a tile of LANES contacts. A quantity of one contact is
+        `scratch[row + lane]`; the module `tile` names the rows.
     """
-    torque_row = st.TORQUE * LANES
-    dashpots_row = st.DASHPOTS * LANES
+    torque_row = state.TORQUE * LANES
+    dashpots_row = state.DASHPOTS * LANES
     for lane in range(LANES):
         fx, fy, fz = lane_vector(scratch, TO_A, lane)
         dashpot = scratch[DASHPOT + lane]
