@@ -23,7 +23,7 @@ from .checks import (
 )
 from .errors import InputError
 from .kernels import state
-from .kernels.features import split
+from .kernels.features import find_features
 
 ORIGIN = (0.0, 0.0, 0.0)
 UP = (0.0, 0.0, 1.0)
@@ -396,7 +396,7 @@ class Mesh:
         object.__setattr__(self, "vertices_m", vertices)
         object.__setattr__(self, "faces", faces)
         # The faces, edges and vertices that bodies can touch, in the form of the kernels
-        object.__setattr__(self, "part", split(vertices, faces, edge))
+        object.__setattr__(self, "part", find_features(vertices, faces, edge))
 
     @classmethod
     def from_stl(

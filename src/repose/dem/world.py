@@ -196,7 +196,9 @@ class World:
         mesh_walls = self.wall_set.list_walls(Mesh)
         if mesh_walls:
             slide = max(shape.slide for shape in self.shapes.values())
-            self.meshes = features.join([mesh.part for mesh in mesh_walls], slide)
+            self.meshes = features.join_features(
+                [mesh.part for mesh in mesh_walls], slide
+            )
 
     def _make_walls(
         self, old_walls: state.Walls | None = None, changed_wall: int = -1

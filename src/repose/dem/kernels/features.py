@@ -1,19 +1,21 @@
 """Faces, edges and vertices of a mesh that bodies can touch, in a grid of cells.
 
 Features are faces, convex edges and convex vertices. The mesh is *eroded* by the edge
-radius: every vertex moves inwards until it lies that deep below all its faces; the
+radius: every vertex moves inwards until it lies that deep below all its faces. The
 eroded mesh is called the core. The wall is the core dilated by the edge radius. So
-faces return to their old places, edges become cylinders and vertices spheres, tangent
-to the faces. The normals of neighbouring features fit together without gap or overlap,
-for any mesh. Edges between coplanar triangles and concave edges bound no set of normals
-and are no features. An open border is a rim, rounded down to the back of its face.
+faces return to their old positions, edges become cylinders and vertices spheres,
+tangent to the faces. The normals of neighbouring features fit together without gap or
+overlap, for any mesh. Edges between coplanar triangles and concave edges bound no set
+of normals, so they are no features. An open border is a rim, rounded down to the back
+of its face.
 
-`split` makes a `MeshFeatures`, the features of one mesh; `join` puts the parts of all meshes
-into a `Meshes`, which the kernels take. This is Python but for `put_in_cells`.
+`find_features` returns the features of one mesh as a `MeshFeatures`. `join_features`
+joins those of all meshes to a `Meshes`, which the kernels take. Only `put_in_cells` is
+compiled.
 
-Names: V, F and E are the numbers of vertices, faces and edges of the mesh. A *plane* is
-a group of coplanar triangles (or stands upright on a rim), with one outward unit
-normal.
+V, F and E are the numbers of vertices, faces and edges of a mesh. A *plane* is a group
+of coplanar triangles with one outward unit normal. Each rim has one more plane, upright
+on its face.
 """
 
 from typing import Any, NamedTuple
@@ -35,7 +37,7 @@ STRICT = 16
 # Of an edge: start (3), unit vector along it (3), length, normal of the first face (3),
 # unit vector to which that normal turns (3), and the angle of all normals [rad].
 EDGE_ALONG, EDGE_LENGTH, EDGE_NORMAL, EDGE_TURN, EDGE_ANGLE = 3, 6, 7, 10, 13
-PLACE = 0  # (3), start of an edge or place of a vertex
+PLACE = 0  # (3), start of an edge or position of a vertex
 RADIUS_COLUMN = 19  # edge radius, of every feature
 
 # Two triangles may be coplanar when their corners are this near to each other's plane, as
@@ -55,12 +57,16 @@ GENTLE = 0.35
 LEAST_ANGLE = 1e-9
 # A direction lies within a vertex's normals when it does by this margin (a sine).
 LEAST_CONE = 1e-7
-# A triangle has turned over when its area or a side, projected on the old one, is below
-# this share of it.
+# A triangle has turned over when its area vector or a side, projected on the old one, is
+# below this share of the old one.
 LEAST_SHARE = 1e-6
-BISECTIONS = 30
-PERCEPTRON_STEPS = 40
-TINY = 1e-300  # in place of a zero that is divided by
+BISECTIONS = 30  # for the largest edge radius: to a billionth of the one asked for
+PERCEPTRON_STEPS = 40  # attempts to find a direction from which all edges recede
+PERCEPTRON_MARGIN = 1e-3  # how far a step goes beyond the perpendicular to a ray
+LEAST_THICKNESS = 1e-3  # of the grid of cells, as a share of its longest side
+GRID_MARGIN = 1e-6  # room for rounding around the grid, as a share of a cell's edge
+HALF_CELL = 0.500001  # half the edge of a cell, with a margin for rounding
+TINY = 1e-300  # divisor in place of a zero
 
 
 class Meshes(NamedTuple):
@@ -91,7 +97,7 @@ class Meshes(NamedTuple):
 
 
 class MeshFeatures(NamedTuple):
-    """The features of one mesh; the fields are those of `Meshes`."""
+    """The features of one mesh. `Meshes` describes the fields."""
 
     kind: Any
     data: Any
@@ -107,17 +113,17 @@ class MeshFeatures(NamedTuple):
 
 
 def _normalise(vectors):
-    """Divide vectors (n, 3) by their lengths; none of them may be zero."""
+    """Return unit vectors along `vectors` (n, 3), none of which may be zero."""
     return vectors / np.linalg.norm(vectors, axis=-1, keepdims=True)
 
 
 def _normalise_or_zero(vectors):
-    """Divide vectors (n, 3) by their lengths; zeros stay zeros."""
+    """Return unit vectors along `vectors` (n, 3). Vectors of zeros stay zeros."""
     return vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), TINY)
 
 
 def _compute_area_vectors(vertices, faces):
-    """Compute the area vectors of triangles: their outward normals times their areas.
+    """Compute the area vectors of triangles: outward unit normals times areas.
 
     Parameters
     ----------
@@ -156,17 +162,17 @@ def find_edges(faces):
     Raises
     ------
     ValueError
-        Where more than two faces, or two faces of opposite winding, share an edge.
+        If more than two faces, or two faces of opposite winding, share an edge.
     """
-    # Every face runs around its three sides; two faces may share one edge.
+    # Each face has three sides. Two sides of different faces may be the same edge.
     sides = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     side_face = np.repeat(np.arange(len(faces)), 3)
     edges, side_edge = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True)
     side_edge = side_edge.ravel()
-    # 0 where the face runs from the lower to the higher vertex, else 1
+    # 0 where the side runs from the lower to the higher vertex, else 1
     direction = (sides[:, 0] > sides[:, 1]).astype(int)
 
-    # each edge has at most one face in either direction
+    # at most one face may run along an edge in each direction
     n_faces = np.zeros((len(edges), 2), int)
     np.add.at(n_faces, (side_edge, direction), 1)
     if n_faces.max() > 1:
@@ -175,7 +181,7 @@ def find_edges(faces):
             f"faces has several triangles on one side of edge {edge}; expected at most "
             "two triangles at an edge, both with their normals outwards"
         )
-    # each side enters its face at its edge
+    # enter the face of each side in the row of its edge
     edge_faces = np.full((len(edges), 2), -1)
     edge_faces[side_edge, direction] = side_face
     return edges, edge_faces
@@ -198,43 +204,43 @@ def _find_coplanar_pairs(vertices, faces, edges, edge_faces, face_normals):
     first, second : ndarray (n,)
         The first and the second face of each pair.
     """
-    # The edges between two faces, and a vertex of each of them.
+    # Edges between two faces, with one vertex of each edge.
     is_shared = (edge_faces >= 0).all(axis=1)
     first = edge_faces[is_shared, 0]
     second = edge_faces[is_shared, 1]
     edge_vertex = vertices[edges[is_shared, 0]]
 
-    # The height of the corners of one face over the plane of the other, whichever of the
-    # two is smaller: the plane of a narrow triangle is uncertain.
-    height = np.full(len(first), np.inf)
+    # How far the corners of one face lie from the plane of the other. Of the two values
+    # the smaller one counts, because the plane of a narrow triangle is uncertain.
+    distance = np.full(len(first), np.inf)
     for face, other_face in ((first, second), (second, first)):
         corners = vertices[faces[other_face]] - edge_vertex[:, None]
-        heights = np.abs(np.einsum("eki,ei->ek", corners, face_normals[face]))
-        height = np.minimum(height, heights.max(axis=1))
+        corner_distances = np.abs(np.einsum("eki,ei->ek", corners, face_normals[face]))
+        distance = np.minimum(distance, corner_distances.max(axis=1))
 
-    size = np.linalg.norm(np.ptp(vertices, axis=0))
-    # positive where the two faces look to the same side
+    mesh_size = np.linalg.norm(np.ptp(vertices, axis=0))
+    # The cosine is positive if both faces look to the same side.
     cosine = np.sum(face_normals[first] * face_normals[second], axis=1)
-    is_coplanar = (height < FLAT * size) & (cosine > 0.0)
+    is_coplanar = (distance < FLAT * mesh_size) & (cosine > 0.0)
     return first[is_coplanar], second[is_coplanar]
 
 
 def _measure_thicknesses(vertices, faces, group, group_normals):
-    """Compute how far the corners of each group of triangles spread along its normal.
+    """Measure how thick each group of triangles is along its normal.
 
     Parameters
     ----------
     vertices, faces : ndarray (V, 3), (F, 3)
         Positions of the vertices [m], and vertices of each triangle.
     group : ndarray (F,)
-        Number of the group of each triangle.
+        Index of the group of each triangle.
     group_normals : ndarray (G, 3)
         Unit normal of each group.
 
     Returns
     -------
     ndarray (G,)
-        The thicknesses [m]; 0 for a flat group.
+        Distance between the lowest and the highest corner [m]; 0 for a flat group.
     """
     heights = np.einsum("fki,fi->fk", vertices[faces], group_normals[group])
     lowest = np.full(len(group_normals), np.inf)
@@ -257,17 +263,17 @@ def find_planes(vertices, faces, edges, edge_faces):
     Returns
     -------
     face_plane : ndarray (F,)
-        Number of the plane of each triangle.
+        Index of the plane of each triangle.
     plane_normals : ndarray (P, 3)
         Outward unit normal of each plane.
     """
-    from scipy.sparse import coo_array, csgraph  # slow to import: where there is a mesh
+    from scipy.sparse import coo_array, csgraph  # slow to import, so only for a mesh
 
     n_faces = len(faces)
     area_vectors = _compute_area_vectors(vertices, faces)
     face_normals = _normalise(area_vectors)
 
-    # Triangles that coplanar pairs connect are a group.
+    # Triangles that are connected by coplanar pairs form a group.
     first, second = _find_coplanar_pairs(
         vertices, faces, edges, edge_faces, face_normals
     )
@@ -275,49 +281,54 @@ def find_planes(vertices, faces, edges, edge_faces):
         (np.ones(len(first)), (first, second)), shape=(n_faces, n_faces)
     )
     n_groups, group = csgraph.connected_components(connections, directed=False)
-    # the normal of a group is that of the sum of its area vectors
+    # The sum of its area vectors gives the normal of a group.
     group_normals = np.zeros((n_groups, 3))
     np.add.at(group_normals, group, area_vectors)
     group_normals = _normalise_or_zero(group_normals)
 
-    # A group that is flat only from triangle to triangle, not as a whole, falls apart:
-    # each of its triangles becomes a group with a number from `n_groups` on.
-    size = np.linalg.norm(np.ptp(vertices, axis=0))
+    # Each triangle may be coplanar with its neighbours while the group as a whole is
+    # curved. Such a group is dissolved: each of its triangles becomes a group of its own.
+    # The new groups are numbered from `n_groups` on.
+    mesh_size = np.linalg.norm(np.ptp(vertices, axis=0))
     thicknesses = _measure_thicknesses(vertices, faces, group, group_normals)
-    is_curved = (thicknesses > FLAT_GROUP * size)[group]
+    is_curved = (thicknesses > FLAT_GROUP * mesh_size)[group]
     group[is_curved] = n_groups + np.arange(is_curved.sum())
     normals = np.vstack([group_normals, face_normals[is_curved]])
 
-    # The groups that still have triangles are the planes.
+    # The planes are the groups that still have triangles.
     groups_in_use, face_plane = np.unique(group, return_inverse=True)
     return face_plane.ravel(), normals[groups_in_use]
 
 
-def _sort_planes_of_vertices(planes_at):
-    """Sort pairs (vertex, plane), drop repetitions, and number those of each vertex.
+def _sort_planes_of_vertices(vertex_planes):
+    """Sort pairs (vertex, plane), drop duplicates, and count the planes of each vertex.
 
     Parameters
     ----------
-    planes_at : ndarray (m, 2)
+    vertex_planes : ndarray (m, 2)
         Pairs of a vertex and one of its planes, in any order.
 
     Returns
     -------
-    pairs : ndarray (n, 2)
-        The pairs, sorted, each once.
+    unique_pairs : ndarray (n, 2)
+        The pairs, sorted, without duplicates.
     rank : ndarray (n,)
-        Number of each pair among those of its vertex.
+        Position of each pair among the pairs of its vertex, from 0 on.
     """
-    pairs = np.unique(planes_at, axis=0)
-    first = np.searchsorted(pairs[:, 0], pairs[:, 0])
-    return pairs, np.arange(len(pairs)) - first
+    unique_pairs = np.unique(vertex_planes, axis=0)
+    # index of the first pair of the same vertex
+    first = np.searchsorted(unique_pairs[:, 0], unique_pairs[:, 0])
+    return unique_pairs, np.arange(len(unique_pairs)) - first
 
 
-def find_inward_steps(vertices, faces, edges, edge_faces, face_plane, plane_normals):
-    """Find how each vertex moves when the mesh is eroded.
+def compute_inward_displacements(
+    vertices, faces, edges, edge_faces, face_plane, plane_normals
+):
+    """Compute the displacement of each vertex when the mesh is eroded by a radius of 1.
 
-    A vertex moves to a depth of 1 below all its planes, or as near to that as least
-    squares give. The planes are those of the faces, then those upright on the rims.
+    A vertex moves to a depth of 1 below all its planes. Where no point has this depth,
+    the displacement is the solution by least squares. The planes are those of the faces,
+    then those upright on the rims.
 
     Parameters
     ----------
@@ -330,39 +341,45 @@ def find_inward_steps(vertices, faces, edges, edge_faces, face_plane, plane_norm
 
     Returns
     -------
-    steps : ndarray (V, 3)
+    displacements : ndarray (V, 3)
         Displacement of each vertex for an edge radius of 1.
     pairs : ndarray (n, 2)
         The planes of each vertex, as pairs (vertex, plane).
     normals : ndarray (P, 3)
         Outward normals of the planes.
     """
-    # A plane upright on each rim. Its normal is across the rim, out of the face; the
-    # face runs along the rim or against it.
-    rims = np.flatnonzero((edge_faces < 0).any(axis=1))
-    rim_faces = edge_faces[rims].max(axis=1)
-    along = _normalise(vertices[edges[rims, 1]] - vertices[edges[rims, 0]])
-    along[edge_faces[rims, 0] < 0] *= -1.0
-    rim_normals = np.cross(along, plane_normals[face_plane[rim_faces]])
+    # Stand a plane upright on each rim. Its normal points out of the face, across the rim.
+    # The rim's direction is reversed where its face runs the other way.
+    rim_edges = np.flatnonzero((edge_faces < 0).any(axis=1))
+    rim_faces = edge_faces[rim_edges].max(axis=1)
+    rim_directions = _normalise(
+        vertices[edges[rim_edges, 1]] - vertices[edges[rim_edges, 0]]
+    )
+    rim_directions[edge_faces[rim_edges, 0] < 0] *= -1.0
+    rim_normals = np.cross(rim_directions, plane_normals[face_plane[rim_faces]])
     normals = np.vstack([plane_normals, rim_normals])
 
-    # A vertex has the planes of its faces and those of its rims.
-    rim_planes = len(plane_normals) + np.arange(len(rims))
-    at_corners = [np.column_stack([faces[:, k], face_plane]) for k in range(3)]
-    at_rim_ends = [np.column_stack([edges[rims, k], rim_planes]) for k in range(2)]
-    pairs, rank = _sort_planes_of_vertices(np.vstack(at_corners + at_rim_ends))
+    # Each vertex has the planes of its faces and those of its rims.
+    rim_planes = len(plane_normals) + np.arange(len(rim_edges))
+    planes_at_corners = [np.column_stack([faces[:, k], face_plane]) for k in range(3)]
+    planes_at_rims = [
+        np.column_stack([edges[rim_edges, k], rim_planes]) for k in range(2)
+    ]
+    pairs, rank = _sort_planes_of_vertices(
+        np.vstack(planes_at_corners + planes_at_rims)
+    )
 
-    # One linear system for each vertex: each of its normals times the step is -1. Rows
-    # of zeros fill up the systems of vertices with fewer planes than others.
-    systems = np.zeros((len(vertices), rank.max() + 1, 3))
-    systems[pairs[:, 0], rank] = normals[pairs[:, 1]]
-    depths = np.any(systems != 0.0, axis=2).astype(float)
-    inverses = np.linalg.pinv(systems, rcond=SAME_NORMAL)
+    # Solve a linear system for each vertex: the displacement along each of its normals is
+    # -1. Vertices with fewer planes than others have rows of zeros.
+    matrices = np.zeros((len(vertices), rank.max() + 1, 3))
+    matrices[pairs[:, 0], rank] = normals[pairs[:, 1]]
+    depths = np.any(matrices != 0.0, axis=2).astype(float)
+    inverses = np.linalg.pinv(matrices, rcond=SAME_NORMAL)
     return -np.einsum("vij,vj->vi", inverses, depths), pairs, normals
 
 
 def _compute_areas_and_sides(vertices, faces):
-    """Compute the area vectors and the three sides of all triangles (4 F, 3).
+    """Return the area vectors and the side vectors of all triangles, (4 F, 3).
 
     Parameters
     ----------
@@ -374,10 +391,10 @@ def _compute_areas_and_sides(vertices, faces):
 
 
 def _keeps_triangles(vertices, faces, displacement):
-    """Return whether no triangle turns over when the vertices of a mesh are displaced.
+    """Return whether all triangles keep their orientation when vertices are displaced.
 
-    A triangle has turned over when its area vector or a side, projected on the old one,
-    is too short or points the other way.
+    A triangle has lost its orientation when its area vector or a side points the other
+    way than before, or is too short along the old vector.
 
     Parameters
     ----------
@@ -392,68 +409,68 @@ def _keeps_triangles(vertices, faces, displacement):
     return bool(np.all(projected > LEAST_SHARE * np.sum(original * original, axis=1)))
 
 
-def _find_largest_radius(vertices, faces, steps, radius):
-    """Find the largest edge radius with which no triangle turns over, by bisection.
+def _find_largest_radius(vertices, faces, displacements, radius):
+    """Find the largest edge radius that turns no triangle over, by bisection.
 
     Parameters
     ----------
     vertices, faces : ndarray (V, 3), (F, 3)
         Positions of the vertices [m], and vertices of each triangle.
-    steps : ndarray (V, 3)
-        Displacement of each vertex for an edge radius of 1.
+    displacements : ndarray (V, 3)
+        Displacement of each vertex for a radius of 1, see `compute_inward_displacements`.
     radius : float
         An edge radius that is too large [m].
 
     Returns
     -------
     float
-        The radius [m].
+        The largest radius [m].
     """
-    # no triangle turns over with `low`, one does with `high`
+    # The radius `low` turns no triangle over, the radius `high` does.
     low = 0.0
     high = radius
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
-        if _keeps_triangles(vertices, faces, middle * steps):
+        if _keeps_triangles(vertices, faces, middle * displacements):
             low = middle
         else:
             high = middle
     return low
 
 
-def erode_mesh(vertices, faces, steps, radius):
-    """Return the vertices of the mesh eroded by an edge radius: those of the core.
+def erode_mesh(vertices, faces, displacements, radius):
+    """Move the vertices of a mesh inwards by an edge radius: erode it to its core.
 
     Parameters
     ----------
     vertices, faces : ndarray (V, 3), (F, 3)
         Positions of the vertices [m], and vertices of each triangle.
-    steps : ndarray (V, 3)
-        Displacement of each vertex for a radius of 1, see `find_inward_steps`.
+    displacements : ndarray (V, 3)
+        Displacement of each vertex for a radius of 1, see `compute_inward_displacements`.
     radius : float
         The edge radius [m].
 
     Returns
     -------
     ndarray (V, 3)
-        The positions of the vertices [m].
+        Positions of the eroded vertices [m].
 
     Raises
     ------
     ValueError
-        Where a triangle would turn over; the message says the largest possible radius.
+        If a triangle would turn over. The message tells the largest possible radius.
     """
-    if not _keeps_triangles(vertices, faces, radius * steps):
-        largest = _find_largest_radius(vertices, faces, steps, radius)
+    if not _keeps_triangles(vertices, faces, radius * displacements):
+        largest = _find_largest_radius(vertices, faces, displacements, radius)
         raise ValueError(
             f"edge_radius_m is {radius!r}; expected below {largest:.3g}, "
             "the smallest triangles leave no room for more"
         )
-    return vertices + radius * steps
+    return vertices + radius * displacements
 
 
 def _make_face_rows(core, faces, edges, edge_faces, face_plane, plane_normals, radius):
-    """Make the rows of `Meshes.data` of the faces.
+    """Make the rows of `Meshes.data` for the faces.
 
     Parameters
     ----------
@@ -469,12 +486,14 @@ def _make_face_rows(core, faces, edges, edge_faces, face_plane, plane_normals, r
     Returns
     -------
     ndarray (F, COLUMNS)
+        A row for each face.
     """
     rows = np.zeros((len(faces), COLUMNS))
     outward = plane_normals[face_plane]
     # normals in the engine point from the body into the wall
     rows[:, FACE_NORMAL : FACE_NORMAL + 3] = -outward
-    # All faces of a plane have the offset of one of them, bit for bit.
+    # Faces of one plane get the offset of the same face, so that their offsets are equal
+    # in spite of rounding.
     plane_offsets = np.zeros(len(plane_normals))
     plane_offsets[face_plane] = -np.sum(core[faces[:, 0]] * outward, axis=1) - radius
     rows[:, FACE_OFFSET] = plane_offsets[face_plane]
@@ -483,7 +502,7 @@ def _make_face_rows(core, faces, edges, edge_faces, face_plane, plane_normals, r
 
 
 def _sort_edges_by_face(edge_face):
-    """Sort edges by their face; edges without a face are left out.
+    """Sort edges by their face. Edges without a face are left out.
 
     Parameters
     ----------
@@ -493,9 +512,9 @@ def _sort_edges_by_face(edge_face):
     Returns
     -------
     edge, face : ndarray (n,)
-        Number of each edge, and its face.
-    number : ndarray (n,)
-        Number of each edge among those of its face.
+        Index of each edge, and index of its face.
+    rank : ndarray (n,)
+        Position of each edge among the edges of its face, from 0 on.
     """
     edge = np.flatnonzero(edge_face >= 0)
     edge = edge[np.argsort(edge_face[edge], kind="stable")]
@@ -510,7 +529,7 @@ def _write_sides(rows, core, edges, edge_faces, outward):
     Parameters
     ----------
     rows : ndarray (F, COLUMNS)
-        Overwritten.
+        Rows of the faces. Their columns SIDES to STRICT + 2 are overwritten.
     core : ndarray (V, 3)
         Positions of the eroded vertices [m].
     edges, edge_faces : ndarray (E, 2)
@@ -518,29 +537,29 @@ def _write_sides(rows, core, edges, edge_faces, outward):
     outward : ndarray (F, 3)
         Outward unit normals of the faces.
     """
-    along = _normalise(core[edges[:, 1]] - core[edges[:, 0]])
-    n_sides = np.zeros(len(rows), int)  # sides of each face that are written
-    # First the edges along which a face runs, then those against which it runs. The
-    # inside of the face is to the left of the former and to the right of the latter.
+    edge_directions = _normalise(core[edges[:, 1]] - core[edges[:, 0]])
+    n_sides = np.zeros(len(rows), int)  # number of sides of each face written so far
+    # First write the sides that run along their edge, then those that run against it. The
+    # face lies to the left of the edge in the first case, to the right in the second.
     for direction, sign in ((0, 1.0), (1, -1.0)):
-        edge, face, number = _sort_edges_by_face(edge_faces[:, direction])
-        side = n_sides[face] + number
-        # the normal of the edge in the plane of the face, to the left of the edge
-        left = np.cross(outward[face], along[edge])
-        offset = np.sum(left * core[edges[edge, 0]], axis=1)
+        edge, face, rank = _sort_edges_by_face(edge_faces[:, direction])
+        side = n_sides[face] + rank
+        # a vector in the plane of the face that points to the left of the edge
+        left_normal = np.cross(outward[face], edge_directions[edge])
+        offset = np.sum(left_normal * core[edges[edge, 0]], axis=1)
 
-        # the side's inward normal, and its offset along it
+        # the side's inward normal, and the offset of the side along this normal
         column = SIDES + SIDE_COLUMNS * side
         for axis in range(3):
-            rows[face, column + axis] = sign * left[:, axis]
+            rows[face, column + axis] = sign * left_normal[:, axis]
         rows[face, column + 3] = sign * offset
-        # points on an edge belong to the face that runs along it
+        # a point on an edge belongs only to the face that runs along it
         rows[face, STRICT + side] = float(direction)
         np.add.at(n_sides, face, 1)
 
 
 def _make_edge_rows(core, edges, edge_faces, face_plane, plane_normals):
-    """Make the rows of `Meshes.data` of the convex edges and rims.
+    """Make the rows of `Meshes.data` for the convex edges and the rims.
 
     Parameters
     ----------
@@ -555,14 +574,15 @@ def _make_edge_rows(core, edges, edge_faces, face_plane, plane_normals):
     Returns
     -------
     ndarray (n, COLUMNS)
+        A row for each convex edge or rim.
     """
     start = core[edges[:, 0]]
-    difference = core[edges[:, 1]] - start
-    length = np.linalg.norm(difference, axis=1)
-    along = difference / length[:, None]
+    edge_vector = core[edges[:, 1]] - start
+    length = np.linalg.norm(edge_vector, axis=1)
+    direction = edge_vector / length[:, None]
 
-    # The normals of the faces on both sides, into the wall. A rim has one face, which
-    # stands for both.
+    # The normals of the faces on both sides, into the wall. A rim has one face, so both
+    # normals are those of this face.
     left = edge_faces[:, 0]
     right = edge_faces[:, 1]
     is_rim = (left < 0) | (right < 0)
@@ -571,54 +591,55 @@ def _make_edge_rows(core, edges, edge_faces, face_plane, plane_normals):
     first_normal = -plane_normals[face_plane[first_face]]
     second_normal = -plane_normals[face_plane[second_face]]
 
-    # The angle between these normals; its sine is positive where the edge is convex.
-    cross = np.cross(first_normal, second_normal)
-    sine = np.sum(cross * along, axis=1)
+    # The angle between these normals. Its sine about the edge is positive where the edge is
+    # convex.
+    normals_cross = np.cross(first_normal, second_normal)
+    sine = np.sum(normals_cross * direction, axis=1)
     cosine = np.sum(first_normal * second_normal, axis=1)
-    angle = np.arctan2(np.linalg.norm(cross, axis=1), cosine)
+    angle = np.arctan2(np.linalg.norm(normals_cross, axis=1), cosine)
     is_kink = (face_plane[left] != face_plane[right]) & (angle > LEAST_ANGLE)
     is_convex = is_rim | (is_kink & (sine > 0.0))
     angle[is_rim] = np.pi  # rounded down to the back of the face
 
-    # The normal turns inwards from the face on the left. On a rim whose face is on the
-    # right it turns the other way.
+    # The direction to which the first normal turns. It is opposite on a rim whose face is
+    # on the right.
     sign = np.where(left >= 0, 1.0, -1.0)
-    turn = _normalise(np.cross(-first_normal, along)) * sign[:, None]
+    turn_direction = _normalise(np.cross(-first_normal, direction)) * sign[:, None]
 
-    # edges between coplanar faces and concave edges are no features
+    # Edges between coplanar faces and concave edges are no features: they get no row.
     rows = np.zeros((is_convex.sum(), COLUMNS))
     rows[:, PLACE : PLACE + 3] = start[is_convex]
-    rows[:, EDGE_ALONG : EDGE_ALONG + 3] = along[is_convex]
+    rows[:, EDGE_ALONG : EDGE_ALONG + 3] = direction[is_convex]
     rows[:, EDGE_LENGTH] = length[is_convex]
     rows[:, EDGE_NORMAL : EDGE_NORMAL + 3] = first_normal[is_convex]
-    rows[:, EDGE_TURN : EDGE_TURN + 3] = turn[is_convex]
+    rows[:, EDGE_TURN : EDGE_TURN + 3] = turn_direction[is_convex]
     rows[:, EDGE_ANGLE] = angle[is_convex]
     return rows
 
 
-def _find_ranges(owner, n):
-    """Find where the items of each owner lie in a list sorted by owners.
+def _find_ranges(owners, n_owners):
+    """Find the range of each owner's items in a list that is sorted by owner.
 
     Parameters
     ----------
-    owner : ndarray (items,)
-        Number of the owner of each item, in increasing order.
-    n : int
-        Number of owners; some may have no item.
+    owners : ndarray (items,)
+        Index of the owner of each item, in increasing order.
+    n_owners : int
+        Number of owners. Some may have no item.
 
     Returns
     -------
-    ndarray (n, 2)
-        Begin and end of each owner's items.
+    ndarray (n_owners, 2)
+        Begin and end of each range, as of a slice.
     """
-    numbers = np.arange(n)
-    begin = np.searchsorted(owner, numbers, "left")
-    end = np.searchsorted(owner, numbers, "right")
+    owner_indices = np.arange(n_owners)
+    begin = np.searchsorted(owners, owner_indices, "left")
+    end = np.searchsorted(owners, owner_indices, "right")
     return np.column_stack([begin, end])
 
 
-def _compute_leads(directions, ray_vertex, rays):
-    """Compute how much each ray leads along the direction of its vertex.
+def _project_rays(directions, ray_vertex, rays):
+    """Project each ray on the direction of its vertex.
 
     Parameters
     ----------
@@ -629,27 +650,27 @@ def _compute_leads(directions, ray_vertex, rays):
 
     Returns
     -------
-    lead : ndarray (R,)
+    component : ndarray (R,)
         Component of each ray along the direction of its vertex.
     largest : ndarray (V,)
-        The largest lead of each vertex; -inf for a vertex without rays.
+        The largest component of each vertex; -inf for a vertex without rays.
     """
-    lead = np.sum(directions[ray_vertex] * rays, axis=1)
-    # the largest lead of each vertex
+    component = np.sum(directions[ray_vertex] * rays, axis=1)
     largest = np.full(len(directions), -np.inf)
-    np.maximum.at(largest, ray_vertex, lead)
-    return lead, largest
+    np.maximum.at(largest, ray_vertex, component)
+    return component, largest
 
 
-def _turn_from_rays(directions, ray_vertex, rays):
+def _turn_away_from_rays(directions, ray_vertex, rays):
     """Turn the direction of each vertex until all its rays recede from it, if possible.
 
-    Perceptron steps: each one turns a direction away from the ray that leads most.
+    A ray recedes if its component along the direction is negative. Each perceptron step
+    turns a direction away from the ray with the largest component.
 
     Parameters
     ----------
     directions : ndarray (V, 3)
-        A unit vector for each vertex; it is overwritten.
+        A unit vector for each vertex. It may be overwritten.
     ray_vertex, rays : ndarray (R,), (R, 3)
         Vertex and unit vector of each ray; a vertex may have several.
 
@@ -659,21 +680,21 @@ def _turn_from_rays(directions, ray_vertex, rays):
         The unit vectors after the last step.
     """
     for _ in range(PERCEPTRON_STEPS):
-        lead, largest = _compute_leads(directions, ray_vertex, rays)
-        # of each vertex the ray that leads most, if it does not recede
-        is_worst = (lead == largest[ray_vertex]) & (lead > -LEAST_CONE)
+        component, largest = _project_rays(directions, ray_vertex, rays)
+        # the ray with the largest component at each vertex, if it does not recede
+        is_worst = (component == largest[ray_vertex]) & (component > -LEAST_CONE)
         if not is_worst.any():
             break
-        step = (lead[is_worst, None] + 1e-3) * rays[is_worst]
+        step = (component[is_worst, None] + PERCEPTRON_MARGIN) * rays[is_worst]
         directions[ray_vertex[is_worst]] -= step
         directions = _normalise_or_zero(directions)
     return directions
 
 
 def _find_convex_vertices(core, edges, pairs, normals):
-    """Find the vertices that have a set of normals of their own.
+    """Find the convex vertices: those that have a set of normals of their own.
 
-    These are the vertices with a direction that all their edges recede from.
+    A vertex is convex if there is a direction from which all its edges recede.
 
     Parameters
     ----------
@@ -682,38 +703,38 @@ def _find_convex_vertices(core, edges, pairs, normals):
     edges : ndarray (E, 2)
         Vertices of each edge.
     pairs, normals : ndarray
-        The planes of each vertex and their normals, see `find_inward_steps`.
+        The planes of each vertex and their normals, see `compute_inward_displacements`.
 
     Returns
     -------
     convex_vertices : ndarray
-        Numbers of these vertices.
+        Indices of these vertices.
     ray_vertex : ndarray (2 E,)
-        Vertices, sorted; one item for each edge at a vertex.
+        Vertex of each ray, in increasing order. Each edge is two rays, one from each end.
     rays : ndarray (2 E, 3)
-        Direction of that edge, away from the vertex.
+        Unit vector along each ray, away from the vertex.
     """
-    # each edge is a ray from either of its ends to the other
+    # Each edge is a ray from each of its ends to the other.
     near_end = edges.ravel()
     far_end = edges[:, ::-1].ravel()
     order = np.argsort(near_end, kind="stable")
     ray_vertex = near_end[order]
     rays = _normalise(core[far_end] - core[near_end])[order]
 
-    # The search begins with the sum of the normals of a vertex.
+    # Begin the search for a direction with the sum of the normals of each vertex.
     sums = np.zeros((len(core), 3))
     np.add.at(sums, pairs[:, 0], normals[pairs[:, 1]])
-    directions = _turn_from_rays(_normalise_or_zero(sums), ray_vertex, rays)
+    directions = _turn_away_from_rays(_normalise_or_zero(sums), ray_vertex, rays)
 
-    # convex: every ray recedes from the direction that was found
-    _lead, largest = _compute_leads(directions, ray_vertex, rays)
+    # A vertex is convex if every ray recedes from the direction that was found.
+    _component, largest = _project_rays(directions, ray_vertex, rays)
     has_edges = np.isfinite(largest)
     convex_vertices = np.flatnonzero((largest < -LEAST_CONE) & has_edges)
     return convex_vertices, ray_vertex, rays
 
 
 def _find_gentle_neighbours(core, faces, face_plane, plane_normals):
-    """Find faces that share a vertex and meet in a concave kink below GENTLE.
+    """Find pairs of faces that share a vertex and meet in a concave kink below GENTLE.
 
     Parameters
     ----------
@@ -725,12 +746,12 @@ def _find_gentle_neighbours(core, faces, face_plane, plane_normals):
     Returns
     -------
     ndarray (K, 2)
-        Pairs of faces, sorted; each pair in both orders.
+        Indices of the faces of each pair, sorted. Each pair is listed in both orders.
     """
     from scipy.sparse import coo_array
 
-    # A matrix of faces and vertices. Its product with its transpose is not zero for two
-    # faces that share a vertex.
+    # Mark the vertices of each face in a sparse matrix. Its product with its transpose has
+    # an entry for each pair of faces that share a vertex.
     n_faces = len(faces)
     rows = np.repeat(np.arange(n_faces), 3)
     columns = faces.ravel()
@@ -739,25 +760,25 @@ def _find_gentle_neighbours(core, faces, face_plane, plane_normals):
     ).tocsr()
     pairs = np.column_stack((has_vertex @ has_vertex.T).nonzero())
 
-    # Gentle: the planes differ, and their normals differ by a small angle.
+    # Keep gentle kinks: the planes differ, and their normals differ by a small angle.
     outward = plane_normals[face_plane]
     first, second = pairs.T
     cosine = np.sum(outward[first] * outward[second], axis=1)
     is_kink = face_plane[first] != face_plane[second]
     pairs = pairs[is_kink & (cosine > np.cos(GENTLE))]
 
-    # Concave: the middle of the second face is above the plane of the first.
+    # Keep concave kinks: the middle of the second face is above the plane of the first.
     first, second = pairs.T
     middle = core[faces].mean(axis=1)
     corner = core[faces[:, 0]]
     height = np.sum((middle[second] - corner[first]) * outward[first], axis=1)
-    size = np.linalg.norm(np.ptp(core, axis=0))
-    pairs = pairs[height > FLAT * size]
+    core_size = np.linalg.norm(np.ptp(core, axis=0))
+    pairs = pairs[height > FLAT * core_size]
     return pairs[np.lexsort((pairs[:, 1], pairs[:, 0]))]
 
 
 def _split_bent_planes(core, vertices, faces, face_plane, plane_normals, radius):
-    """Give triangles planes of their own where the erosion has bent their plane.
+    """Give each triangle of a plane that the erosion has bent a plane of its own.
 
     A plane is bent when its corners are not all one edge radius below it.
 
@@ -775,26 +796,26 @@ def _split_bent_planes(core, vertices, faces, face_plane, plane_normals, radius)
     Returns
     -------
     face_plane, plane_normals : ndarray (F,), (Q, 3)
-        The same with the new planes at the end.
+        The same after the erosion, with the new planes at the end.
     """
     displacement = core - vertices
-    # how far each corner has moved along the normal of its plane
+    # Each corner should have moved by minus the radius along the normal of its plane.
     heights = np.einsum("fki,fi->fk", displacement[faces], plane_normals[face_plane])
-    errors = np.abs(heights + radius).max(axis=1)
-    # one corner with another depth bends the whole plane
+    depth_errors = np.abs(heights + radius).max(axis=1)
+    # A single corner at another depth bends the whole plane.
     is_bent = np.zeros(len(plane_normals), bool)
-    is_bent[face_plane[errors > SAME_DEPTH * radius]] = True
+    is_bent[face_plane[depth_errors > SAME_DEPTH * radius]] = True
 
-    # The triangles of bent planes get new planes, numbered on from the old ones.
-    is_loose = is_bent[face_plane]
-    new_planes = len(plane_normals) + np.cumsum(is_loose) - 1
-    new_normals = _normalise(_compute_area_vectors(core, faces[is_loose]))
-    face_plane = np.where(is_loose, new_planes, face_plane)
+    # Triangles of bent planes get new planes, numbered after the old ones.
+    has_bent_plane = is_bent[face_plane]
+    new_planes = len(plane_normals) + np.cumsum(has_bent_plane) - 1
+    new_normals = _normalise(_compute_area_vectors(core, faces[has_bent_plane]))
+    face_plane = np.where(has_bent_plane, new_planes, face_plane)
     return face_plane, np.vstack([plane_normals, new_normals])
 
 
-def split(vertices, faces, radius):
-    """Find the features of a mesh.
+def find_features(vertices, faces, radius):
+    """Find the faces, edges and vertices of a mesh that bodies can touch.
 
     Parameters
     ----------
@@ -808,30 +829,30 @@ def split(vertices, faces, radius):
     Returns
     -------
     MeshFeatures
-        The features: faces, then edges, then vertices.
+        The features: all faces, then convex edges and rims, then convex vertices.
 
     Raises
     ------
     ValueError
-        Where the triangles are no surface, or leave no room for the edge radius.
+        If the triangles are no surface, or leave no room for the edge radius.
     """
     edges, edge_faces = find_edges(faces)
     face_plane, plane_normals = find_planes(vertices, faces, edges, edge_faces)
-    steps, pairs, normals = find_inward_steps(
+    displacements, vertex_plane_pairs, normals = compute_inward_displacements(
         vertices, faces, edges, edge_faces, face_plane, plane_normals
     )
-    core = erode_mesh(vertices, faces, steps, radius)
+    core = erode_mesh(vertices, faces, displacements, radius)
     face_plane, plane_normals = _split_bent_planes(
         core, vertices, faces, face_plane, plane_normals, radius
     )
 
-    # The rows of all features.
+    # Make the rows of all features.
     face_rows = _make_face_rows(
         core, faces, edges, edge_faces, face_plane, plane_normals, radius
     )
     edge_rows = _make_edge_rows(core, edges, edge_faces, face_plane, plane_normals)
     convex_vertices, ray_vertex, rays = _find_convex_vertices(
-        core, edges, pairs, normals
+        core, edges, vertex_plane_pairs, normals
     )
     vertex_rows = np.zeros((len(convex_vertices), COLUMNS))
     vertex_rows[:, PLACE : PLACE + 3] = core[convex_vertices]
@@ -843,16 +864,18 @@ def split(vertices, faces, radius):
     kind = np.repeat([FACE, EDGE, VERTEX], [n_faces, n_edges, n_vertices])
     kind = kind.astype(np.uint8)
 
-    # The neighbours of faces, and the edges and normals of vertices.
+    # Find the neighbours of faces, and the edges and normals of vertices.
     span = np.zeros((len(data), 2), np.int64)
     corners = np.zeros((len(data), 2), np.int64)
     neighbours = _find_gentle_neighbours(core, faces, face_plane, plane_normals)
     first_vertex = n_faces + n_edges
     span[:n_faces] = _find_ranges(neighbours[:, 0], n_faces)
     span[first_vertex:] = _find_ranges(ray_vertex, len(core))[convex_vertices]
-    planes_at = np.column_stack([faces.ravel(), np.repeat(face_plane, 3)])
-    planes_at = np.unique(planes_at, axis=0)
-    corners[first_vertex:] = _find_ranges(planes_at[:, 0], len(core))[convex_vertices]
+    vertex_planes = np.column_stack([faces.ravel(), np.repeat(face_plane, 3)])
+    vertex_planes = np.unique(vertex_planes, axis=0)
+    corners[first_vertex:] = _find_ranges(vertex_planes[:, 0], len(core))[
+        convex_vertices
+    ]
     box, cells, begin, items = _sort_into_cells(core, faces, kind, data, radius)
     return MeshFeatures(
         kind=kind,
@@ -861,7 +884,7 @@ def split(vertices, faces, radius):
         corners=corners,
         near=neighbours[:, 1].astype(np.int64),
         rays=rays,
-        normals=-plane_normals[planes_at[:, 1]],
+        normals=-plane_normals[vertex_planes[:, 1]],
         box=box,
         cells=cells,
         begin=begin,
@@ -869,8 +892,8 @@ def split(vertices, faces, radius):
     )
 
 
-def _make_boxes(core, faces, data, radius):
-    """Compute the lower and upper corners of the boxes of all features.
+def _compute_boxes(core, faces, data, radius):
+    """Compute the bounding box of each feature, with its rounding.
 
     Parameters
     ----------
@@ -884,25 +907,27 @@ def _make_boxes(core, faces, data, radius):
     Returns
     -------
     lower, upper : ndarray (n, 3)
-        The corners [m].
+        Corners of the boxes [m].
     """
     face_rows = data[: len(faces)]
     other_rows = data[len(faces) :]
-    # a face's wall lies one radius above its triangle
+    # The wall's face lies one radius outwards from the triangle of the core.
     inward = face_rows[:, None, FACE_NORMAL : FACE_NORMAL + 3]
     corners = core[faces] - radius * inward
-    # an edge is a cylinder from its start to its end; a vertex has the length 0
+    # An edge is a cylinder from its start to its end. A vertex has the length 0.
     start = other_rows[:, PLACE : PLACE + 3]
     along = other_rows[:, EDGE_ALONG : EDGE_ALONG + 3]
     end = start + other_rows[:, EDGE_LENGTH, None] * along
-    # the corners of faces, then those of edges and vertices
+    # The boxes of faces come first, then those of edges and vertices.
     lower = [corners.min(axis=1), np.minimum(start, end) - radius]
     upper = [corners.max(axis=1), np.maximum(start, end) + radius]
     return np.concatenate(lower), np.concatenate(upper)
 
 
 def _sort_into_cells(core, faces, kind, data, radius):
-    """Divide the mesh's box into cells, about as many as there are features.
+    """Divide the mesh's box into a grid of cells, and list the features of each cell.
+
+    There are about as many cells as features.
 
     Parameters
     ----------
@@ -916,56 +941,60 @@ def _sort_into_cells(core, faces, kind, data, radius):
     Returns
     -------
     box : ndarray (7,)
-        Lower corner, upper corner, edge of a cell.
+        Lower corner and upper corner of the grid, and edge of a cell [m].
     n_cells : ndarray (3,)
         Number of cells along each axis.
     begin : ndarray
-        First item of each cell, and the end of the last one.
+        Index in `items` of the first feature of each cell, and the end of the last cell.
     items : ndarray
-        The features that reach into each cell, one cell after another.
+        Indices of the features that reach into each cell, one cell after another.
     """
-    low, high = _make_boxes(core, faces, data, radius)
-    lower = low.min(axis=0)
-    upper = high.max(axis=0)
-    # a flat mesh gets a box with some thickness
-    size = np.maximum(upper - lower, 1e-3 * np.max(upper - lower))
-    cell = float((size.prod() / len(kind)) ** (1.0 / 3.0))
-    # a little room for rounding
-    lower = lower - 1e-6 * cell
-    upper = upper + 1e-6 * cell
-    n_cells = np.maximum(np.ceil((upper - lower) / cell), 1).astype(np.int64)
+    box_lower, box_upper = _compute_boxes(core, faces, data, radius)
+    lower = box_lower.min(axis=0)
+    upper = box_upper.max(axis=0)
+    # a flat mesh gets a grid with some thickness
+    size = np.maximum(upper - lower, LEAST_THICKNESS * np.max(upper - lower))
+    cell_size = float((size.prod() / len(kind)) ** (1.0 / 3.0))
+    # rounding must not put a corner outside the grid
+    lower = lower - GRID_MARGIN * cell_size
+    upper = upper + GRID_MARGIN * cell_size
+    n_cells = np.maximum(np.ceil((upper - lower) / cell_size), 1).astype(np.int64)
 
-    # Count the features of each cell, then write them. The list of a cell begins where
-    # that of the cell before ends.
+    # Count the features of each cell, then list them. The list of a cell begins where the
+    # list of the cell before it ends.
     count = np.zeros(int(n_cells.prod()) + 1, np.int64)
     no_items = np.zeros(0, np.int64)
-    put_in_cells(low, high, kind, data, lower, cell, n_cells, count, no_items)
+    put_in_cells(
+        box_lower, box_upper, kind, data, lower, cell_size, n_cells, count, no_items
+    )
     begin = np.concatenate([[0], np.cumsum(count[:-1])])
     items = np.zeros(max(int(begin[-1]), 1), np.int64)
     next_item = begin[:-1].copy()
-    put_in_cells(low, high, kind, data, lower, cell, n_cells, next_item, items)
-    return np.concatenate([lower, upper, [cell]]), n_cells, begin, items
+    put_in_cells(
+        box_lower, box_upper, kind, data, lower, cell_size, n_cells, next_item, items
+    )
+    return np.concatenate([lower, upper, [cell_size]]), n_cells, begin, items
 
 
 @inlined
-def find_cell(place, lower, cell):
-    """Return the indices along each axis of the cell in which a place lies.
+def find_cell(point, lower, cell_size):
+    """Return the indices along each axis of the cell that contains a point.
 
     Parameters
     ----------
-    place, lower : array (3,)
-        The place, and the lower corner of the cells [m].
-    cell : float
+    point, lower : array (3,)
+        The point, and the lower corner of the grid [m].
+    cell_size : float
         Edge of a cell [m].
     """
-    i = int((place[0] - lower[0]) / cell)
-    j = int((place[1] - lower[1]) / cell)
-    k = int((place[2] - lower[2]) / cell)
+    i = int((point[0] - lower[0]) / cell_size)
+    j = int((point[1] - lower[1]) / cell_size)
+    k = int((point[2] - lower[2]) / cell_size)
     return i, j, k
 
 
 @inlined
-def plane_misses_cell(face, lower, cell, i, j, k):
+def plane_misses_cell(face, lower, cell_size, i, j, k):
     """Return whether the plane of a face misses a cell.
 
     Parameters
@@ -973,8 +1002,8 @@ def plane_misses_cell(face, lower, cell, i, j, k):
     face : array
         The row of the face in `Meshes.data`.
     lower : array (3,)
-        Lower corner of the cells [m].
-    cell : float
+        Lower corner of the grid [m].
+    cell_size : float
         Edge of a cell [m].
     i, j, k : int
         Indices of the cell along the three axes.
@@ -982,102 +1011,108 @@ def plane_misses_cell(face, lower, cell, i, j, k):
     nx = face[FACE_NORMAL]
     ny = face[FACE_NORMAL + 1]
     nz = face[FACE_NORMAL + 2]
-    # the distance of the cell's middle from the plane, and of its farthest corner
-    x = lower[0] + (i + 0.5) * cell
-    y = lower[1] + (j + 0.5) * cell
-    z = lower[2] + (k + 0.5) * cell
+    # the middle of the cell, and its distance from the plane
+    x = lower[0] + (i + 0.5) * cell_size
+    y = lower[1] + (j + 0.5) * cell_size
+    z = lower[2] + (k + 0.5) * cell_size
     distance = abs(nx * x + ny * y + nz * z - face[FACE_OFFSET])
-    # how far the farthest corner is from the middle along the normal, and a little more
-    # for rounding
-    reach = 0.500001 * cell * (abs(nx) + abs(ny) + abs(nz))
-    return distance > reach
+    # The farthest corner of the cell lies this far from its middle along the normal.
+    corner_distance = HALF_CELL * cell_size * (abs(nx) + abs(ny) + abs(nz))
+    return distance > corner_distance
 
 
 @kernel
-def put_in_cells(low, high, kind, data, lower, cell, n_cells, place, items):
+def put_in_cells(
+    box_lower, box_upper, kind, data, lower, cell_size, n_cells, next_item, items
+):
     """Count the features of each cell, or write them to the lists of the cells.
 
-    It is called twice: first with an empty `items`, to count.
+    With an empty `items` it counts. Call it for this first, because the counts tell where
+    the list of each cell begins.
 
     Parameters
     ----------
-    low, high : array (n, 3)
-        Corners of the features' boxes [m].
+    box_lower, box_upper : array (n, 3)
+        Lower and upper corners of the features' boxes [m].
     kind, data : array
         The features, see `Meshes`.
-    lower, cell, n_cells : array (3,), float, array (3,)
-        Lower corner of the cells [m], their edge [m], and their number along each axis.
-    place : array
-        Of each cell the place of its next item; it grows by one with each item.
+    lower, cell_size, n_cells : array (3,), float, array (3,)
+        Lower corner of the grid [m], edge of a cell [m], and number of cells along each
+        axis.
+    next_item : array
+        Index in `items` of the next feature of each cell. It increases by one with each
+        feature.
     items : array
-        Is written, unless it is empty.
+        Overwritten with the indices of the features, unless it is empty.
     """
-    for feature in range(low.shape[0]):
-        # the block of cells that the box of the feature meets
-        i0, j0, k0 = find_cell(low[feature], lower, cell)
-        i1, j1, k1 = find_cell(high[feature], lower, cell)
+    for feature in range(box_lower.shape[0]):
+        # the box of the feature reaches into this block of cells
+        i0, j0, k0 = find_cell(box_lower[feature], lower, cell_size)
+        i1, j1, k1 = find_cell(box_upper[feature], lower, cell_size)
         is_face = kind[feature] == FACE
         for i in range(i0, min(i1 + 1, n_cells[0])):
             for j in range(j0, min(j1 + 1, n_cells[1])):
                 for k in range(k0, min(k1 + 1, n_cells[2])):
-                    # a slanting face misses most cells of its box
+                    # a slanted face misses most cells of its box
                     if is_face and plane_misses_cell(
-                        data[feature], lower, cell, i, j, k
+                        data[feature], lower, cell_size, i, j, k
                     ):
                         continue
-                    # the first call only counts, the second one writes
-                    number = (i * n_cells[1] + j) * n_cells[2] + k
+                    # the first call only counts, the second one lists the features
+                    cell = (i * n_cells[1] + j) * n_cells[2] + k
                     if items.shape[0] > 0:
-                        items[place[number]] = feature
-                    place[number] += 1
+                        items[next_item[cell]] = feature
+                    next_item[cell] += 1
 
 
-def _find_first_rows(parts, name):
-    """Return where an array of each part begins in the joined array, and its end.
+def _find_first_rows(meshes, name):
+    """Return the row at which the array of each mesh begins in the joined array.
 
-    `name` is the field of `MeshFeatures`.
+    The last number is the length of the joined array. `name` is the field of
+    `MeshFeatures` with the arrays.
     """
-    lengths = [len(getattr(part, name)) for part in parts]
+    lengths = [len(getattr(mesh, name)) for mesh in meshes]
     return np.cumsum([0, *lengths])
 
 
-def _join_arrays(parts, name):
-    """Return the arrays of one field (`name`) of all parts, one after another."""
-    return np.concatenate([getattr(part, name) for part in parts])
+def _join_arrays(meshes, name):
+    """Join the arrays of the field `name` of all meshes to one array."""
+    return np.concatenate([getattr(mesh, name) for mesh in meshes])
 
 
-def _join_shifted(parts, name, begins):
-    """Join arrays of numbers of rows; the numbers count on from part to part.
+def _join_shifted(meshes, name, first_rows):
+    """Join arrays of row indices, which are shifted to count in the joined array.
 
     Parameters
     ----------
-    parts : sequence of MeshFeatures
+    meshes : sequence of MeshFeatures
         The features of each mesh.
     name : str
         The field of `MeshFeatures` with these arrays.
-    begins : ndarray
-        Where the rows of each part begin in the joined array that the numbers refer to.
+    first_rows : ndarray
+        Row at which each mesh begins in the joined array to which the indices refer. It
+        has one number more than there are meshes: the end.
 
     Returns
     -------
     ndarray
-        The arrays of all parts, one after another.
+        The shifted arrays of all meshes, one after another.
     """
     arrays = []
-    for part, begin in zip(parts, begins, strict=False):
-        arrays.append(getattr(part, name) + begin)
+    for mesh, first_row in zip(meshes, first_rows, strict=False):
+        arrays.append(getattr(mesh, name) + first_row)
     return np.concatenate(arrays)
 
 
-def join(parts, slide):
-    """Put the features of several meshes together, as the kernels need them.
+def join_features(meshes, slide):
+    """Join the features of several meshes to the arrays that the kernels need.
 
-    Numbers that refer to rows of an array of one mesh are raised by the number of rows
-    that the meshes before it have.
+    An index of a row in an array of one mesh becomes an index in the joined array: the
+    rows of the meshes before it are added.
 
     Parameters
     ----------
-    parts : sequence of MeshFeatures
+    meshes : sequence of MeshFeatures
         The features of each mesh.
     slide : float
         See `Meshes.slide`.
@@ -1087,29 +1122,31 @@ def join(parts, slide):
     Meshes
         The features of all meshes.
     """
-    feature_begins = _find_first_rows(parts, "kind")
-    ray_begins = _find_first_rows(parts, "rays")
-    near_begins = _find_first_rows(parts, "near")
-    cell_begins = _find_first_rows(parts, "begin")
-    # the spans of vertices are places in `rays`, all others in `near`
+    first_features = _find_first_rows(meshes, "kind")
+    first_rays = _find_first_rows(meshes, "rays")
+    first_neighbours = _find_first_rows(meshes, "near")
+    first_cells = _find_first_rows(meshes, "begin")
+    # the spans of vertices are ranges of `rays`, all others ranges of `near`
     spans = []
-    for number, part in enumerate(parts):
-        begin = np.where(part.kind == VERTEX, ray_begins[number], near_begins[number])
-        spans.append(part.span + begin[:, None])
-    n_features = feature_begins[-1]
+    for mesh_index, mesh in enumerate(meshes):
+        first = np.where(
+            mesh.kind == VERTEX, first_rays[mesh_index], first_neighbours[mesh_index]
+        )
+        spans.append(mesh.span + first[:, None])
+    n_features = first_features[-1]
     return Meshes(
-        kind=_join_arrays(parts, "kind"),
-        data=_join_arrays(parts, "data"),
-        mesh=np.repeat(np.arange(len(parts)), np.diff(feature_begins)),
+        kind=_join_arrays(meshes, "kind"),
+        data=_join_arrays(meshes, "data"),
+        mesh=np.repeat(np.arange(len(meshes)), np.diff(first_features)),
         span=np.concatenate(spans),
-        corners=_join_shifted(parts, "corners", _find_first_rows(parts, "normals")),
-        near=_join_shifted(parts, "near", feature_begins),
-        rays=_join_arrays(parts, "rays"),
-        normals=_join_arrays(parts, "normals"),
-        box=np.array([part.box for part in parts]),
-        cells=np.column_stack([[part.cells for part in parts], cell_begins[:-1]]),
-        begin=_join_shifted(parts, "begin", _find_first_rows(parts, "items")),
-        items=_join_shifted(parts, "items", feature_begins),
+        corners=_join_shifted(meshes, "corners", _find_first_rows(meshes, "normals")),
+        near=_join_shifted(meshes, "near", first_features),
+        rays=_join_arrays(meshes, "rays"),
+        normals=_join_arrays(meshes, "normals"),
+        box=np.array([mesh.box for mesh in meshes]),
+        cells=np.column_stack([[mesh.cells for mesh in meshes], first_cells[:-1]]),
+        begin=_join_shifted(meshes, "begin", _find_first_rows(meshes, "items")),
+        items=_join_shifted(meshes, "items", first_features),
         seen=np.zeros(n_features, np.int64),
         stamp=np.zeros(1, np.int64),
         slide=np.array([slide]),
