@@ -1,13 +1,13 @@
-"""One time step: find the contacts, add up their forces, move the bodies.
+"""Advance a simulation by time steps: find contacts, add up forces, move bodies.
 
-`advance` runs on one thread; `parallel.advance_shared` makes the same steps on several.
+`advance` runs on one thread, `parallel.advance_shared` makes the same steps on several.
 
-The arguments are the arrays of a simulation (see `state`), and every function writes to
-most of them. `flat`, `curved` and `meshed` are the contacts with planes, with curved
+The arguments are the arrays of a simulation (see `state`). Every function changes most
+of them in place. `flat`, `curved` and `meshed` are the contacts with planes, with curved
 walls and with meshes. `contact_tile` and `body_tile` are scratch tiles for contacts and
-bodies. `ghost` is the number of the absent body. `clumps` is an empty tuple in a
-simulation of smooth bodies (see `forces`), and `meshes` where no wall is a mesh; their
-code is not compiled then.
+bodies. `ghost` is the index of the absent body. `clumps` is an empty tuple in a
+simulation of smooth bodies (see `forces`), and `meshes` is one if no wall is a mesh. The
+code for an empty tuple is not compiled.
 """
 
 from . import state
@@ -29,13 +29,13 @@ from .wall_search import find_new_mesh_contacts, find_new_wall_contacts
 
 
 @inlined
-def has_free_quarter(count, room):
-    """Return whether a list of `count` items is at most three quarters full.
+def has_free_quarter(n_items, capacity):
+    """Return whether a list of `n_items` items is at most three quarters full.
 
-    `room` is the length of its arrays. A step adds fewer items than the last quarter
-    holds.
+    `capacity` is the length of the list's arrays. A step adds fewer items than a quarter of
+    this length.
     """
-    return count * 4 <= room * 3
+    return n_items * 4 <= capacity * 3
 
 
 @inlined
@@ -55,7 +55,7 @@ def has_room(pairs, flat, curved, meshed, counts):
     Returns
     -------
     bool
-        Where False, Python has to make longer lists before the next step.
+        If False, Python has to make longer lists before the next step.
     """
     return (
         has_free_quarter(counts[state.N_PAIRS], pairs.first.shape[0])
@@ -70,9 +70,9 @@ def has_room(pairs, flat, curved, meshed, counts):
 def begin_step(
     bodies, pairs, flat, curved, meshed, clumps, grid, walls, counts, physics, ghost
 ):
-    """Drop the contacts of bodies that are gone, and move the moving walls.
+    """Remove the contacts of bodies that are gone, and move the walls that move.
 
-    Contacts with planes keep a copy of their plane, so these copies are moved, too.
+    Contacts with planes keep a copy of their plane. These copies are updated.
 
     Parameters
     ----------
@@ -94,8 +94,8 @@ def begin_step(
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     ghost : int
-        Index of the ghost, a body without mass that never moves. Unused places of the
-        lists hold this index.
+        Index of the ghost, a body without mass that never moves. It stands in the unused
+        items of the lists.
     """
     if counts[state.N_GONE] > 0:
         drop_contacts_of_gone(
@@ -123,7 +123,7 @@ def process_wall_contacts(
 ):
     """Find the contacts with walls, and add their forces to the loads of the bodies.
 
-    The loads of the walls are added, too, where the user asked for them.
+    If the user asked for the loads of the walls, the forces are added to these, too.
 
     Parameters
     ----------
@@ -136,7 +136,7 @@ def process_wall_contacts(
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes or ()
-        The features of all meshes; an empty tuple where no wall is a mesh.
+        The features of all meshes; an empty tuple if no wall is a mesh.
     counts : array (COUNTS,) of int
         Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
         indices.
@@ -147,14 +147,14 @@ def process_wall_contacts(
     scratch : Scratch
         Working memory of this thread (`state.Scratch`); it is overwritten.
     ghost : int
-        Index of the ghost, a body without mass that never moves. Unused places of the
-        lists hold this index.
+        Index of the ghost, a body without mass that never moves. It stands in the unused
+        items of the lists.
     """
     geometry = scratch.geometry
     other_geometry = scratch.other_geometry
     local_row = scratch.local_row
     parts = physics.parts
-    # Find new contacts. The lists of meshes have no code where no wall is a mesh.
+    # Find new contacts. Without a mesh, the code for meshes is not compiled.
     find_new_wall_contacts(
         bodies,
         flat,
@@ -170,11 +170,11 @@ def process_wall_contacts(
         find_new_mesh_contacts(
             bodies, meshed, clumps, walls, meshes, counts, parts, scratch
         )
-    # Prepare the tile for walls that stand still and are all of one material, the last
-    # one. Where walls move or have several materials, each tile of contacts writes its own.
+    # Prepare the tile for walls that stand still and have one material, which is the last
+    # one. If walls move or have several materials, each tile of contacts overwrites this.
     write_still_wall(contact_tile)
     fill_law_constants(contact_tile, physics, 0, physics.law_constants.shape[0] - 1)
-    # Add the forces, wall kind by wall kind.
+    # Add the forces, one kind of walls after another.
     add_plane_forces(bodies, flat, clumps, walls, counts, physics, contact_tile, ghost)
     add_curved_wall_forces(
         bodies,
@@ -207,11 +207,10 @@ def process_wall_contacts(
 
 @inlined
 def update_pair_lists(bodies, pairs, clumps, counts, grid, physics, scratch, ghost):
-    """Bring the lists of pairs up to date: find the pairs that touch now.
+    """Update the lists of pairs that touch and of pairs that are near.
 
-    First, near pairs whose bodies have moved enough to close their gap are checked;
-    those that touch become contacts. Then bodies that moved by half a skin get new near
-    pairs.
+    Near pairs whose bodies have moved enough to close their gap are checked. Those that
+    touch become contacts. Then bodies that moved by half a skin get new near pairs.
 
     Parameters
     ----------
@@ -231,17 +230,17 @@ def update_pair_lists(bodies, pairs, clumps, counts, grid, physics, scratch, gho
     scratch : Scratch
         Working memory of this thread (`state.Scratch`); it is overwritten.
     ghost : int
-        Index of the ghost, a body without mass that never moves. Unused places of the
-        lists hold this index.
+        Index of the ghost, a body without mass that never moves. It stands in the unused
+        items of the lists.
     """
     parts = physics.parts
     if len(clumps) == 0:
-        # Smooth bodies: the gap of a pair is solved for its normal.
+        # Smooth bodies: a search for the contact normal gives the gap of a pair.
         normal = scratch.normal
         update_near_pairs(bodies, pairs, counts, grid, parts, normal)
         renew_pairs(bodies, pairs, clumps, counts, grid, parts, normal, ghost)
     else:
-        # Clumps: the gap of a pair is the smallest of all gaps of their spheres.
+        # Clumps: the gap of a pair is the smallest gap between their spheres.
         spheres = scratch.spheres
         update_near_clumps(bodies, pairs, counts, grid, clumps, spheres, ghost)
         renew_pairs(bodies, pairs, clumps, counts, grid, parts, spheres, ghost)
@@ -251,9 +250,9 @@ def update_pair_lists(bodies, pairs, clumps, counts, grid, physics, scratch, gho
 def apply_pair_forces(
     bodies, pairs, clumps, counts, grid, physics, contact_tile, ghost
 ):
-    """Add the forces of touching pairs to the loads, and retire the pairs that parted.
+    """Add the forces of touching pairs to the loads, and retire pairs that parted.
 
-    A pair that parted goes back to the near pairs, with its present gap.
+    A pair that parted becomes a near pair again, with its current gap.
 
     Parameters
     ----------
@@ -273,10 +272,10 @@ def apply_pair_forces(
     contact_tile : array
         Scratch tile of LANES contacts (rows of `tile`); it is overwritten.
     ghost : int
-        Index of the ghost, a body without mass that never moves. Unused places of the
-        lists hold this index.
+        Index of the ghost, a body without mass that never moves. It stands in the unused
+        items of the lists.
     """
-    # one thread handles all pairs, as share 0 of the loads
+    # A single thread handles all pairs, so all their forces go to share 0 of the loads.
     n_ended = add_pair_forces(
         bodies,
         pairs,
@@ -310,11 +309,12 @@ def advance(
     contact_tile,
     body_tile,
     scratch_numbers,
-    steps,
+    n_steps,
 ):
-    """Advance a simulation by some steps, or by fewer where a list may become short.
+    """Advance a simulation by some steps, or by fewer if a list is nearly full.
 
-    The caller makes the lists longer and calls this again for the steps that are left.
+    The caller then makes the lists longer and calls this function again for the other
+    steps.
 
     Parameters
     ----------
@@ -331,7 +331,7 @@ def advance(
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes or ()
-        The features of all meshes; an empty tuple where no wall is a mesh.
+        The features of all meshes; an empty tuple if no wall is a mesh.
     counts : array (COUNTS,) of int
         Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
         indices.
@@ -342,7 +342,7 @@ def advance(
         `body_tile`).
     scratch_numbers : array (SCRATCH,)
         Memory of the other scratch arrays (`state.Scratch`).
-    steps : int
+    n_steps : int
         Number of steps.
 
     Returns
@@ -350,11 +350,10 @@ def advance(
     int
         Number of steps made.
     """
-    # the arrays of the grid have one place for each body, so the body after them is
-    # absent
+    # The grid has a cell for each body. The body with the next index is the absent one.
     ghost = grid.cell.shape[0]
     scratch = state.split_scratch(scratch_numbers)
-    for step in range(steps):
+    for step in range(n_steps):
         if not has_room(pairs, flat, curved, meshed, counts):
             return step
         begin_step(
@@ -370,7 +369,7 @@ def advance(
             physics,
             ghost,
         )
-        # contacts and forces: the loads of all bodies
+        # find the contacts, and add their forces to the loads of the bodies
         update_pair_lists(bodies, pairs, clumps, counts, grid, physics, scratch, ghost)
         apply_pair_forces(
             bodies, pairs, clumps, counts, grid, physics, contact_tile, ghost
@@ -389,14 +388,14 @@ def advance(
             scratch,
             ghost,
         )
-        # the motion under these loads
+        # move the bodies under these loads
         counts[state.STEPS] += 1
         n_events = integrate(
             bodies, counts, physics, body_tile, 0, counts[state.N_BODIES]
         )
         time = counts[state.STEPS] * physics.dt
         handle_events(bodies, grid, counts, 0, n_events, time)
-    return steps
+    return n_steps
 
 
 @kernel
@@ -414,9 +413,9 @@ def add_wall_loads(
     scratch_numbers,
     ghost,
 ):
-    """Add the forces of the present state to `walls.loads`, without a step.
+    """Add the forces of the current state to `walls.loads`, without a time step.
 
-    The other arrays change as in a step.
+    The other arrays change as they do in a step.
 
     Parameters
     ----------
@@ -429,7 +428,7 @@ def add_wall_loads(
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes or ()
-        The features of all meshes; an empty tuple where no wall is a mesh.
+        The features of all meshes; an empty tuple if no wall is a mesh.
     counts : array (COUNTS,) of int
         Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
         indices.
@@ -440,8 +439,8 @@ def add_wall_loads(
     scratch_numbers : array (SCRATCH,)
         Memory of the other scratch arrays (`state.Scratch`).
     ghost : int
-        Index of the ghost, a body without mass that never moves. Unused places of the
-        lists hold this index.
+        Index of the ghost, a body without mass that never moves. It stands in the unused
+        items of the lists.
     """
     scratch = state.split_scratch(scratch_numbers)
     process_wall_contacts(

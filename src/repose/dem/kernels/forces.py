@@ -1,19 +1,20 @@
 """Contact forces of one time step, computed for tiles of 32 contacts.
 
 The same loops serve smooth bodies and clumps of spheres. A tile has LANES lanes, one
-for each contact. For each tile: copy the rows of its bodies into the tile `scratch`
-(gather), compute the geometry, apply the force laws, handle the contacts that ended,
-and add the forces to the loads of the bodies (scatter). The kernels are `add_pair_forces`,
-and `add_plane_forces`, `add_curved_wall_forces` and `add_mesh_forces` for walls.
+for each contact. The kernels copy the rows of a tile's bodies into the tile `scratch`
+(gather). Then they compute the geometry, apply the force laws, and handle the contacts
+that ended. Last, they add the forces to the loads of the bodies (scatter). The kernels
+are `add_pair_forces`, and `add_plane_forces`, `add_curved_wall_forces` and
+`add_mesh_forces` for walls.
 
 `clumps` is an empty tuple in a simulation of smooth bodies, else a `clumps.Clumps`. The
 length of a tuple is part of its type, so numba compiles only the branch for the bodies
-of the simulation. The geometry of a contact is in `tile`, `walls` and `meshes` for
-smooth bodies, in `clump_tile` and `clump_walls` for spheres.
+of the simulation. The modules `tile`, `walls` and `meshes` compute the geometry of the
+contacts of smooth bodies, `clump_tile` and `clump_walls` that of spheres of clumps.
 
-Names: `history` is a tile of the numbers that contacts keep, `contacts` a list of
-contacts with walls; `flat`, `curved` and `meshed` are these lists for planes, curved
-walls and meshes.
+`history` is a tile of the numbers that contacts keep from step to step. `contacts` is a
+list of contacts with walls: `flat` with planes, `curved` with curved walls, `meshed`
+with meshes.
 
 Reads `Bodies.rows`, the walls and `Physics`. Writes `Bodies.load` and `Bodies.touched`,
 the tiles `data` of the contacts, their `ended` and `gap`, the limits of contacts with
@@ -48,80 +49,99 @@ from .walls import (
 )
 
 ON_WALL, OF_PAIR = 1, 0  # values of `on_wall`
-GAP_WITHOUT_FORCE = 1.0  # gap of a lane whose contact has no forces [m]
+GAP_WITHOUT_FORCE = 1.0  # gap of a lane without a contact [m]; no law reaches so far
 
 
 @inlined
-def add_forces_to_loads(load, index, base, scratch, first):
+def add_forces_to_loads(load, body_indices, base, scratch, first):
     """Add the forces and torques of a tile to the loads of its bodies.
 
     Parameters
     ----------
     load : array (bodies, LOAD_COLUMNS)
-        One share of `Bodies.load`; is added to.
-    index : array of int
-        Lane k of the tile belongs to body index[base + k].
+        One share of `Bodies.load`. The forces and torques are added to it.
+    body_indices : array of int
+        The bodies of all contacts. Lane k of the tile has body body_indices[base + k].
     base : int
-        Place of lane 0 in `index`.
+        Position of the tile's first contact in `body_indices`.
     scratch : array (rows * LANES,)
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
     first : int
-        First row of the loads in the tile: tile.TO_A or tile.TO_B.
+        First row of the forces in the tile: tile.TO_A or tile.TO_B.
     """
     for lane in range(0, LANES, WIDTH):
-        add_lanes_to_rows(load, 0, index, base + lane, scratch, first + lane, LANES)
+        add_lanes_to_rows(
+            load, 0, body_indices, base + lane, scratch, first + lane, LANES
+        )
 
 
 @inlined
-def gather_bodies(rows, index, base, scratch, first):
-    """Copy the rows of the bodies of a tile to its lanes.
+def gather_bodies(rows, body_indices, base, scratch, first):
+    """Copy the rows of a tile's bodies to the lanes of the tile.
 
     Parameters
     ----------
     rows : array (bodies, columns)
         `Bodies.rows`.
-    index : array of int
-        Lane k of the tile belongs to body index[base + k].
+    body_indices : array of int
+        The bodies of all contacts. Lane k of the tile has body body_indices[base + k].
     base : int
-        Place of lane 0 in `index`.
+        Position of the tile's first contact in `body_indices`.
     scratch : array
-        Scratch tile of LANES contacts; it is overwritten.
+        Scratch tile of LANES contacts. The rows of the bodies are overwritten.
     first : int
         First row of the bodies in the tile: tile.A or tile.B.
     """
-    gather(rows, rows.shape[1], index, base, scratch, first)
+    gather(rows, rows.shape[1], body_indices, base, scratch, first)
 
 
 @inlined
-def mark_loads_as_nonzero(bodies, share, index, base):
-    """Note that a share of the loads of a tile's bodies is no longer zero.
+def mark_loads_as_nonzero(bodies, share, body_indices, base):
+    """Mark the loads of a tile's bodies as no longer zero, in `bodies.touched`.
 
-    Shares that are zero are skipped when the loads are summed. `share` is the number of
-    the share; the bodies are index[base] and the LANES - 1 after it.
+    Loads that are not marked are skipped when the shares are summed.
+
+    Parameters
+    ----------
+    bodies : Bodies
+        State of all bodies, and the loads on them (`state.Bodies`).
+    share : int
+        Index of the share of the loads.
+    body_indices : array of int
+        The bodies of all contacts. Those of the tile begin at `base`.
+    base : int
+        Position of the tile's first contact in `body_indices`.
     """
-    for k in range(base, base + LANES):
-        bodies.touched[share, index[k] // LANES] = 1
+    for contact in range(base, base + LANES):
+        bodies.touched[share, body_indices[contact] // LANES] = 1
 
 
 @inlined
-def prefetch_bodies(rows, load, index, base):
-    """Prefetch the rows and loads of the bodies of a tile of contacts.
+def prefetch_bodies(rows, load, body_indices, base):
+    """Prefetch the rows and the loads of a tile's bodies into the processor's caches.
 
-    The bodies are index[base] and the LANES - 1 after it.
+    Parameters
+    ----------
+    rows, load : array
+        `Bodies.rows`, and a share of `Bodies.load`.
+    body_indices : array of int
+        The bodies of all contacts. Those of the tile begin at `base`.
+    base : int
+        Position of the tile's first contact in `body_indices`.
     """
-    for k in range(base, base + LANES):
+    for contact in range(base, base + LANES):
         for column in range(0, rows.shape[1], WIDTH):
-            prefetch(rows, index[k], column)
-        prefetch(load, index[k], 0)
+            prefetch(rows, body_indices[contact], column)
+        prefetch(load, body_indices[contact], 0)
 
 
 @inlined
 def prefetch_next_pairs(pairs, load, rows, base):
-    """Prefetch what the next tiles of pairs need.
+    """Prefetch the data of the next tiles of pairs into the processor's caches.
 
-    That is the tile of contacts after the next one, and the second bodies of the next
-    tile; the first bodies come nearly in order, so the processor fetches them itself.
+    These are the second bodies of the next tile, and the contacts of the tile after it.
+    The first bodies are nearly in order in memory, so the processor fetches them itself.
 
     Parameters
     ----------
@@ -130,7 +150,7 @@ def prefetch_next_pairs(pairs, load, rows, base):
     load, rows : array
         A share of `Bodies.load`, and `Bodies.rows`.
     base : int
-        First contact of the present tile.
+        Index of the first contact of the current tile.
     """
     if base + 2 * LANES < pairs.first.shape[0]:
         for column in range(0, pairs.data.shape[1], WIDTH):
@@ -141,15 +161,15 @@ def prefetch_next_pairs(pairs, load, rows, base):
 
 @inlined
 def clear_lane(scratch, lane):
-    """Zero the forces, torques and budgets of both bodies of one lane."""
+    """Set the forces, torques and budgets on both bodies of one lane to zero."""
     for column in range(state.LOAD_COLUMNS):
         scratch[tile.TO_A + column * LANES + lane] = 0.0
         scratch[tile.TO_B + column * LANES + lane] = 0.0
 
 
 @inlined
-def fill_law_constants(scratch, physics, a, b):
-    """Write the constants of the force laws for two materials to all lanes of a tile.
+def fill_law_constants(scratch, physics, material_a, material_b):
+    """Write the constants of the force laws of two materials to all lanes of a tile.
 
     Parameters
     ----------
@@ -158,16 +178,20 @@ def fill_law_constants(scratch, physics, a, b):
         `scratch[row + lane]`; the module `tile` names the rows.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
-    a, b : int
-        Numbers of the materials of the bodies A and B.
+    material_a, material_b : int
+        Indices of the materials of the bodies A and B.
     """
-    tile.fill_constants(scratch, tile.LAW, physics.law_constants[a, b])
-    tile.fill_constants(scratch, tile.ROLLING, physics.rolling_constants[a, b])
+    tile.fill_constants(
+        scratch, tile.LAW, physics.law_constants[material_a, material_b]
+    )
+    tile.fill_constants(
+        scratch, tile.ROLLING, physics.rolling_constants[material_a, material_b]
+    )
 
 
 @inlined
-def fill_lane_law_constants(scratch, lane, physics, a, b):
-    """Write the constants of the force laws for two materials to one lane of a tile.
+def fill_lane_law_constants(scratch, lane, physics, material_a, material_b):
+    """Write the constants of the force laws of two materials to one lane of a tile.
 
     Parameters
     ----------
@@ -178,22 +202,22 @@ def fill_lane_law_constants(scratch, lane, physics, a, b):
         Lane of the contact in its tile, 0 to LANES - 1.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
-    a, b : int
-        Numbers of the materials of the bodies A and B.
+    material_a, material_b : int
+        Indices of the materials of the bodies A and B.
     """
-    for number in range(physics.law_constants.shape[2]):
-        constant = physics.law_constants[a, b, number]
-        scratch[tile.LAW + number * LANES + lane] = constant
-    for number in range(physics.rolling_constants.shape[2]):
-        constant = physics.rolling_constants[a, b, number]
-        scratch[tile.ROLLING + number * LANES + lane] = constant
+    for constant_index in range(physics.law_constants.shape[2]):
+        value = physics.law_constants[material_a, material_b, constant_index]
+        scratch[tile.LAW + constant_index * LANES + lane] = value
+    for constant_index in range(physics.rolling_constants.shape[2]):
+        value = physics.rolling_constants[material_a, material_b, constant_index]
+        scratch[tile.ROLLING + constant_index * LANES + lane] = value
 
 
 @inlined
 def first_law_row(clumps, on_wall):
-    """Return the first row of the force laws in the tile that contacts keep.
+    """Return the first row of the force laws in the tile `history`.
 
-    The rows before it hold the geometry, which depends on the kind of body and on
+    The rows before it hold the geometry. Their number depends on the kind of body, and on
     whether the contact is with a wall.
 
     Parameters
@@ -210,10 +234,10 @@ def first_law_row(clumps, on_wall):
 
 @inlined
 def apply_force_laws(scratch, history, physics, clumps, on_wall):
-    """Compute forces and torques on both bodies of each lane by the force laws.
+    """Compute the forces and torques on both bodies of each lane by the force laws.
 
-    The geometry of the lanes has to be in the tiles. Writes the rows TO_A and TO_B of
-    `scratch` and the rows of the laws in `history`.
+    Compute the geometry of the lanes before. Writes the rows TO_A and TO_B of `scratch`,
+    and the rows of the laws in `history`.
 
     Parameters
     ----------
@@ -232,11 +256,11 @@ def apply_force_laws(scratch, history, physics, clumps, on_wall):
     """
     first = first_law_row(clumps, on_wall)
     of_spheres = 0 if len(clumps) == 0 else 1
-    # the contact law first: force on A, and the torques that follow from it
+    # First comes the contact law: the force on A, and the torques that follow from it.
     surfaces(physics.law, scratch, history, of_spheres, on_wall)
     contact_forces(physics.law, scratch, history, first, physics.dt)
     tile.write_torques(scratch)
-    # the rows of the rolling law follow those of the contact law
+    # The rows of the rolling law lie after those of the contact law.
     rolling_resistance(
         physics.rolling, scratch, history, first + physics.n_state * LANES, physics.dt
     )
@@ -246,7 +270,7 @@ def apply_force_laws(scratch, history, physics, clumps, on_wall):
 def separation_gap(history, physics, clumps, on_wall, lane):
     """Return the gap at which the contact of a lane ends [m].
 
-    It is 0.0 unless the law attracts across a gap.
+    It is 0.0 unless the contact law attracts across a gap.
 
     Parameters
     ----------
@@ -268,6 +292,8 @@ def separation_gap(history, physics, clumps, on_wall, lane):
 @inlined
 def write_pair_geometry(scratch, history, parts, clumps):
     """Compute normal, gap, effective radius and contact point of each lane's pair.
+
+    Writes the normal in `history` and the other quantities in `scratch`.
 
     Parameters
     ----------
@@ -310,15 +336,15 @@ def add_pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begi
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
     share : int
-        Number of the share, the first index of `bodies.load`.
+        Index of the share: the first index of `bodies.load`.
     begin, end : int
-        The pairs of this share, in whole tiles.
+        Range of the pairs of this share. `begin` is the first pair of a tile.
 
     Returns
     -------
     int
-        Number of the pairs that parted. They are written to `pairs.ended` from place
-        `begin` on, and their gaps to `pairs.gap`.
+        Number of the pairs that parted. Their indices are in `pairs.ended` from `begin`
+        on, and their gaps in `pairs.gap`.
     """
     n_pairs = min(counts[state.N_PAIRS], end)
     load = bodies.load[share]
@@ -332,27 +358,27 @@ def add_pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begi
         n_lanes = min(LANES, n_pairs - base)
         if is_large:
             prefetch_next_pairs(pairs, load, bodies.rows, base)
-        # each lane has the constants of its own two materials
+        # each lane gets the constants of its own two materials
         if physics.mixed_pairs:
             for lane in range(LANES):
                 k = base + lane
                 kind_a = bodies.material[pairs.first[k]]
                 kind_b = bodies.material[pairs.second[k]]
                 fill_lane_law_constants(scratch, lane, physics, kind_a, kind_b)
-        # copies of both bodies, the geometry, and the effective mass
+        # copy both bodies into the tile; compute the geometry and the effective mass
         gather_bodies(bodies.rows, pairs.first, base, scratch, tile.A)
         gather_bodies(bodies.rows, pairs.second, base, scratch, tile.B)
         write_pair_geometry(scratch, history, physics.parts, clumps)
         write_mass_of_pairs(
             scratch, history, pairs, physics.parts, clumps, base, n_lanes
         )
-        # A contact takes the smaller share of its bodies, see `laws.tangential`.
+        # A contact has the smaller one of the two dashpot shares, see `laws.tangential`.
         for lane in range(LANES):
             scratch[tile.SHARE + lane] = min(
                 scratch[tile.A + share_row + lane], scratch[tile.B + share_row + lane]
             )
         apply_force_laws(scratch, history, physics, clumps, OF_PAIR)
-        # Few tiles have a lane with a gap, so the others skip the loop over the lanes.
+        # Few tiles have a lane with a gap, so all others skip the loop over the lanes.
         if tile.count_open_lanes(scratch) > 0:
             for lane in range(n_lanes):
                 gap = scratch[tile.GAP + lane]
@@ -372,7 +398,7 @@ def add_pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begi
 
 @kernel
 def write_still_wall(scratch):
-    """Make body B of each lane a wall: of infinite mass, neither moving nor turning.
+    """Make body B of each lane a wall with infinite mass that neither moves nor turns.
 
     Parameters
     ----------
@@ -383,19 +409,19 @@ def write_still_wall(scratch):
     for lane in range(LANES):
         for column in range(state.SHAPE):
             scratch[tile.B + column * LANES + lane] = 0.0
-        # a wall has no arm, so its velocity at a contact is that of its columns
+        # Without an arm, the velocity of the wall at the contact is that in its columns.
         for axis in range(3):
             scratch[tile.RB + axis * LANES + lane] = 0.0
 
 
 @inlined
 def write_wall_laws_and_motion(
-    bodies, contacts, walls, physics, first_wall, base, n, scratch
+    bodies, contacts, walls, physics, first_wall, base, n_contacts, scratch
 ):
-    """Write law constants and motion of the walls of a tile of contacts.
+    """Write the law constants and the motion of the walls of a tile of contacts.
 
-    Nothing is written where all walls stand still and are of one material; then the
-    tile holds what `write_still_wall` and `fill_law_constants` wrote.
+    If all walls stand still and have one material, nothing is written. The tile then
+    keeps what `write_still_wall` and `fill_law_constants` wrote before.
 
     Parameters
     ----------
@@ -408,9 +434,9 @@ def write_wall_laws_and_motion(
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     first_wall : int
-        Number of the first wall of this kind among all walls.
-    base, n : int
-        The first contact of the tile, and the number of contacts in the list.
+        Index of the first wall of this kind among all walls.
+    base, n_contacts : int
+        Index of the tile's first contact, and number of contacts in the list.
     scratch : array
         Scratch tile of LANES contacts (rows of `tile`); the walls are its bodies B.
     """
@@ -420,7 +446,7 @@ def write_wall_laws_and_motion(
         k = base + lane
         # velocity and angular velocity of the wall; zero in a lane without a contact
         vx = vy = vz = omega_x = omega_y = omega_z = 0.0
-        if k < n:
+        if k < n_contacts:
             wall = first_wall + contacts.wall[k]
             omega_x, omega_y, omega_z = vector_at(walls.motion[wall], state.WALL_SPIN)
             if physics.mixed_walls:
@@ -428,13 +454,13 @@ def write_wall_laws_and_motion(
                 fill_lane_law_constants(
                     scratch, lane, physics, material, walls.material[wall]
                 )
-            # a wall's velocity depends on the place of the contact point
+            # the velocity of a wall that turns depends on the position of the contact point
             x = scratch[tile.A + lane] + scratch[tile.RA + lane]
             y = scratch[tile.A + LANES + lane] + scratch[tile.RA + LANES + lane]
             z = scratch[tile.A + 2 * LANES + lane] + scratch[tile.RA + 2 * LANES + lane]
             vx, vy, vz = surface_velocity(walls.motion[wall], x, y, z)
         write_vector(scratch, tile.B + state.VELOCITY * LANES, lane, vx, vy, vz)
-        # only laws of rolling use the angular velocity, since a wall has no arm
+        # Only rolling laws use the angular velocity, because the arm of a wall is zero.
         write_vector(
             scratch,
             tile.B + state.ANGULAR_VELOCITY * LANES,
@@ -447,9 +473,11 @@ def write_wall_laws_and_motion(
 
 @inlined
 def schedule_wall_search(bodies, contacts, walls, k, gap):
-    """Let body and wall of contact k be searched when they may have closed a gap.
+    """Schedule the next search of contact k's body and wall, after the contact ended.
 
-    The contact ended. Writes their limit, and when the body is due for walls.
+    They are searched when they may have closed the gap between them. Writes the limit of
+    this wall and body in `contacts`, and lowers the displacement in `bodies.wall_check`
+    at which the body is checked.
 
     Parameters
     ----------
@@ -462,24 +490,24 @@ def schedule_wall_search(bodies, contacts, walls, k, gap):
     k : int
         Index of the contact in its list.
     gap : float
-        How far they are apart [m]; negative counts as 0, so the search is in the next
-        step.
+        Distance of body and wall [m]. With 0 or less they are searched in the next step.
     """
     wall = contacts.wall[k]
-    i = contacts.body[k]
-    limit = bodies.displacement[i] + walls.approach[state.WALL_PATH] + max(gap, 0.0)
-    contacts.limit[wall, i] = min(contacts.limit[wall, i], limit)
-    bodies.wall_check[i] = min(bodies.wall_check[i], limit)
-    bodies.wall_margin[i // LANES] = 0.0
+    body = contacts.body[k]
+    limit = bodies.displacement[body] + walls.approach[state.WALL_PATH] + max(gap, 0.0)
+    contacts.limit[wall, body] = min(contacts.limit[wall, body], limit)
+    bodies.wall_check[body] = min(bodies.wall_check[body], limit)
+    bodies.wall_margin[body // LANES] = 0.0
 
 
 @inlined
 def compute_wall_forces(
-    bodies, contacts, clumps, walls, physics, first_wall, base, n, scratch
+    bodies, contacts, clumps, walls, physics, first_wall, base, n_contacts, scratch
 ):
-    """Compute the forces of a tile of contacts with walls whose geometry is known.
+    """Compute the forces of a tile of contacts with walls, from their geometry.
 
-    The forces are written to the rows `TO_A` of `scratch`.
+    Writes the forces to the rows TO_A of `scratch`, and what the contacts keep to
+    `contacts.data`.
 
     Parameters
     ----------
@@ -494,21 +522,27 @@ def compute_wall_forces(
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     first_wall : int
-        Number of the first wall of this kind among all walls.
-    base, n : int
-        The first contact of the tile, and the number of contacts in the list.
+        Index of the first wall of this kind among all walls.
+    base, n_contacts : int
+        Index of the tile's first contact, and number of contacts in the list.
     scratch : array (rows * LANES,)
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
     """
     history = contacts.data[base // LANES]
     write_wall_laws_and_motion(
-        bodies, contacts, walls, physics, first_wall, base, n, scratch
+        bodies, contacts, walls, physics, first_wall, base, n_contacts, scratch
     )
     write_mass_on_wall(
-        scratch, history, contacts, physics.parts, clumps, base, min(LANES, n - base)
+        scratch,
+        history,
+        contacts,
+        physics.parts,
+        clumps,
+        base,
+        min(LANES, n_contacts - base),
     )
-    # the share of the dashpot that acts is that of the body
+    # Only the body limits the share of the dashpot that acts. A wall has none.
     share_row = state.share_column(physics.parts) * LANES
     for lane in range(LANES):
         scratch[tile.SHARE + lane] = scratch[tile.A + share_row + lane]
@@ -516,7 +550,9 @@ def compute_wall_forces(
 
 
 @inlined
-def add_wall_forces_to_loads(bodies, contacts, walls, first_wall, base, n, scratch):
+def add_wall_forces_to_loads(
+    bodies, contacts, walls, first_wall, base, n_contacts, scratch
+):
     """Add the forces of a tile of contacts to the loads of the bodies and the walls.
 
     Parameters
@@ -528,15 +564,15 @@ def add_wall_forces_to_loads(bodies, contacts, walls, first_wall, base, n, scrat
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     first_wall : int
-        Number of the first wall of this kind among all walls.
-    base, n : int
-        The first contact of the tile, and the number of contacts in the list.
+        Index of the first wall of this kind among all walls.
+    base, n_contacts : int
+        Index of the tile's first contact, and number of contacts in the list.
     scratch : array (rows * LANES,)
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
     """
-    add_loads_of_walls(walls, first_wall, contacts, base, n, scratch)
-    # contacts with walls use the first share of the loads
+    add_loads_of_walls(walls, first_wall, contacts, base, n_contacts, scratch)
+    # Contacts with walls are added to the first share of the loads.
     add_forces_to_loads(bodies.load[0], contacts.body, base, scratch, tile.TO_A)
     if bodies.load.shape[0] > 1:
         mark_loads_as_nonzero(bodies, 0, contacts.body, base)
@@ -544,7 +580,10 @@ def add_wall_forces_to_loads(bodies, contacts, walls, first_wall, base, n, scrat
 
 @inlined
 def release_wall_contact(contacts, clumps, counts, length_slot, k, ghost):
-    """Remove contact k with a wall from its list; of clumps, its sphere is free again.
+    """Remove contact k with a wall from its list.
+
+    If the body is a clump, its sphere is marked as free, so that a new contact of it with
+    the wall can begin.
 
     Parameters
     ----------
@@ -560,8 +599,8 @@ def release_wall_contact(contacts, clumps, counts, length_slot, k, ghost):
     k : int
         Index of the contact in its list.
     ghost : int
-        Index of the ghost, a body without mass that never moves. Unused places of the
-        lists hold this index.
+        Index of the ghost, a body without mass that never moves. It stands in the unused
+        items of the lists.
     """
     if len(clumps) > 0:
         forget_sphere_contact(contacts, clumps, counts, length_slot, k)
@@ -570,16 +609,16 @@ def release_wall_contact(contacts, clumps, counts, length_slot, k, ghost):
 
 @inlined
 def drop_ended_contacts(contacts, clumps, counts, length_slot, n_ended, ghost):
-    """Remove the contacts with walls that ended in this step, the last first.
+    """Remove the contacts with walls that ended in this step, from the last to the first.
 
-    A removed contact is replaced by the last one, so the places of the others stay
-    valid.
+    The last contact of the list replaces a removed one. In this order it never replaces
+    one that ended, so the indices of the others stay valid.
 
     Parameters
     ----------
     contacts : WallContacts
-        The list; its first n_ended numbers `ended` are places of these contacts, in
-        increasing order.
+        The list of contacts. The first n_ended numbers of `ended` are the indices of the
+        contacts that ended, in increasing order.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     counts : array (COUNTS,) of int
@@ -588,20 +627,22 @@ def drop_ended_contacts(contacts, clumps, counts, length_slot, n_ended, ghost):
     length_slot : int
         Index in `counts` of the length of this list, such as state.N_PLANE.
     n_ended : int
-        Number of the contacts that ended.
+        Number of contacts that ended.
     ghost : int
-        Index of the ghost, a body without mass that never moves. Unused places of the
-        lists hold this index.
+        Index of the ghost, a body without mass that never moves. It stands in the unused
+        items of the lists.
     """
-    for place in range(n_ended - 1, -1, -1):
+    for number in range(n_ended - 1, -1, -1):
         release_wall_contact(
-            contacts, clumps, counts, length_slot, contacts.ended[place], ghost
+            contacts, clumps, counts, length_slot, contacts.ended[number], ghost
         )
 
 
 @inlined
 def write_plane_geometry(scratch, history, parts, clumps):
     """Compute gap, effective radius and contact point of each lane's body on its plane.
+
+    Writes the rows GAP, RADIUS and RA of `scratch`.
 
     Parameters
     ----------
@@ -627,7 +668,8 @@ def write_plane_geometry(scratch, history, parts, clumps):
 def add_plane_forces(bodies, flat, clumps, walls, counts, physics, scratch, ghost):
     """Compute the forces of all contacts with planes and add them to the loads.
 
-    A contact that ended is removed, and its body is searched when the gap may close.
+    A contact that ended is removed. Its body is searched again when the gap may have
+    closed.
 
     Parameters
     ----------
@@ -648,32 +690,31 @@ def add_plane_forces(bodies, flat, clumps, walls, counts, physics, scratch, ghos
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
     ghost : int
-        Index of the ghost, a body without mass that never moves. Unused places of the
-        lists hold this index.
+        Index of the ghost, a body without mass that never moves. It stands in the unused
+        items of the lists.
     """
     n_contacts = counts[state.N_PLANE]
     # A large simulation has several shares of the loads, and does not fit into the
     # caches.
     is_large = bodies.load.shape[0] > 1
     n_ended = 0
-    # One tile after another; `base` is the number of its first contact.
     for base in range(0, n_contacts, LANES):
         history = flat.data[base // LANES]
         if is_large and base + LANES < n_contacts:
             prefetch_bodies(bodies.rows, bodies.load[0], flat.body, base + LANES)
-        # copies of the bodies, the geometry, and the forces
+        # copy the bodies into the tile; compute the geometry and the forces
         gather_bodies(bodies.rows, flat.body, base, scratch, tile.A)
         write_plane_geometry(scratch, history, physics.parts, clumps)
         compute_wall_forces(
             bodies, flat, clumps, walls, physics, 0, base, n_contacts, scratch
         )
-        # Few tiles have a lane with a gap, so the others skip the loop over the lanes.
+        # Few tiles have a lane with a gap, so all others skip the loop over the lanes.
         if tile.count_open_lanes(scratch) > 0:
             for lane in range(min(LANES, n_contacts - base)):
                 gap = scratch[tile.GAP + lane]
                 if gap > separation_gap(history, physics, clumps, ON_WALL, lane):
                     clear_lane(scratch, lane)
-                    # beyond the edge of a disc there is no gap to close
+                    # A body beyond the edge of a disc may touch it after any motion.
                     distance_left = gap if gap < tile.BEYOND else 0.0
                     schedule_wall_search(
                         bodies, flat, walls, base + lane, distance_left
@@ -688,10 +729,10 @@ def add_plane_forces(bodies, flat, clumps, walls, counts, physics, scratch, ghos
 
 @inlined
 def mark_past_edge(flat, clumps, k):
-    """Note that the body of contact k slid over the edge of a disc.
+    """Mark the body of contact k as past its wall, after it slid over the edge of a disc.
 
-    It is past the wall now: no contact of it (of a clump, of this sphere) begins until
-    it is clear of the plane, see `walls`.
+    No contact of the body with the disc begins until the body is clear of the plane, see
+    `walls`. Of a clump, only the sphere of the contact is marked.
 
     Parameters
     ----------
@@ -703,16 +744,18 @@ def mark_past_edge(flat, clumps, k):
         Index of the contact in its list.
     """
     wall = flat.wall[k]
-    i = flat.body[k]
+    body = flat.body[k]
     if len(clumps) == 0:
-        flat.allowed_overlap[wall, i] = 0.0
+        flat.allowed_overlap[wall, body] = 0.0
     else:
-        set_bit(flat.past_bits[wall, i : i + 1], flat.feature[k])
+        set_bit(flat.past_bits[wall, body : body + 1], flat.feature[k])
 
 
 @inlined
-def mark_past_end(bodies, curved, clumps, walls, n, k, depth):
-    """Note that the body of contact k slid over the end of a curved wall.
+def mark_past_end(bodies, curved, clumps, walls, n_contacts, k, depth):
+    """Mark the body of contact k as past its wall, after it slid over the wall's end.
+
+    Of a clump, only the sphere of the contact is marked.
 
     Parameters
     ----------
@@ -724,37 +767,39 @@ def mark_past_end(bodies, curved, clumps, walls, n, k, depth):
         The spheres of the clumps; an empty tuple where all bodies are smooth.
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
-    n, k : int
-        Number of contacts in the list, and index of this contact.
+    n_contacts, k : int
+        Number of contacts in the list, and index of the contact.
     depth : float
-        Overlap with which it slid off [m].
+        Overlap with which the body slid over the end [m].
     """
     if len(clumps) == 0:
-        record_slide_off(bodies, curved, walls, n, k, depth)
+        record_slide_off(bodies, curved, walls, n_contacts, k, depth)
     else:
         record_sphere_slide_off(bodies, curved, walls, k)
 
 
 @inlined
 def is_duplicate(contacts, k):
-    """Return whether an earlier contact of the same body and wall is at the same place.
+    """Return whether an earlier contact of the same body and wall has the same azimuth.
 
-    Two contacts of a long body with a curved wall merge when the body turns across it.
+    A long body that lies across a curved wall touches it twice. The two contacts merge
+    when the body turns.
 
     Parameters
     ----------
     contacts : WallContacts
         The list of contacts with walls of one kind.
     k : int
-        Number of the contact; those before it are compared.
+        Index of the contact. The contacts before it are compared with it.
     """
-    for other in range(k):
+    for earlier in range(k):
         if (
-            contacts.body[other] == contacts.body[k]
-            and contacts.wall[other] == contacts.wall[k]
+            contacts.body[earlier] == contacts.body[k]
+            and contacts.wall[earlier] == contacts.wall[k]
         ):
             angle = angle_between(
-                contact_azimuth(contacts.data, other), contact_azimuth(contacts.data, k)
+                contact_azimuth(contacts.data, earlier),
+                contact_azimuth(contacts.data, k),
             )
             if angle < 0.5 * SAME_AZIMUTH:
                 return True
@@ -764,6 +809,8 @@ def is_duplicate(contacts, k):
 @inlined
 def write_contact_to_lane(scratch, history, lane, geometry):
     """Copy the geometry of one contact to its lane of both tiles.
+
+    The normal is written to `history`, the other quantities to `scratch`.
 
     Parameters
     ----------
@@ -788,9 +835,10 @@ def write_contact_to_lane(scratch, history, lane, geometry):
 
 @inlined
 def open_unused_lanes(scratch, n_lanes):
-    """Give the lanes without a contact a gap, so that they have no force.
+    """Write a gap to the lanes without a contact, so that they have no force.
 
-    They may hold the geometry of another tile. `n_lanes` is the number of lanes in use.
+    These lanes may still hold the geometry of the tile before. `n_lanes` is the number of
+    lanes in use.
     """
     for lane in range(n_lanes, LANES):
         scratch[tile.GAP + lane] = GAP_WITHOUT_FORCE
@@ -800,7 +848,9 @@ def open_unused_lanes(scratch, n_lanes):
 def update_curved_contact(
     bodies, curved, clumps, walls, physics, scratch, lane, k, geometry, local_row
 ):
-    """Write the geometry of contact k with a cone, tube or ring to its lane.
+    """Update contact k with a cone, tube or ring; return whether it ended.
+
+    Writes the geometry of the contact to its lane of both tiles.
 
     Parameters
     ----------
@@ -822,7 +872,7 @@ def update_curved_contact(
     k : int
         Index of the contact in its list.
     geometry : array (8,)
-        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        Overwritten with the contact: normal, gap [m], effective radius [m] and arm [m]
         (`contact_geometry`).
     local_row : array
         Working memory for a body's row in the frame of a wall. It is overwritten.
@@ -854,7 +904,7 @@ def update_curved_contact(
             or not is_on_wall
             or (physics.parts != state.SPHERES and is_duplicate(curved, k))
         )
-    # The same for the sphere of a clump, at the end of its arm.
+    # Do the same for the sphere of a clump, whose centre lies at the end of its arm.
     arm_x, arm_y, arm_z = sphere_arm(row, history, lane)
     x, y, z = vector_at(row, state.POSITION)
     distance_beyond = write_sphere_contact_in_world(
@@ -881,7 +931,7 @@ def add_curved_wall_forces(
 ):
     """Compute the forces of all contacts with cones, tubes and rings, and add them.
 
-    A contact that ended is removed, and its body is searched in the next step.
+    A contact that ended is removed. Its body is searched again in the next step.
 
     Parameters
     ----------
@@ -902,12 +952,12 @@ def add_curved_wall_forces(
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
     geometry : array (8,)
-        Working memory for one contact (`contact_geometry`); it is overwritten.
+        Working memory for one contact (`contact_geometry`). It is overwritten.
     local_row : array
         Working memory for a body's row in the frame of a wall. It is overwritten.
     ghost : int
-        Index of the ghost, a body without mass that never moves. Unused places of the
-        lists hold this index.
+        Index of the ghost, a body without mass that never moves. It stands in the unused
+        items of the lists.
     """
     n_contacts = counts[state.N_CURVED]
     first_wall = walls.planes.shape[0]
@@ -917,7 +967,7 @@ def add_curved_wall_forces(
         history = curved.data[base // LANES]
         gather_bodies(bodies.rows, curved.body, base, scratch, tile.A)
         open_unused_lanes(scratch, n_lanes)
-        # The geometry is found contact by contact, the forces for the whole tile.
+        # Compute the geometry contact by contact, then the forces of the whole tile.
         for lane in range(n_lanes):
             k = base + lane
             if update_curved_contact(
@@ -934,7 +984,7 @@ def add_curved_wall_forces(
             ):
                 curved.ended[n_ended] = k
                 n_ended += 1
-                # it ended with an overlap, so it slid over the wall's end
+                # A contact that ended with an overlap slid over the end of the wall.
                 if scratch[tile.GAP + lane] <= 0.0:
                     depth = -scratch[tile.GAP + lane]
                     mark_past_end(bodies, curved, clumps, walls, n_contacts, k, depth)
@@ -950,7 +1000,7 @@ def add_curved_wall_forces(
             n_contacts,
             scratch,
         )
-        # Contacts that ended have no force, and their bodies are searched again.
+        # Contacts that ended exert no force. Their bodies are searched again.
         for lane in range(n_lanes):
             if scratch[tile.GAP + lane] > separation_gap(
                 history, physics, clumps, ON_WALL, lane
@@ -971,13 +1021,15 @@ def update_mesh_contact(
     walls,
     meshes,
     physics,
-    n,
+    n_contacts,
     k,
     geometry,
     other_geometry,
     local_row,
 ):
-    """Fill `geometry` for contact k with a mesh; return whether the contact lasts.
+    """Update contact k with a mesh; return whether it still touches.
+
+    Writes the geometry of the contact to `geometry`.
 
     Parameters
     ----------
@@ -993,16 +1045,18 @@ def update_mesh_contact(
         The features of all meshes (`features.Meshes`).
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
-    n, k : int
-        Number of contacts in the list, and index of this contact.
+    n_contacts, k : int
+        Number of contacts in the list, and index of the contact.
     geometry : array (8,)
-        Overwritten by the contact (`contact_geometry`), in world axes.
+        Overwritten with the contact in world axes (`contact_geometry`).
     other_geometry : array (8,)
-        Working memory for a second contact; it is overwritten.
+        Working memory for a second contact. It is overwritten.
     local_row : array
         Working memory for a body's row in the frame of a wall. It is overwritten.
     """
-    end = separation_gap(meshed.data[k // LANES], physics, clumps, ON_WALL, k % LANES)
+    largest_gap = separation_gap(
+        meshed.data[k // LANES], physics, clumps, ON_WALL, k % LANES
+    )
     if len(clumps) == 0:
         return follow_mesh_contact(
             bodies,
@@ -1010,9 +1064,9 @@ def update_mesh_contact(
             walls,
             meshes,
             meshed,
-            n,
+            n_contacts,
             k,
-            end,
+            largest_gap,
             geometry,
             other_geometry,
             local_row,
@@ -1023,9 +1077,9 @@ def update_mesh_contact(
         meshes,
         meshed,
         clumps,
-        n,
+        n_contacts,
         k,
-        end,
+        largest_gap,
         geometry,
         other_geometry,
         local_row,
@@ -1049,7 +1103,7 @@ def add_mesh_forces(
 ):
     """Compute the forces of all contacts with meshes and add them to the loads.
 
-    A contact that ended is removed, and its mesh is searched in the next step.
+    A contact that ended is removed. Its mesh is searched again in the next step.
 
     Parameters
     ----------
@@ -1072,12 +1126,12 @@ def add_mesh_forces(
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
     geometry, other_geometry : array (8,)
-        Scratch for two contacts (`contact_geometry`); it is overwritten.
+        Working memory for two contacts (`contact_geometry`). It is overwritten.
     local_row : array
         Working memory for a body's row in the frame of a wall. It is overwritten.
     ghost : int
-        Index of the ghost, a body without mass that never moves. Unused places of the
-        lists hold this index.
+        Index of the ghost, a body without mass that never moves. It stands in the unused
+        items of the lists.
     """
     n_contacts = counts[state.N_MESHED]
     n_curved = walls.cones.shape[0] + walls.rings.shape[0]
@@ -1090,7 +1144,7 @@ def add_mesh_forces(
         history = meshed.data[base // LANES]
         gather_bodies(bodies.rows, meshed.body, base, scratch, tile.A)
         open_unused_lanes(scratch, n_lanes)
-        # The geometry is found contact by contact, the forces for the whole tile.
+        # Compute the geometry contact by contact, then the forces of the whole tile.
         for lane in range(n_lanes):
             k = base + lane
             is_touching = update_mesh_contact(
@@ -1128,7 +1182,7 @@ def add_mesh_forces(
                 history, physics, clumps, ON_WALL, lane
             ):
                 clear_lane(scratch, lane)
-                # search the mesh in the next step
+                # A negative limit makes the search due in the next step.
                 k = base + lane
                 meshed.limit[meshed.wall[k], meshed.body[k]] = -1.0
         add_wall_forces_to_loads(

@@ -1,7 +1,7 @@
-"""Lists of contacts whose data lie in tiles: begin a contact, or move it in the list.
+"""Begin a contact in a list whose data lie in tiles, or move it within the list.
 
 `data` is an array (tiles, rows * LANES), see `state.Pairs` and `state.WallContacts`.
-Contact k of a list is lane k % LANES of tile k // LANES. The functions write `data` in
+Contact k of a list is lane k % LANES of tile k // LANES. The functions change `data` in
 place.
 """
 
@@ -12,15 +12,15 @@ from .rows import LANES, write_vector
 
 @inlined
 def put_contact(data, k, nx, ny, nz):
-    """Begin contact k of a list with a normal; set its other rows to zero.
+    """Begin contact k of a list: write its normal, and set its other rows to zero.
 
-    Zeros mean a relaxed spring, for any force law.
+    Zeros mean a relaxed spring in every force law.
 
     Parameters
     ----------
     data : array (tiles, rows * LANES)
-        What the contacts of the list keep; contact k is lane k % LANES of tile k //
-        LANES.
+        What the contacts of the list keep. Contact k is lane k % LANES of tile k //
+        LANES. It is changed in place.
     k : int
         Index of the contact in its list.
     nx, ny, nz : float
@@ -35,15 +35,15 @@ def put_contact(data, k, nx, ny, nz):
 
 @inlined
 def move_contact(data, source, target):
-    """Copy all that contact `source` of a list keeps over contact `target`.
+    """Overwrite contact `target` of a list with all data of contact `source`.
 
     Parameters
     ----------
     data : array (tiles, rows * LANES)
-        What the contacts of the list keep; contact k is lane k % LANES of tile k //
-        LANES.
+        What the contacts of the list keep. Contact k is lane k % LANES of tile k //
+        LANES. It is changed in place.
     source, target : int
-        Numbers of the two contacts.
+        Indices of the two contacts in the list.
     """
     source_tile = data[source // LANES]
     target_tile = data[target // LANES]

@@ -1,9 +1,10 @@
-"""Bodies in spatial order: those that are near in the pile are near in memory.
+"""Keep bodies in spatial order: bodies that are near in the pile are near in memory.
 
-Large simulations do not fit into the caches. From time to time their bodies are numbered
-anew along a Morton curve through the cells, and contacts are sorted by their bodies.
-Users keep the numbers that `Simulation.add` returned. `reorder` permutes the arrays of
-`Bodies`, `Grid`, `Pairs` and `WallContacts` in place; this is Python, not compiled code.
+Large simulations do not fit into the caches. From time to time their bodies are
+renumbered along a Morton curve through the cells, and contacts are sorted by their
+bodies. Users keep the numbers that `Simulation.add` returned. `reorder` permutes the
+arrays of `Bodies`, `Grid`, `Pairs` and `WallContacts` in place. Only
+`rebuild_cell_lists` is compiled.
 """
 
 import numpy as np
@@ -14,45 +15,47 @@ from .neighbours import insert_into_cell
 from .rows import LANES
 
 
-def compute_morton_codes(cell, shape):
-    """Return the places of cells on a Morton curve.
+def compute_morton_codes(cells, shape):
+    """Compute the positions of cells on a Morton curve.
 
-    On this curve, cells that are near in space are mostly near. The place of a cell is a
-    number whose bits are those of the cell's three indices, in turn: bit 0 of the index
-    along x, of that along y and of that along z, then bit 1 of each, and so on.
+    Cells that are near on this curve are near in space. The position of a cell is an
+    integer that interleaves the bits of the cell's three indices: bit 0 of the indices
+    along x, y and z, then bit 1 of each, and so on.
 
     Parameters
     ----------
-    cell : ndarray (n,)
-        Numbers of cells; a negative number counts as cell 0.
+    cells : ndarray (n,)
+        Number of each cell. A negative number counts as cell 0.
     shape : ndarray (3,)
         Number of cells along each axis.
 
     Returns
     -------
     ndarray (n,)
-        The places.
+        Position of each cell on the curve: its Morton code.
     """
-    cell_number = np.maximum(cell, 0)
+    cell_numbers = np.maximum(cells, 0)
     indices = (
-        cell_number // (shape[1] * shape[2]),
-        cell_number // shape[2] % shape[1],
-        cell_number % shape[2],
+        cell_numbers // (shape[1] * shape[2]),
+        cell_numbers // shape[2] % shape[1],
+        cell_numbers % shape[2],
     )
-    place = np.zeros(len(cell_number), np.int64)
+    code = np.zeros(len(cell_numbers), np.int64)
     for bit in range(int(max(shape)).bit_length()):
-        for axis, axis_index in enumerate(indices):
-            bit_of_index = axis_index >> bit & 1
-            place |= bit_of_index << (3 * bit + axis)
-    return place
+        for axis, index in enumerate(indices):
+            index_bit = index >> bit & 1
+            code |= index_bit << (3 * bit + axis)
+    return code
 
 
 @kernel
 def rebuild_cell_lists(grid, n):
-    """Put the first n bodies into the lists of their cells, after a renumbering.
+    """Rebuild the lists of bodies of all cells, after the bodies were renumbered.
 
-    The lists are emptied first; `grid.cell` has the cell of each body, or -1.
+    `grid.cell` has the cell of each of the first n bodies, or -1. The other lists of
+    `grid` are overwritten.
     """
+    # empty all lists, then enter each body
     grid.head[:] = -1
     for i in range(n):
         if grid.cell[i] >= 0:
@@ -60,14 +63,16 @@ def rebuild_cell_lists(grid, n):
 
 
 def permute(order, *arrays):
-    """Permute the first rows of arrays in place; row k becomes the old row order[k].
+    """Permute the first rows of arrays in place.
+
+    Row k becomes the old row order[k].
 
     Parameters
     ----------
     order : ndarray (n,)
-        Old number of each of the first n rows.
+        Old index of each of the first n rows.
     *arrays : ndarray
-        Arrays with n rows or more; further rows stay.
+        Arrays with at least n rows. The rows after the first n stay.
     """
     for array in arrays:
         array[: len(order)] = array[: len(order)][order]
@@ -81,46 +86,47 @@ def permute_lanes(order, tiles):
     Parameters
     ----------
     order : ndarray (n,)
-        Old number of each of the first n lanes.
+        Old index of each of the first n lanes.
     tiles : ndarray (tiles, rows * LANES)
-        Numbers of bodies or contacts, one in each lane.
+        Data of bodies or contacts, one body or contact in each lane.
     """
     n_tiles = len(tiles)
-    # a table with a row for each lane, then back to tiles
+    # Permute the rows of a table with a row for each lane.
     table = state.contact_rows(tiles, tiles.size)
     permute(order, table)
-    # from rows of lanes back to lanes of rows
-    by_tile = table.reshape(n_tiles, LANES, -1)
-    tiles[:] = by_tile.transpose(0, 2, 1).reshape(tiles.shape)
+    # Write the table back in the layout of the tiles.
+    table_of_tiles = table.reshape(n_tiles, LANES, -1)
+    tiles[:] = table_of_tiles.transpose(0, 2, 1).reshape(tiles.shape)
 
 
 def sort_by_body(bodies, arrays, *tiles):
-    """Sort a list of contacts by a body of each, in place.
+    """Sort a list of contacts by their bodies, in place.
 
-    Contacts of one body keep their order, so the result does not depend on the sort.
+    The sort is stable: contacts of one body keep their order. So the result does not
+    depend on the method of sorting.
 
     Parameters
     ----------
     bodies : ndarray (n,)
         The body of each contact.
     arrays : sequence of ndarray
-        Arrays of the list.
+        Arrays of the list with a row for each contact. They are permuted.
     *tiles : ndarray
-        Tiles of the list.
+        Arrays of the list with a lane for each contact. They are permuted.
     """
     order = np.argsort(bodies, kind="stable")
     permute(order, *arrays)
-    for data in tiles:
-        permute_lanes(order, data)
+    for tile_array in tiles:
+        permute_lanes(order, tile_array)
 
 
 def _permute_bodies(order, bodies, grid, flat, curved, meshed):
-    """Permute all arrays that have a place for each body, in place.
+    """Permute all arrays that have a row or lane for each body, in place.
 
     Parameters
     ----------
     order : ndarray (n,)
-        Old number of each body.
+        Old index of each body.
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
     grid : Grid
@@ -145,18 +151,18 @@ def _permute_bodies(order, bodies, grid, flat, curved, meshed):
     for contacts in (flat, curved, meshed):
         permute(order, contacts.limit.T, contacts.allowed_overlap.T)
     permute_lanes(order, bodies.motion)
-    # what is known of whole tiles is not valid for the new tiles
+    # The tiles have other bodies now, so what was known about a whole tile is reset.
     bodies.resting[:] = 0
     bodies.wall_margin[:] = 0.0
 
 
-def _renumber_bodies(new_number, pairs, flat, curved, meshed, counts):
-    """Write the new number of each body to the lists of contacts and near pairs.
+def _renumber_bodies(new_index, pairs, flat, curved, meshed, counts):
+    """Replace the indices of bodies in the lists of contacts and near pairs, in place.
 
     Parameters
     ----------
-    new_number : ndarray (n,)
-        New number of each old one.
+    new_index : ndarray (n,)
+        New index of each body, by its old index.
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
     flat, curved, meshed : WallContacts
@@ -165,8 +171,8 @@ def _renumber_bodies(new_number, pairs, flat, curved, meshed, counts):
         Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
         indices.
     """
-    # arrays of body numbers, and where `counts` has their length
-    lists = (
+    # arrays of indices of bodies, and where `counts` has their lengths
+    index_arrays = (
         (pairs.first, state.N_PAIRS),
         (pairs.second, state.N_PAIRS),
         (pairs.near_first, state.N_NEAR),
@@ -175,17 +181,17 @@ def _renumber_bodies(new_number, pairs, flat, curved, meshed, counts):
         (curved.body, state.N_CURVED),
         (meshed.body, state.N_MESHED),
     )
-    for numbers, slot in lists:
-        n = counts[slot]
-        numbers[:n] = new_number[numbers[:n]]
+    for body_indices, length_slot in index_arrays:
+        length = counts[length_slot]
+        body_indices[:length] = new_index[body_indices[:length]]
 
 
 def _sort_contacts(pairs, flat, counts):
     """Sort pairs, contacts with planes and near pairs by their bodies, in place.
 
-    A pair is sorted by its lower body. So the contacts of bodies that are near in
-    memory are near in memory, too. Contacts with curved walls and meshes are few and
-    stay.
+    The sort key of a pair is the lower one of its two bodies. So contacts of bodies that
+    are near in memory are near in memory, too. Contacts with curved walls and meshes are
+    few, so they are not sorted.
 
     Parameters
     ----------
@@ -197,7 +203,7 @@ def _sort_contacts(pairs, flat, counts):
         Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
         indices.
     """
-    # pairs that touch
+    # touching pairs
     n_pairs = counts[state.N_PAIRS]
     lower = np.minimum(pairs.first[:n_pairs], pairs.second[:n_pairs])
     sort_by_body(lower, (pairs.first, pairs.second), pairs.data)
@@ -214,7 +220,7 @@ def _sort_contacts(pairs, flat, counts):
         pairs.near_normal,
     )
     sort_by_body(lower_near, near_arrays)
-    # the blocks of near pairs have changed, see `parallel.CHANGED`
+    # A zero tells that a block of near pairs has changed, see `parallel.CHANGED`.
     pairs.near_check[:] = 0.0
 
 
@@ -240,20 +246,20 @@ def reorder(bodies, grid, pairs, flat, curved, meshed, counts):
     Returns
     -------
     ndarray (n,)
-        The old number of each body.
+        The old index of each body.
     """
     n = int(counts[state.N_BODIES])
-    old_number = np.argsort(
+    old_index = np.argsort(
         compute_morton_codes(grid.cell[:n], grid.shape), kind="stable"
     )
-    new_number = np.empty(n, np.int64)
-    new_number[old_number] = np.arange(n)
-    # the arrays with a place for each body
-    _permute_bodies(old_number, bodies, grid, flat, curved, meshed)
-    # the lists that hold numbers of bodies
+    new_index = np.empty(n, np.int64)
+    new_index[old_index] = np.arange(n)
+    # the arrays with a row or lane for each body
+    _permute_bodies(old_index, bodies, grid, flat, curved, meshed)
+    # the lists that hold indices of bodies
     n_moved = int(counts[state.N_MOVED])
-    grid.moved_list[:n_moved] = new_number[grid.moved_list[:n_moved]]
+    grid.moved_list[:n_moved] = new_index[grid.moved_list[:n_moved]]
     rebuild_cell_lists(grid, n)
-    _renumber_bodies(new_number, pairs, flat, curved, meshed, counts)
+    _renumber_bodies(new_index, pairs, flat, curved, meshed, counts)
     _sort_contacts(pairs, flat, counts)
-    return old_number
+    return old_index
