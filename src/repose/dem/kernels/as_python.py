@@ -1,6 +1,6 @@
-"""The functions of `simd` in Python, for a run without the compiler (NUMBA_DISABLE_JIT=1).
+"""Replace the intrinsics of `simd` by Python, for a run with NUMBA_DISABLE_JIT=1.
 
-The names and arguments are those of `simd`, where LLVM code is written for them.
+The names and arguments are those of `simd`, which has LLVM code for them.
 """
 
 import numpy as np
@@ -9,9 +9,9 @@ WIDTH = 8
 
 
 def _lane_slice(first, stride):
-    """Return the places of WIDTH numbers in a tile as a slice.
+    """Return the slice of WIDTH numbers of a tile.
 
-    `first` is the place of the first one, `stride` the distance between neighbours.
+    `first` is the index of the first number, `stride` the distance between two of them.
     """
     return slice(first, first + WIDTH * stride, stride)
 
@@ -31,9 +31,9 @@ def rows_to_lanes(table, column, index, k, tile, first, stride):
     index, k : array of int, int
         Lane `lane` is row index[k + lane] of the table.
     tile : array
-        A flat array; it is overwritten.
+        A flat array, to which the numbers are written.
     first, stride : int
-        Place of the first number in the tile, and distance of its rows.
+        Index of the first number in the tile, and distance between two rows.
     """
     for lane in range(WIDTH):
         row = table[index[k + lane], column : column + WIDTH]
@@ -44,7 +44,8 @@ def lanes_to_rows(table, column, index, k, tile, first, stride):
     """Copy eight rows of eight lanes of a tile to columns of a table.
 
     table[index[k + lane], column + c] = tile[first + c * stride + lane], for c and lane
-    of 0..7. The arguments are those of `rows_to_lanes`; the table is written.
+    of 0..7. The arguments are those of `rows_to_lanes`. The numbers are written to the
+    table.
     """
     for lane in range(WIDTH):
         numbers = tile[_lane_slice(first + lane, stride)]
@@ -54,8 +55,8 @@ def lanes_to_rows(table, column, index, k, tile, first, stride):
 def add_lanes_to_rows(table, column, index, k, tile, first, stride):
     """Add eight rows of eight lanes of a tile to columns of a table.
 
-    This is `lanes_to_rows` with a sum, with the same arguments. Lane after lane is
-    added, since a body may come twice.
+    This is `lanes_to_rows` with a sum, and has the same arguments. The lanes are added one
+    after another, because two lanes may have the same body.
     """
     for lane in range(WIDTH):
         numbers = tile[_lane_slice(first + lane, stride)]

@@ -1,7 +1,8 @@
-"""A barrier: each of several threads that run a kernel waits there for all others.
+"""A barrier, at which each of several threads that run a kernel waits for the others.
 
-It is an array of BARRIER_SIZE int64 numbers with two counters, which LLVM changes by
-atomic instructions: how many threads have arrived, and the number of the round.
+The barrier is an array of BARRIER_SIZE int64 numbers. Two of them are counters: the
+number of threads that have arrived, and the number of the round. LLVM changes them by
+atomic instructions.
 """
 
 from llvmlite import ir
@@ -12,16 +13,15 @@ from numba.extending import intrinsic
 from .jit import inlined
 
 INT32, INT64 = ir.IntType(32), ir.IntType(64)
-# Places of the two counters, a cache line apart.
+# Indices of the two counters, a cache line (8 numbers) apart.
 ARRIVED, ROUND = 0, 8
 BARRIER_SIZE = 16
-READS_BEFORE_YIELD = (
-    4000  # reads of a counter before the processor is offered to others
-)
+# A waiting thread reads the counter this often before it lets other threads run.
+READS_BEFORE_YIELD = 4000
 
 
-def _place(context, builder, signature, values):
-    """Write code for the address of an element of an array; return the pointer.
+def _write_element_pointer(context, builder, signature, values):
+    """Write code for the address of an element of an array, and return the pointer.
 
     Parameters
     ----------
@@ -30,7 +30,7 @@ def _place(context, builder, signature, values):
     signature : numba signature
         Types of the values.
     values : sequence of LLVM values
-        The array and the index; further values do not count.
+        The array and the index. Further values are ignored.
     """
     array = context.make_array(signature.args[0])(context, builder, values[0])
     index = context.cast(builder, values[1], signature.args[1], types.int64)
@@ -44,11 +44,11 @@ def _is_int64_array(array):
 
 @intrinsic
 def atomic_add(typingctx, array, index, value):
-    """Add to an element of an int64 array; return its value before.
+    """Add a value to an element of an int64 array; return the element's old value.
 
-    Reading, adding and writing are one step that no other thread can interrupt. Of
-    other types of arrays the result is None, by which numba knows that no such function
-    exists.
+    The element is read, increased and written in one step that no other thread can
+    interrupt. For other types of arrays the result is None. This tells numba that there is
+    no such function.
     """
     if not _is_int64_array(array):
         return None
@@ -56,7 +56,10 @@ def atomic_add(typingctx, array, index, value):
     def generate(context, builder, sig, values):
         value = context.cast(builder, values[2], sig.args[2], types.int64)
         return builder.atomic_rmw(
-            "add", _place(context, builder, sig, values), value, "seq_cst"
+            "add",
+            _write_element_pointer(context, builder, sig, values),
+            value,
+            "seq_cst",
         )
 
     return types.int64(array, index, value), generate
@@ -64,19 +67,21 @@ def atomic_add(typingctx, array, index, value):
 
 @intrinsic
 def atomic_load(typingctx, array, index):
-    """Return an element of an int64 array that another thread may write."""
+    """Return an element of an int64 array that another thread may change."""
     if not _is_int64_array(array):
         return None
 
     def generate(context, builder, sig, values):
-        return builder.load_atomic(_place(context, builder, sig, values), "seq_cst", 8)
+        return builder.load_atomic(
+            _write_element_pointer(context, builder, sig, values), "seq_cst", 8
+        )
 
     return types.int64(array, index), generate
 
 
 @intrinsic
 def yield_processor(typingctx):
-    """Let another thread of the machine run (POSIX sched_yield)."""
+    """Let another thread of the machine use the processor (POSIX sched_yield)."""
 
     def generate(context, builder, sig, values):
         function = cgutils.get_or_insert_function(
@@ -89,29 +94,29 @@ def yield_processor(typingctx):
 
 
 @inlined
-def wait_for_all(counters, threads):
+def wait_for_all(counters, n_threads):
     """Wait until all threads have called this function.
 
-    The last thread to arrive clears the counter of arrivals and begins a new round, for
-    which the others wait.
+    The others wait for a new round. The last thread to arrive resets the counter of
+    arrivals and begins this round.
 
     Parameters
     ----------
     counters : array (BARRIER_SIZE,) of int64
-        The barrier; all threads have the same one.
-    threads : int
+        The barrier, which all threads share. It is changed.
+    n_threads : int
         Number of threads.
     """
-    if threads == 1:
+    if n_threads == 1:
         return
-    # read the round first: after the last arrival it is the next one
+    # Read the round before arriving, because the last arrival begins the next one.
     this_round = atomic_load(counters, ROUND)
-    n_before = atomic_add(counters, ARRIVED, 1)
-    if n_before == threads - 1:
-        atomic_add(counters, ARRIVED, -threads)
+    n_arrived_before = atomic_add(counters, ARRIVED, 1)
+    if n_arrived_before == n_threads - 1:
+        atomic_add(counters, ARRIVED, -n_threads)
         atomic_add(counters, ROUND, 1)
         return
-    # wait for the next round; after many reads let other threads of the machine run
+    # Wait for the next round. After many reads, let other threads of the machine run.
     n_reads = 0
     while atomic_load(counters, ROUND) == this_round:
         n_reads += 1

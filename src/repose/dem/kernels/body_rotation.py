@@ -1,20 +1,20 @@
-"""Rotation of 32 bodies by one time step, under their torques and rolling resistance.
+"""Rotate 32 bodies by one time step, under their torques and rolling resistance.
 
-The state of a rotation is the angular momentum in world axes; the angular velocity at
-the middle of the step follows from it. So free rotation keeps the momentum to the bit,
+The state of a rotation is the angular momentum in world axes. The angular velocity at
+the middle of the step follows from it. So a free rotation keeps the momentum to the bit,
 and the energy to second order in the time step.
 
 The functions work on two tiles of 32 bodies, one body in each lane (see `rows`):
 `scratch` is the scratch tile of the time step (rows of `body_tile`), `motion` a tile of
 `Bodies.motion` (rows of `state`). They read the torques and the budgets of the rolling
-resistance in the rows LOAD of `scratch`. They write angular momentum and quaternion in
-`motion`; angular velocity, inverse inertia, shape and share of the dashpots in
-`scratch`; they add to its row PATH. Loops over the lanes have no branches that depend
+resistance in the rows LOAD of `scratch`. They write angular momentum and quaternion to
+`motion`. They write angular velocity, inverse inertia, shape and share of the dashpots
+to `scratch`, and add to its row PATH. Loops over the lanes have no branches that depend
 on a lane, so that they become vector code.
 
 The budget of a body is the angular momentum that rolling resistance can take away from
-it in a step. `omega` is an angular velocity [rad/s]. Vectors are in world axes unless
-`body` is part of their names.
+it in a step. `omega` is an angular velocity [rad/s]. Vectors are in world axes; their
+components along the axes of a body are numbered 1, 2 and 3.
 """
 
 import math
@@ -35,19 +35,19 @@ from .state import (
 )
 from .vectors import cross, squared_length
 
-BUDGET_SHARE = 1.0 - 1e-12  # share of a budget that rounding leaves
+BUDGET_SHARE = 1.0 - 1e-12  # of a budget, so that rounding never hides a rotation
 LEAST_SPEED = 1e-150  # angular speed below which a rotation has no direction [rad/s]
-# Newton steps for the direction of a resistance. Its size is then 4e-8 off where the
-# moments of inertia differ sixfold, and 4e-4 for a factor of thirty.
+# Newton steps for the direction of the resistance. The length of its unit vector is then
+# wrong by 4e-8 if the moments of inertia differ sixfold, by 4e-4 for a factor of thirty.
 NEWTON_STEPS = 3
 # First rows of the scratch tile.
-BUDGET = LOAD + state.ROLL * LANES  # per second: a torque
+BUDGET = LOAD + state.ROLL * LANES  # a torque: the budget per second
 DASHPOTS = LOAD + state.DASHPOTS * LANES
 
 
 @inlined
 def quaternion_of(motion, lane):
-    """Return the quaternion (w, x, y, z) that turns a lane's body into the world."""
+    """Return the quaternion (w, x, y, z) of a lane's body, from body axes to world axes."""
     return (
         motion[QUATERNION + lane],
         motion[QUATERNION + LANES + lane],
@@ -58,14 +58,14 @@ def quaternion_of(motion, lane):
 
 @inlined
 def rotated_quaternion(qw, qx, qy, qz, omega_x, omega_y, omega_z, half_dt):
-    """Return a quaternion after a rotation with constant angular velocity, normalised.
+    """Return a unit quaternion after a step with constant angular velocity.
 
-    It is q + dt / 2 (0, omega) q, by the product of quaternions.
+    It is q + dt / 2 (0, omega) q, divided by its length, with the product of quaternions.
 
     Parameters
     ----------
     qw, qx, qy, qz : float
-        The unit quaternion q before.
+        The unit quaternion q before the step.
     omega_x, omega_y, omega_z : float
         Angular velocity in world axes [rad/s].
     half_dt : float
@@ -86,9 +86,9 @@ def rotated_quaternion(qw, qx, qy, qz, omega_x, omega_y, omega_z, half_dt):
 
 @inlined
 def turn_quaternion(motion, lane, omega_x, omega_y, omega_z, half_dt, is_turning):
-    """Turn the quaternion of a lane's body by `rotated_quaternion`, in place.
+    """Turn the quaternion of a lane's body by one step (`rotated_quaternion`), in place.
 
-    A body that does not turn keeps its quaternion to the bit.
+    A body that does not turn keeps the bits of its quaternion.
 
     Parameters
     ----------
@@ -119,28 +119,28 @@ def turn_quaternion(motion, lane, omega_x, omega_y, omega_z, half_dt, is_turning
 
 @inlined
 def write_rotated_diagonal(scratch, row, motion, diagonal_row):
-    """Turn a diagonal matrix from the axes of each lane's body into world axes.
+    """Rotate a diagonal matrix from the axes of each lane's body into world axes.
 
-    This writes R diag(d1, d2, d3) R', with the rotation R of the body's quaternion.
+    The result is R diag(d1, d2, d3) R', with the rotation R of the body's quaternion.
 
     Parameters
     ----------
     scratch : array
         Scratch tile, to which the symmetric matrices are written.
     row : int
-        First of their six rows: xx, xy, xz, yy, yz, zz.
+        First of the six rows of the matrices: xx, xy, xz, yy, yz, zz.
     motion : array
-        Tile with the quaternions and the diagonals.
+        Tile of `Bodies.motion` with the quaternions and the diagonals.
     diagonal_row : int
-        First of the three rows d1, d2, d3.
+        First of the three rows of the diagonals in `motion`: d1, d2, d3.
     """
     for lane in range(LANES):
         qw, qx, qy, qz = quaternion_of(motion, lane)
-        # (read number by number: `lane_vector` changes last bits here, see `jit`)
+        # Read number by number. With `lane_vector` the last bits would change, see `jit`.
         d1 = motion[diagonal_row + lane]
         d2 = motion[diagonal_row + LANES + lane]
         d3 = motion[diagonal_row + 2 * LANES + lane]
-        # the rotation R: xy is the x component of the body's second axis
+        # the rotation R; xy is the x component of the body's second axis
         xx = 1.0 - 2.0 * (qy * qy + qz * qz)
         xy = 2.0 * (qx * qy - qw * qz)
         xz = 2.0 * (qx * qz + qw * qy)
@@ -166,16 +166,16 @@ def write_rotated_diagonal(scratch, row, motion, diagonal_row):
 
 @inlined
 def inverse_inertia_times(scratch, lane, x, y, z):
-    """Multiply a body's inverse inertia by a vector (x, y, z), both in world axes."""
+    """Multiply the inverse inertia of a lane's body by a vector, both in world axes."""
     xx, xy, xz, yy, yz, zz = lane_matrix(scratch, INVERSE_INERTIA, lane)
     return multiply_symmetric(xx, xy, xz, yy, yz, zz, x, y, z)
 
 
 @inlined
 def rotate_into_body(motion, lane, x, y, z):
-    """Return a vector of the world in the axes of a lane's body.
+    """Rotate a vector from world axes into the axes of a lane's body, and return it.
 
-    It is rotated by the inverse of the body's quaternion.
+    The rotation is the inverse of that of the body's quaternion.
 
     Parameters
     ----------
@@ -188,7 +188,7 @@ def rotate_into_body(motion, lane, x, y, z):
         The vector in world axes.
     """
     qw, qx, qy, qz = quaternion_of(motion, lane)
-    # twice the vector product with the quaternion's vector
+    # twice the vector product of (x, y, z) with the vector part of the quaternion
     twice_x = 2.0 * (y * qz - z * qy)
     twice_y = 2.0 * (z * qx - x * qz)
     twice_z = 2.0 * (x * qy - y * qx)
@@ -201,9 +201,9 @@ def rotate_into_body(motion, lane, x, y, z):
 
 @inlined
 def rotate_into_world(motion, lane, x, y, z):
-    """Return a vector that is in the axes of a lane's body in world axes.
+    """Rotate a vector from the axes of a lane's body into world axes, and return it.
 
-    It is rotated by the body's quaternion.
+    The rotation is that of the body's quaternion.
 
     Parameters
     ----------
@@ -216,7 +216,7 @@ def rotate_into_world(motion, lane, x, y, z):
         The vector in the axes of the body.
     """
     qw, qx, qy, qz = quaternion_of(motion, lane)
-    # twice the vector product of the quaternion's vector with it
+    # twice the vector product of the quaternion's vector part with (x, y, z)
     twice_x = 2.0 * (qy * z - qz * y)
     twice_y = 2.0 * (qz * x - qx * z)
     twice_z = 2.0 * (qx * y - qy * x)
@@ -231,8 +231,7 @@ def rotate_into_world(motion, lane, x, y, z):
 def exceeds_budget(scratch, lane, lx, ly, lz, dt):
     """Return whether an angular momentum exceeds a lane's budget of rolling resistance.
 
-    Rounding is left out: a budget counts as slightly smaller than it is, so that a body
-    that may turn is never missed.
+    The budget is reduced slightly, so that rounding never hides a body that may turn.
 
     Parameters
     ----------
@@ -254,7 +253,7 @@ def exceeds_budget(scratch, lane, lx, ly, lz, dt):
 def count_disturbed_bodies(scratch, dt):
     """Count the bodies of a tile at rest that may begin to turn.
 
-    These are the bodies whose torque, times the time step, exceeds their budget of
+    A body may begin to turn if its torque, times the time step, exceeds its budget of
     rolling resistance.
 
     Parameters
@@ -293,8 +292,8 @@ def add_torques(scratch, motion, dt):
     Returns
     -------
     int
-        Number of bodies that may turn after rolling resistance: their momentum exceeds
-        their budget.
+        Number of bodies that rolling resistance may not stop: their angular momentum
+        exceeds their budget.
     """
     n_turning = 0
     for lane in range(LANES):
@@ -304,7 +303,7 @@ def add_torques(scratch, motion, dt):
         ly = ly + dt * torque_y
         lz = lz + dt * torque_z
         write_vector(motion, ANGULAR_MOMENTUM, lane, lx, ly, lz)
-        # rolling resistance may not stop this body
+        # rolling resistance stops the body unless its momentum exceeds the budget
         may_turn = exceeds_budget(scratch, lane, lx, ly, lz, dt)
         n_turning += 1 if may_turn else 0
     return n_turning
@@ -312,7 +311,7 @@ def add_torques(scratch, motion, dt):
 
 @kernel
 def stop_rotations(scratch, motion):
-    """End the rotation of all bodies of a tile.
+    """Set the angular momentum and the angular velocity of a tile's bodies to zero.
 
     Parameters
     ----------
@@ -323,23 +322,23 @@ def stop_rotations(scratch, motion):
         Quaternions, angular momenta and so on of the same bodies: a tile of
         `Bodies.motion`. The module `state` names the rows.
     """
-    for place in range(3 * LANES):
-        motion[ANGULAR_MOMENTUM + place] = 0.0
-        scratch[OMEGA + place] = 0.0
+    for offset in range(3 * LANES):
+        motion[ANGULAR_MOMENTUM + offset] = 0.0
+        scratch[OMEGA + offset] = 0.0
 
 
 @inlined
 def resistance_direction(l1, l2, l3, j1, j2, j3, momentum, budget):
-    """Return the direction of rolling resistance on a body that it does not stop.
+    """Return the direction of the rolling resistance on a body that it does not stop.
 
-    Everything is along the principal axes of the body, and relative to the frame
-    against which rolling is resisted.
+    All components are along the principal axes of the body, and all motion is relative to
+    the frame against which rolling is resisted.
 
-    The rotation that remains has the angular velocity s n, with the unit vector n,
-    which is returned. The resistance takes the angular momentum B n. With the angular
-    momentum l before and the inertia I, I s n = l - B n. So n = J l / (s + B J) along
-    each axis, with J = 1 / I, and the speed s is the root of |n(s)| = 1. Newton's
-    method on 1 / |n(s)|, which is concave, converges to it from below.
+    The resistance leaves a rotation with the angular velocity s n, where s is the speed
+    and n the unit vector that is returned. It takes the angular momentum B n from the
+    angular momentum l, so I s n = l - B n with the inertia I. With J = 1 / I this gives
+    n = J l / (s + B J) along each axis, and s is the root of |n(s)| = 1. The function
+    1 / |n(s)| is concave, so Newton's method on it converges to the root from below.
 
     Parameters
     ----------
@@ -348,34 +347,34 @@ def resistance_direction(l1, l2, l3, j1, j2, j3, momentum, budget):
     j1, j2, j3 : float
         Inverse moments of inertia J [1/(kg m2)].
     momentum : float
-        Length of l.
+        Length of l [kg m2/s].
     budget : float
-        B, less than the length of l.
+        Budget B [kg m2/s], less than the length of l.
 
     Returns
     -------
     n1, n2, n3 : float
         The unit vector n.
     """
-    # The numerators J l and the terms B J of the denominators, divided by the speed
-    # without resistance: the root s is then between 0 and 1.
+    # Compute the numerators J l and the terms B J of the denominators. Divide both by the
+    # speed without resistance, so that the root s is between 0 and 1.
     numerator1, numerator2, numerator3 = j1 * l1, j2 * l2, j3 * l3
-    length = math.sqrt(
+    free_speed = math.sqrt(
         numerator1 * numerator1 + numerator2 * numerator2 + numerator3 * numerator3
     )
-    inverse_speed = 1.0 / max(length, LEAST_SPEED)
+    inverse_free_speed = 1.0 / max(free_speed, LEAST_SPEED)
     numerator1, numerator2, numerator3 = (
-        inverse_speed * numerator1,
-        inverse_speed * numerator2,
-        inverse_speed * numerator3,
+        inverse_free_speed * numerator1,
+        inverse_free_speed * numerator2,
+        inverse_free_speed * numerator3,
     )
     loss1, loss2, loss3 = (
-        inverse_speed * budget * j1,
-        inverse_speed * budget * j2,
-        inverse_speed * budget * j3,
+        inverse_free_speed * budget * j1,
+        inverse_free_speed * budget * j2,
+        inverse_free_speed * budget * j3,
     )
-    # Begin with the higher one of two bounds of the root from below: by the budget along
-    # the rotation, and by the largest moment of inertia.
+    # Start at the larger one of two lower bounds of the root. The first takes the budget
+    # along the rotation, the second the largest moment of inertia.
     speed = max(
         1.0
         - (
@@ -383,27 +382,41 @@ def resistance_direction(l1, l2, l3, j1, j2, j3, momentum, budget):
             + numerator2 * numerator2 * loss2
             + numerator3 * numerator3 * loss3
         ),
-        inverse_speed * (momentum - budget) * min(j1, j2, j3),
+        inverse_free_speed * (momentum - budget) * min(j1, j2, j3),
     )
     speed = max(speed, 0.0)
     for _ in range(NEWTON_STEPS):
         # the denominators s + B J of the three axes
-        den1, den2, den3 = speed + loss1, speed + loss2, speed + loss3
-        # All fractions of n are multiplied by the product of the three denominators, so
-        # that a step has one division.
-        pair1, pair2, pair3 = den2 * den3, den3 * den1, den1 * den2
-        square1 = numerator1 * numerator1 * pair1 * pair1
-        square2 = numerator2 * numerator2 * pair2 * pair2
-        square3 = numerator3 * numerator3 * pair3 * pair3
+        denominator1, denominator2, denominator3 = (
+            speed + loss1,
+            speed + loss2,
+            speed + loss3,
+        )
+        # Multiply all fractions of n by the product of the three denominators, so that a
+        # step needs only one division.
+        product23, product31, product12 = (
+            denominator2 * denominator3,
+            denominator3 * denominator1,
+            denominator1 * denominator2,
+        )
+        square1 = numerator1 * numerator1 * product23 * product23
+        square2 = numerator2 * numerator2 * product31 * product31
+        square3 = numerator3 * numerator3 * product12 * product12
         square = square1 + square2 + square3
-        slope = square1 * pair1 + square2 * pair2 + square3 * pair3
-        speed = max(speed + square * (math.sqrt(square) - den1 * pair1) / slope, 0.0)
-    den1, den2, den3 = speed + loss1, speed + loss2, speed + loss3
-    inverse = 1.0 / (den1 * den2 * den3)
+        slope = square1 * product23 + square2 * product31 + square3 * product12
+        speed = max(
+            speed + square * (math.sqrt(square) - denominator1 * product23) / slope, 0.0
+        )
+    denominator1, denominator2, denominator3 = (
+        speed + loss1,
+        speed + loss2,
+        speed + loss3,
+    )
+    inverse = 1.0 / (denominator1 * denominator2 * denominator3)
     return (
-        numerator1 * inverse * den2 * den3,
-        numerator2 * inverse * den3 * den1,
-        numerator3 * inverse * den1 * den2,
+        numerator1 * inverse * denominator2 * denominator3,
+        numerator2 * inverse * denominator3 * denominator1,
+        numerator3 * inverse * denominator1 * denominator2,
     )
 
 
@@ -411,13 +424,13 @@ def resistance_direction(l1, l2, l3, j1, j2, j3, momentum, budget):
 def resist_rolling(scratch, motion, dt):
     """Apply rolling resistance to each lane's body.
 
-    The budget B, the sum of mu_r F_n R over a body's contacts times dt, acts against
-    the rotation that remains after it: l' = l - B o' / |o'|, with the angular momentum
-    l and the angular velocity o' of l'. This has one solution. The body stands still
-    where |l| <= B in any orientation, and its rotation is never reversed, so a settled
-    pile is at rest.
+    The budget B is the sum of mu_r F_n R over the contacts of a body, times dt. It acts
+    against the rotation that it leaves: the angular momentum l becomes
+    l' = l - B o' / |o'|, where o' is the angular velocity that belongs to l'. This
+    equation has one solution. If |l| <= B, the body stands still in any orientation. Its
+    rotation is never reversed, so a settled pile is at rest.
 
-    Writes the angular momentum in `motion` and the angular velocity in `scratch`.
+    Writes the angular momentum to `motion` and the angular velocity to `scratch`.
 
     Parameters
     ----------
@@ -439,20 +452,20 @@ def resist_rolling(scratch, motion, dt):
     for lane in range(LANES):
         lx, ly, lz = lane_vector(motion, ANGULAR_MOMENTUM, lane)
         budget = dt * scratch[BUDGET + lane]
-        square = squared_length(lx, ly, lz)
-        # the lane of an absent body may hold a torque and has no moments of inertia
+        momentum_squared = squared_length(lx, ly, lz)
+        # The lane of an absent body may hold a torque, but has no moments of inertia.
         j1, j2, j3 = lane_vector(motion, INVERSE_MOMENTS, lane)
         is_present = j1 > 0.0
-        is_turning = (square > budget * budget) & is_present
+        is_turning = (momentum_squared > budget * budget) & is_present
         n_turning += 1 if is_turning else 0
-        # in the body's own axes: its momentum, and the direction of the resistance
+        # the momentum and the direction of the resistance, along the body's axes
         l1, l2, l3 = rotate_into_body(motion, lane, lx, ly, lz)
         n1, n2, n3 = resistance_direction(
-            l1, l2, l3, j1, j2, j3, math.sqrt(square), budget
+            l1, l2, l3, j1, j2, j3, math.sqrt(momentum_squared), budget
         )
-        # a body that stops has a direction, too, which is not used
+        # For a body that stops, the direction has no meaning and is not used.
         nx, ny, nz = rotate_into_world(motion, lane, n1, n2, n3)
-        # what is left of the angular momentum, and the angular velocity with it
+        # the angular momentum that the resistance leaves, and its angular velocity
         lx = lx - budget * nx if is_turning else 0.0
         ly = ly - budget * ny if is_turning else 0.0
         lz = lz - budget * nz if is_turning else 0.0
@@ -466,9 +479,8 @@ def resist_rolling(scratch, motion, dt):
 def resist_rolling_in_frame(scratch, motion, dt, frame_x, frame_y, frame_z):
     """Apply rolling resistance to each lane's body, relative to a frame that turns.
 
-    It is that of `resist_rolling`, but a body that the resistance stops turns with the
-    frame. Writes the angular momentum in `motion` and the angular velocity in
-    `scratch`.
+    The resistance is that of `resist_rolling`, but a body that it stops turns with the
+    frame. Writes the angular momentum to `motion` and the angular velocity to `scratch`.
 
     Parameters
     ----------
@@ -488,25 +500,27 @@ def resist_rolling_in_frame(scratch, motion, dt, frame_x, frame_y, frame_z):
         budget = dt * scratch[BUDGET + lane]
         j1, j2, j3 = lane_vector(motion, INVERSE_MOMENTS, lane)
         is_present = j1 > 0.0
-        # the angular momentum of a body that turns with the frame: in the body's own
-        # axes it is the angular velocity times the moments of inertia
+        # The angular momentum of a body that turns with the frame. Along the body's axes,
+        # it is the angular velocity times the moments of inertia.
         x, y, z = rotate_into_body(motion, lane, frame_x, frame_y, frame_z)
         x = x / j1 if is_present else 0.0
         y = y / j2 if is_present else 0.0
         z = z / j3 if is_present else 0.0
         rest_x, rest_y, rest_z = rotate_into_world(motion, lane, x, y, z)
-        # in the body's own axes: its momentum relative to the frame, and the direction
+        # the momentum relative to the frame, and the direction, along the body's axes
         x, y, z = rotate_into_body(motion, lane, lx - rest_x, ly - rest_y, lz - rest_z)
-        square = x * x + y * y + z * z
-        is_turning = (square > budget * budget) & is_present
-        x, y, z = resistance_direction(x, y, z, j1, j2, j3, math.sqrt(square), budget)
+        momentum_squared = x * x + y * y + z * z
+        is_turning = (momentum_squared > budget * budget) & is_present
+        x, y, z = resistance_direction(
+            x, y, z, j1, j2, j3, math.sqrt(momentum_squared), budget
+        )
         x, y, z = rotate_into_world(motion, lane, x, y, z)
         lx = lx - budget * x if is_turning else rest_x
         ly = ly - budget * y if is_turning else rest_y
         lz = lz - budget * z if is_turning else rest_z
         write_vector(motion, ANGULAR_MOMENTUM, lane, lx, ly, lz)
         omega_x, omega_y, omega_z = inverse_inertia_times(scratch, lane, lx, ly, lz)
-        # a stopped body has the frame's angular velocity without rounding
+        # A stopped body gets the frame's angular velocity exactly, without rounding.
         is_stopped = is_present & (not is_turning)
         omega_x = frame_x if is_stopped else omega_x
         omega_y = frame_y if is_stopped else omega_y
@@ -518,12 +532,13 @@ def resist_rolling_in_frame(scratch, motion, dt, frame_x, frame_y, frame_z):
 def advance_orientation(scratch, motion, dt):
     """Turn each lane's body with its angular velocity at the middle of the step.
 
-    The angular momentum l is constant within the step. With the inverse inertia J the
-    angular velocity is o = J l. J turns with the body, so o changes at the rate
+    The angular momentum l is constant within the step. The angular velocity is o = J l,
+    with the inverse inertia J. Because J turns with the body, o changes at the rate
     -J (o x l).
 
-    Writes the quaternion in `motion`, the angular velocity in `scratch`, and adds the
-    way of the farthest point of the body to the row PATH.
+    Writes the quaternion to `motion` and the angular velocity to `scratch`. Adds the path
+    of the body's farthest point to the row PATH of `scratch`. Velocities and momenta that
+    are almost zero become zero (`state.alive`).
 
     Parameters
     ----------
@@ -539,11 +554,11 @@ def advance_orientation(scratch, motion, dt):
     for lane in range(LANES):
         lx, ly, lz = lane_vector(motion, ANGULAR_MOMENTUM, lane)
         omega_x, omega_y, omega_z = lane_vector(scratch, OMEGA, lane)
-        turn_x, turn_y, turn_z = cross(omega_x, omega_y, omega_z, lx, ly, lz)
+        cross_x, cross_y, cross_z = cross(omega_x, omega_y, omega_z, lx, ly, lz)
         rate_x, rate_y, rate_z = inverse_inertia_times(
-            scratch, lane, turn_x, turn_y, turn_z
+            scratch, lane, cross_x, cross_y, cross_z
         )
-        # half a step later, at its middle
+        # the angular velocity at the middle of the step, half a step later
         omega_x = flush_tiny(omega_x - 0.5 * dt * rate_x)
         omega_y = flush_tiny(omega_y - 0.5 * dt * rate_y)
         omega_z = flush_tiny(omega_z - 0.5 * dt * rate_z)
@@ -556,10 +571,14 @@ def advance_orientation(scratch, motion, dt):
             flush_tiny(lz),
         )
         write_vector(scratch, OMEGA, lane, omega_x, omega_y, omega_z)
-        square = squared_length(omega_x, omega_y, omega_z)
-        # the way of the farthest point of the body
-        scratch[PATH + lane] += dt * motion[state.RADIUS + lane] * math.sqrt(square)
-        turn_quaternion(motion, lane, omega_x, omega_y, omega_z, 0.5 * dt, square > 0.0)
+        speed_squared = squared_length(omega_x, omega_y, omega_z)
+        # the path of the body's farthest point, at its bounding radius
+        scratch[PATH + lane] += (
+            dt * motion[state.RADIUS + lane] * math.sqrt(speed_squared)
+        )
+        turn_quaternion(
+            motion, lane, omega_x, omega_y, omega_z, 0.5 * dt, speed_squared > 0.0
+        )
 
 
 @kernel
@@ -580,11 +599,11 @@ def write_inverse_inertia(scratch, motion):
 
 @kernel
 def write_shapes(scratch, motion, parts):
-    """Write inverse inertia and shape of each lane's body as it is oriented now.
+    """Write inverse inertia and shape of each lane's body in its current orientation.
 
-    The shape of a smooth body is a symmetric matrix for each of its ellipsoids, that of
-    a clump its quaternion. The loop over the ellipsoids is written out, so that their
-    rows are constants in the compiled code.
+    The shape of a smooth body is a symmetric matrix for each of its ellipsoids. The shape
+    of a clump is its quaternion. The loop over the ellipsoids is written out, so that
+    their rows are constants in the compiled code.
 
     Parameters
     ----------
@@ -600,8 +619,8 @@ def write_shapes(scratch, motion, parts):
     write_inverse_inertia(scratch, motion)
     first = ROWS + SHAPE * LANES
     if parts == 0:
-        for place in range(4 * LANES):
-            scratch[first + place] = motion[QUATERNION + place]
+        for offset in range(4 * LANES):
+            scratch[first + offset] = motion[QUATERNION + offset]
         return
     write_rotated_diagonal(scratch, first, motion, SQUARES)
     if parts > 1:
@@ -614,9 +633,10 @@ def write_shapes(scratch, motion, parts):
 
 @kernel
 def write_dashpot_shares(scratch, motion, dt, parts):
-    """Write the share of its tangential dashpots that each body takes in the next step.
+    """Write the share of its tangential dashpots that acts on each body in the next step.
 
-    All of them together stop at most the body's whole rotation, see `laws.tangential`.
+    With this share, all dashpots together stop at most the body's whole rotation, see
+    `laws.tangential`.
 
     Parameters
     ----------
@@ -635,17 +655,17 @@ def write_dashpot_shares(scratch, motion, dt, parts):
     share_row = ROWS + state.share_column(parts) * LANES
     for lane in range(LANES):
         j1, j2, j3 = lane_vector(motion, INVERSE_MOMENTS, lane)
-        largest = max(j1, max(j2, j3))
-        # what the dashpots take from the fastest rotation, as a share of it
-        rotation_loss = dt * largest * scratch[DASHPOTS + lane]
-        scratch[share_row + lane] = 1.0 / max(1.0, rotation_loss)
+        largest_inverse_moment = max(j1, max(j2, j3))
+        # The dashpots would take at most this share of the body's rotation in a step.
+        lost_share = dt * largest_inverse_moment * scratch[DASHPOTS + lane]
+        scratch[share_row + lane] = 1.0 / max(1.0, lost_share)
 
 
 @inlined
 def rotate_bodies(scratch, motion, dt, parts, is_resting, frame_x, frame_y, frame_z):
-    """Turn the smooth bodies or clumps of a tile by one step.
+    """Rotate the smooth bodies or clumps of a tile by one step.
 
-    Where none turned in the last step and none may begin to turn, this costs little.
+    If no body turned in the last step and none may begin to turn, this takes little time.
 
     Parameters
     ----------
@@ -660,8 +680,8 @@ def rotate_bodies(scratch, motion, dt, parts, is_resting, frame_x, frame_y, fram
     parts : int
         Largest number of ellipsoids of a body; 0 for clumps.
     is_resting : bool
-        Whether no body of the tile turned in the last step. Then only the first columns
-        of the bodies are in the scratch tile.
+        Whether no body of the tile turned in the last step. If so, the scratch tile has
+        only the first columns of the bodies.
     frame_x, frame_y, frame_z : float
         Angular velocity of the frame against which rolling is resisted [rad/s].
 
@@ -675,7 +695,7 @@ def rotate_bodies(scratch, motion, dt, parts, is_resting, frame_x, frame_y, fram
         return False
     n_turning = add_torques(scratch, motion, dt)
     if is_resting:
-        # the scratch tile does not hold it yet
+        # the scratch tile of resting bodies does not have it yet
         write_inverse_inertia(scratch, motion)
     if has_frame:
         resist_rolling_in_frame(scratch, motion, dt, frame_x, frame_y, frame_z)
@@ -692,12 +712,12 @@ def rotate_bodies(scratch, motion, dt, parts, is_resting, frame_x, frame_y, fram
 
 @kernel
 def turn_spheres(scratch, motion, dt, frame_x, frame_y, frame_z):
-    """Turn the sphere of each lane by one step, against its rolling resistance.
+    """Rotate the sphere of each lane by one step, against its rolling resistance.
 
-    It is the motion of `resist_rolling_in_frame` and `advance_orientation`. Momentum
-    and angular velocity of a sphere are parallel: the resistance shortens both, and the
-    velocity is constant within the step. No path is added, since the surface of a
-    turning sphere stays in its place.
+    The motion is that of `resist_rolling_in_frame` and `advance_orientation`. Angular
+    momentum and angular velocity of a sphere are parallel. So the resistance shortens
+    both, and the velocity is constant within the step. No path is added, because a sphere
+    that turns does not move its surface.
 
     Parameters
     ----------
@@ -728,13 +748,13 @@ def turn_spheres(scratch, motion, dt, frame_x, frame_y, frame_z):
         lx = lx + dt * torque_x - moment * frame_x
         ly = ly + dt * torque_y - moment * frame_y
         lz = lz + dt * torque_z - moment * frame_z
-        # the share of it that the resistance leaves
+        # the share of this momentum that the resistance leaves
         budget = dt * scratch[BUDGET + lane]
         momentum = math.sqrt(squared_length(lx, ly, lz))
-        is_left = is_present & (momentum > budget)
-        share = 1.0 - budget / (momentum if is_left else 1.0)
-        share = share if is_left else 0.0
-        # back in the world
+        exceeds = is_present & (momentum > budget)
+        share = 1.0 - budget / (momentum if exceeds else 1.0)
+        share = share if exceeds else 0.0
+        # the angular momentum and velocity in the world
         lx = flush_tiny(share * lx + moment * frame_x if is_present else 0.0)
         ly = flush_tiny(share * ly + moment * frame_y if is_present else 0.0)
         lz = flush_tiny(share * lz + moment * frame_z if is_present else 0.0)
@@ -746,14 +766,14 @@ def turn_spheres(scratch, motion, dt, frame_x, frame_y, frame_z):
         is_turning = squared_length(omega_x, omega_y, omega_z) > 0.0
         n_turning += 1 if is_turning else 0
         turn_quaternion(motion, lane, omega_x, omega_y, omega_z, 0.5 * dt, is_turning)
-        # the only column of the shape
+        # The radius is the only column of a sphere's shape.
         scratch[ROWS + state.SPHERE_RADIUS * LANES + lane] = motion[state.RADIUS + lane]
     return n_turning
 
 
 @inlined
 def rotate_spheres(scratch, motion, dt, is_resting, frame_x, frame_y, frame_z):
-    """Turn the spheres of a tile by one step; return whether any of them turns.
+    """Rotate the spheres of a tile by one step; return whether any of them turns.
 
     Parameters
     ----------

@@ -1,12 +1,12 @@
 """The compiler settings of every kernel, and the decorators that apply them.
 
 Of the fast-math flags only `contract` (fused multiply-add) is on. It does not reorder
-sums, but of two products in a sum it lets LLVM choose the one that is fused. So the last
-bits of a result may change where an expression is written in another way: a load is moved
-out of a loop, or a vector is read by a function instead of number by number. Compare the
+sums. But if a sum has two products, LLVM chooses which one is fused. So the last bits of
+a result may change when an expression is written in another way: when a load is moved
+out of a loop, or when a function reads a vector instead of number by number. Compare the
 results of whole simulations after an edit of a kernel (tests/same_bits).
 
-Kernels allocate nothing, so reference counting is off (`_nrt`): it would cost two atomic
+Kernels allocate nothing, so reference counting is off (`_nrt`). It would cost two atomic
 operations for each view of a row.
 """
 
@@ -28,21 +28,21 @@ OPTIONS: dict[str, Any] = {
     "error_model": "numpy",
     "_nrt": False,
 }
-# Python calls a kernel: without the code by which C calls it.
+# For kernels that Python calls: without the wrapper by which C calls them.
 FROM_PYTHON: dict[str, Any] = {"no_cfunc_wrapper": True}
-# Another kernel calls it: without the code by which Python calls it, either.
+# For kernels that other kernels call: also without the wrapper by which Python calls them.
 FROM_KERNELS: dict[str, Any] = FROM_PYTHON | {"no_cpython_wrapper": True}
-# A small function that is always inlined into its callers.
+# For small functions that are always inlined into their callers.
 INLINED: dict[str, Any] = OPTIONS | FROM_KERNELS | {"forceinline": True}
 
 
 def use_widest_vectors() -> None:
     """Use vectors of 512 bits where the processor has them.
 
-    LLVM prefers 256 bits on many processors, which is slower here; the bits of the
-    results are the same. A user's NUMBA_CPU_NAME or NUMBA_CPU_FEATURES has priority.
+    LLVM prefers 256 bits on many processors, which is slower here. The results have the
+    same bits. A user's NUMBA_CPU_NAME or NUMBA_CPU_FEATURES has priority.
     """
-    # numba makes its settings when it is imported, so their types are not known
+    # Numba makes its settings when it is imported, so type checkers do not know them.
     config: Any = numba.config
     features = binding.get_host_cpu_features()
     set_by_user = config.CPU_NAME is not None or config.CPU_FEATURES is not None
@@ -53,8 +53,9 @@ def use_widest_vectors() -> None:
 
 use_widest_vectors()
 
-# With NUMBA_DISABLE_JIT=1 the kernels run as Python, to be measured or debugged. A root is
-# then a number of numpy, by which one can divide when it is 0, as in compiled code.
+# With NUMBA_DISABLE_JIT=1 the kernels run as Python, for debugging or to measure coverage.
+# Roots are then numbers of numpy, so that a division by a root of 0 gives infinity, as it
+# does in compiled code.
 JIT_OFF = bool(getattr(numba.config, "DISABLE_JIT", 0))
 _MATH = SimpleNamespace(**{**vars(math), "sqrt": lambda x: np.sqrt(np.float64(x))})
 
@@ -62,7 +63,8 @@ _MATH = SimpleNamespace(**{**vars(math), "sqrt": lambda x: np.sqrt(np.float64(x)
 def _as_python(function):
     """Return a kernel as a Python function that divides by zero as compiled code does.
 
-    The function's module gets another `math`, whose root is a number of numpy.
+    The name `math` in the function's module is replaced: the new `sqrt` returns a number
+    of numpy.
     """
     function.__globals__["math"] = _MATH
     return function
@@ -71,11 +73,11 @@ def _as_python(function):
 class Kernel:
     """A compiled function, cached on disk.
 
-    There are two compiled versions, made when they are needed: one that Python calls, and
-    one that kernels call. The code that reads the arguments of a call from Python takes
-    up to a third of the time to compile, and the second version is without it.
+    There are two compiled versions, each made when it is first needed. Python calls one,
+    kernels call the other. The second version lacks the code that reads the arguments of a
+    call from Python, which takes up to a third of the time to compile.
 
-    Other attributes than the methods here are those of the version that Python calls.
+    Attributes that this class lacks are those of the version that Python calls.
 
     Parameters
     ----------
@@ -90,21 +92,21 @@ class Kernel:
     ) -> None:
         self.py_func = function
         self._options = options
-        # of the file as it is imported; it may change on disk later
-        self._text = cache.hash_file(function.__code__.co_filename)
+        # Hash the file now, as it is imported. It may change on disk later.
+        self._source_hash = cache.hash_file(function.__code__.co_filename)
 
     @cached_property
     def from_python(self) -> Any:
         """The compiled function that Python calls."""
-        return self._dispatcher(FROM_PYTHON)
+        return self._make_dispatcher(FROM_PYTHON)
 
     @cached_property
     def from_kernels(self) -> Any:
         """The compiled function that kernels call."""
-        return self._dispatcher(FROM_KERNELS)
+        return self._make_dispatcher(FROM_KERNELS)
 
-    def _dispatcher(self, caller_options):
-        """Make numba's function of these options, with the cache of this package.
+    def _make_dispatcher(self, caller_options):
+        """Make numba's dispatcher with these options and the cache of this package.
 
         Parameters
         ----------
@@ -113,8 +115,10 @@ class Kernel:
         """
         options = {**self._options, **caller_options}
         dispatcher = numba.njit(**options)(self.py_func)
-        if self._text:
-            dispatcher._cache = cache.KernelCache(self.py_func, options, self._text)
+        if self._source_hash:
+            dispatcher._cache = cache.KernelCache(
+                self.py_func, options, self._source_hash
+            )
         return dispatcher
 
     def __call__(self, *arguments: Any) -> Any:
@@ -125,18 +129,18 @@ class Kernel:
 
 
 @typeof_impl.register(Kernel)
-def _type(kernel, context):
-    """Return numba's type of a `Kernel` that is called in another one."""
+def _find_numba_type(kernel, context):
+    """Return numba's type of a `Kernel` that another kernel calls."""
     return typeof_impl(kernel.from_kernels, context)
 
 
 def _compile(function, options):
-    """Return a `Kernel`, or a Python function where the compiler is off."""
+    """Return a `Kernel`, or a Python function if the compiler is off."""
     return _as_python(function) if JIT_OFF else Kernel(function, options)
 
 
 def compiled(function):
-    """Compile a function with numba's own settings."""
+    """Compile a function with numba's default settings."""
     return function if JIT_OFF else Kernel(function, {})
 
 

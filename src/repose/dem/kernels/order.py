@@ -52,8 +52,8 @@ def compute_morton_codes(cells, shape):
 def rebuild_cell_lists(grid, n):
     """Rebuild the lists of bodies of all cells, after the bodies were renumbered.
 
-    `grid.cell` has the cell of each of the first n bodies, or -1. The other lists of
-    `grid` are overwritten.
+    `grid.cell` has the cell of each of the first n bodies, or -1. The arrays `head`,
+    `following` and `preceding` of `grid` are overwritten.
     """
     # empty all lists, then enter each body
     grid.head[:] = -1

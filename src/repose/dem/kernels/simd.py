@@ -1,19 +1,19 @@
-"""LLVM code that numba does not make of loops: transpositions, prefetches, 1 / sqrt(x).
+"""Write LLVM code that numba does not generate: transpositions, prefetches, 1 / sqrt(x).
 
 Bodies lie in rows of a table (all columns of one body, then the next body). The inner
-loops need lanes (one column of 32 bodies, then the next column; see `rows`). The change
-from one to the other is a transposition of 8 x 8 numbers: 16 loads of half a row, 16
-shuffles and 8 wide stores, instead of 64 loads and 64 stores.
+loops need lanes (one column of 32 bodies, then the next column; see `rows`). To convert
+one layout to the other, matrices of 8 x 8 numbers are transposed. This takes 16 loads of
+half a row, 16 shuffles and 8 wide stores, instead of 64 loads and 64 stores.
 
 `rsqrt` replaces pairs of square roots and divisions, which take most of the time of a
-contact, except on an AMD Zen, whose own roots are faster.
+contact. On an AMD Zen the processor's own roots are faster and are used.
 
-The intrinsics write plain LLVM code, so they compile for any processor. They take no
-part in numba's checks: the caller answers for the bounds of the arrays.
+The intrinsics write plain LLVM code, so they compile for any processor. Numba does not
+check them: the caller is responsible for the bounds of the arrays.
 
 In the functions that write code, `builder` is LLVM's builder, which appends
-instructions to the function being compiled; what its methods return are LLVM values,
-the results of these instructions at run time.
+instructions to the function being compiled. Its methods return LLVM values: the results
+of these instructions at run time.
 """
 
 import math
@@ -28,7 +28,7 @@ from . import as_python
 from .jit import JIT_OFF, inlined
 from .rows import LANES
 
-WIDTH = 8  # numbers moved at once
+WIDTH = 8  # numbers that one instruction copies
 DOUBLE = ir.DoubleType()
 INT64 = ir.IntType(64)
 INT32 = ir.IntType(32)
@@ -38,15 +38,15 @@ VECTOR = ir.VectorType(DOUBLE, WIDTH)
 HALF = ir.VectorType(DOUBLE, WIDTH // 2)
 FOR_READING, TO_ALL_CACHES, DATA = 0, 3, 1  # arguments of llvm.prefetch
 PREFETCH_TYPE = ir.FunctionType(ir.VoidType(), [BYTE.as_pointer(), INT32, INT32, INT32])
-SMALLEST = 1e-300  # makes the root of zero a number to divide by
+SMALLEST = 1e-300  # added under the root, so that 1 / sqrt(0) is finite
 
-# The arguments of the three intrinsics that move numbers between a table and a tile:
-# arrays `table`, `index` and `tile`, the other four integers.
+# The arguments of the three intrinsics that copy numbers between a table and a tile. The
+# table, the index and the tile are arrays, the other four are integers.
 COPY_ARGUMENTS = ("table", "column", "index", "k", "tile", "first", "stride")
 
 
-def _shuffle(builder, first, second, places):
-    """Write a shuffle: pick WIDTH numbers out of two vectors.
+def _shuffle(builder, first, second, positions):
+    """Write a shuffle, which picks WIDTH numbers out of two vectors.
 
     Parameters
     ----------
@@ -54,20 +54,20 @@ def _shuffle(builder, first, second, places):
         LLVM's builder.
     first, second : LLVM values
         Two vectors of equal length.
-    places : list of int
-        Which numbers are picked: places in `first`, counted on through `second`.
+    positions : list of int
+        Positions of the picked numbers in `first`, and after its end in `second`.
 
     Returns
     -------
     LLVM value
         The vector of the picked numbers.
     """
-    mask = ir.Constant(ir.VectorType(INT32, WIDTH), places)
+    mask = ir.Constant(ir.VectorType(INT32, WIDTH), positions)
     return builder.shuffle_vector(first, second, mask)
 
 
 def _load(builder, pointer, kind=VECTOR):
-    """Write the load of a vector; return it as an LLVM value.
+    """Write the load of a vector, and return the vector as an LLVM value.
 
     Parameters
     ----------
@@ -97,10 +97,10 @@ def _store(builder, vector, pointer):
 
 
 def _write_transposition(builder, pointers):
-    """Write code that transposes a matrix of 8 x 8 numbers in memory.
+    """Write code that loads a matrix of 8 x 8 numbers from memory and transposes it.
 
-    A vector is made of halves of two rows: one instruction, which is no shuffle, loads
-    and inserts the second half. So 16 shuffles are needed instead of 24 with whole
+    A vector is made of halves of two rows. One instruction loads the second half and
+    inserts it, without a shuffle. So 16 shuffles are enough, instead of 24 with whole
     rows.
 
     Parameters
@@ -113,7 +113,7 @@ def _write_transposition(builder, pointers):
     Returns
     -------
     list of 8 LLVM values
-        The columns, each a vector of 8 numbers.
+        The columns of the matrix, each a vector of 8 numbers.
     """
     columns = []
     for first_column in (0, 4):  # columns 0 to 3, then columns 4 to 7
@@ -121,13 +121,13 @@ def _write_transposition(builder, pointers):
             _load(builder, builder.gep(pointer, [INT64(first_column)]), HALF)
             for pointer in pointers
         ]
-        # Four numbers of a row, then four numbers of the row after the next one.
+        # Join four numbers of a row with four numbers of the row after the next one.
         row_pairs = {}
         for row in (0, 1, 4, 5):
             row_pairs[row] = _shuffle(
                 builder, halves[row], halves[row + 2], list(range(WIDTH))
             )
-        # The even and the odd columns of rows 0 to 3, and of rows 4 to 7.
+        # Pick the even and the odd columns of rows 0 to 3, and of rows 4 to 7.
         pairs = ((row_pairs[0], row_pairs[1]), (row_pairs[4], row_pairs[5]))
         even_columns = [
             _shuffle(builder, *pair, [0, 8, 2, 10, 4, 12, 6, 14]) for pair in pairs
@@ -135,21 +135,24 @@ def _write_transposition(builder, pointers):
         odd_columns = [
             _shuffle(builder, *pair, [1, 9, 3, 11, 5, 13, 7, 15]) for pair in pairs
         ]
-        # The first even and odd column of all eight rows, then the second ones.
-        for places in ([0, 1, 4, 5, 8, 9, 12, 13], [2, 3, 6, 7, 10, 11, 14, 15]):
-            columns.append(_shuffle(builder, *even_columns, places))
-            columns.append(_shuffle(builder, *odd_columns, places))
+        # Pick the first even and odd column of all eight rows, then the second ones.
+        for positions in ([0, 1, 4, 5, 8, 9, 12, 13], [2, 3, 6, 7, 10, 11, 14, 15]):
+            columns.append(_shuffle(builder, *even_columns, positions))
+            columns.append(_shuffle(builder, *odd_columns, positions))
     return columns
 
 
 class _CopyArguments:
-    """The arguments of an intrinsic that moves numbers, as LLVM values.
+    """The arguments of an intrinsic that copies numbers, as LLVM values.
 
     Attributes
     ----------
-    table, index, tile : pointers to the first number of each array
-    column, k, first, stride : int64
-    row_bytes : int64, size of a row of the table
+    table, index, tile : LLVM values
+        Pointers to the first number of each array.
+    column, k, first, stride : LLVM values
+        Integers of 64 bits.
+    row_bytes : LLVM value
+        Size of a row of the table, an integer of 64 bits.
     """
 
     def __init__(self, context, builder, signature, values):
@@ -166,51 +169,57 @@ class _CopyArguments:
         """
         self.builder = builder
         arguments = zip(COPY_ARGUMENTS, signature.args, values, strict=True)
-        for name, kind, value in arguments:
-            if isinstance(kind, types.Array):
-                array = context.make_array(kind)(context, builder, value)
+        for name, argument_type, value in arguments:
+            if isinstance(argument_type, types.Array):
+                array = context.make_array(argument_type)(context, builder, value)
                 setattr(self, name, array.data)
                 if name == "table":
                     self.row_bytes = builder.extract_value(array.strides, 0)
             else:
-                setattr(self, name, context.cast(builder, value, kind, types.int64))
+                setattr(
+                    self, name, context.cast(builder, value, argument_type, types.int64)
+                )
 
-    def row(self, lane):
+    def row_pointer(self, lane):
         """Write code for the address of table[index[k + lane], column]; return it.
 
-        The table may be a view, so the address is calculated in bytes, with its stride.
+        The table may be a view, so the address is computed in bytes, from its stride.
         """
         builder = self.builder
         index_pointer = builder.gep(self.index, [builder.add(self.k, INT64(lane))])
         row_number = builder.load(index_pointer)
+        # The index may hold shorter integers. None of them is negative.
         if row_number.type != INT64:
             row_number = builder.zext(row_number, INT64)
-        # the address in bytes: that of the table, of the row, and of the column in it
+        # the address in bytes: start of the table + offset of the row + of the column
         address = builder.ptrtoint(self.table, INT64)
         address = builder.add(address, builder.mul(row_number, self.row_bytes))
         address = builder.add(address, builder.mul(self.column, INT64(BYTES_OF_DOUBLE)))
         return builder.inttoptr(address, DOUBLE.as_pointer())
 
-    def rows(self):
-        """Return the pointers to the rows of the table, one for each of WIDTH lanes."""
-        return [self.row(lane) for lane in range(WIDTH)]
+    def row_pointers(self):
+        """Return pointers to the rows of the table, one for each of WIDTH lanes."""
+        return [self.row_pointer(lane) for lane in range(WIDTH)]
 
-    def lanes(self, quantity):
-        """Return the pointer to a quantity's lanes: tile[first + quantity * stride]."""
+    def quantity_pointer(self, quantity):
+        """Return the pointer to the lanes of a quantity in the tile.
+
+        This is the address of tile[first + quantity * stride].
+        """
         builder = self.builder
         offset = builder.mul(self.stride, INT64(quantity))
         return builder.gep(self.tile, [builder.add(self.first, offset)])
 
-    def all_lanes(self):
-        """Return the pointers to the lanes of all WIDTH quantities of the tile."""
-        return [self.lanes(quantity) for quantity in range(WIDTH)]
+    def quantity_pointers(self):
+        """Return pointers to the lanes of all WIDTH quantities of the tile."""
+        return [self.quantity_pointer(quantity) for quantity in range(WIDTH)]
 
 
 def _find_copy_signature(table, column, index, k, tile, first, stride):
-    """Return the signature of an intrinsic that moves numbers.
+    """Return the signature of an intrinsic that copies numbers.
 
-    Where the intrinsic cannot move them the result is None, by which numba knows that
-    no such function exists.
+    For arguments that it cannot handle the result is None. This tells numba that there is
+    no such function.
 
     Parameters
     ----------
@@ -231,13 +240,13 @@ def _find_copy_signature(table, column, index, k, tile, first, stride):
 
 
 def _make_copy_intrinsic(write_code):
-    """Make an intrinsic, a function with LLVM code of its own, that moves numbers.
+    """Make an intrinsic (a function written in LLVM code) that copies numbers.
 
     Parameters
     ----------
     write_code : callable
-        Writes the code, given LLVM's builder and the arguments as a `_CopyArguments`. It gives the
-        intrinsic its name and docstring.
+        (builder, copy) -> None. It writes the code, from LLVM's builder and the arguments
+        as `_CopyArguments`. Its name and docstring become those of the intrinsic.
 
     Returns
     -------
@@ -245,7 +254,8 @@ def _make_copy_intrinsic(write_code):
         A function that kernels call with COPY_ARGUMENTS.
     """
 
-    # numba calls `declare` with the types of the arguments, then `generate` for the code
+    # Numba calls `declare` with the types of the arguments, and later `generate` to write
+    # the code.
     def declare(typingctx, table, column, index, k, tile, first, stride):
         def generate(context, builder, sig, values):
             write_code(builder, _CopyArguments(context, builder, sig, values))
@@ -260,7 +270,7 @@ def _make_copy_intrinsic(write_code):
 
 
 @_make_copy_intrinsic
-def rows_to_lanes(builder, move):
+def rows_to_lanes(builder, copy):
     """Copy eight columns of eight rows of a table to lanes of a tile.
 
     tile[first + c * stride + lane] = table[index[k + lane], column + c], for c and lane
@@ -270,15 +280,17 @@ def rows_to_lanes(builder, move):
     ----------
     builder : ir.IRBuilder
         LLVM's builder.
-    move : _CopyArguments
-        The arguments of the call.
+    copy : _CopyArguments
+        The arguments of the call, as LLVM values.
     """
-    for quantity, lanes in enumerate(_write_transposition(builder, move.rows())):
-        _store(builder, lanes, move.lanes(quantity))
+    for quantity, lanes in enumerate(
+        _write_transposition(builder, copy.row_pointers())
+    ):
+        _store(builder, lanes, copy.quantity_pointer(quantity))
 
 
 @_make_copy_intrinsic
-def lanes_to_rows(builder, move):
+def lanes_to_rows(builder, copy):
     """Copy eight rows of eight lanes of a tile to columns of a table.
 
     table[index[k + lane], column + c] = tile[first + c * stride + lane], for c and lane
@@ -288,30 +300,34 @@ def lanes_to_rows(builder, move):
     ----------
     builder : ir.IRBuilder
         LLVM's builder.
-    move : _CopyArguments
-        The arguments of the call.
+    copy : _CopyArguments
+        The arguments of the call, as LLVM values.
     """
-    for lane, row in enumerate(_write_transposition(builder, move.all_lanes())):
-        _store(builder, row, move.row(lane))
+    for lane, row_values in enumerate(
+        _write_transposition(builder, copy.quantity_pointers())
+    ):
+        _store(builder, row_values, copy.row_pointer(lane))
 
 
 @_make_copy_intrinsic
-def add_lanes_to_rows(builder, move):
+def add_lanes_to_rows(builder, copy):
     """Add eight rows of eight lanes of a tile to columns of a table.
 
-    This is `lanes_to_rows` with a sum. Lane after lane is added, since a body may come
-    twice.
+    This is `lanes_to_rows` with a sum. The lanes are added one after another, because two
+    lanes may have the same body.
 
     Parameters
     ----------
     builder : ir.IRBuilder
         LLVM's builder.
-    move : _CopyArguments
-        The arguments of the call.
+    copy : _CopyArguments
+        The arguments of the call, as LLVM values.
     """
-    for lane, row in enumerate(_write_transposition(builder, move.all_lanes())):
-        place = move.row(lane)
-        _store(builder, builder.fadd(_load(builder, place), row), place)
+    for lane, row_values in enumerate(
+        _write_transposition(builder, copy.quantity_pointers())
+    ):
+        pointer = copy.row_pointer(lane)
+        _store(builder, builder.fadd(_load(builder, pointer), row_values), pointer)
 
 
 def _pointer_to_number(context, builder, signature, values):
@@ -335,11 +351,11 @@ def _pointer_to_number(context, builder, signature, values):
     """
     table_type, row_type, column_type = signature.args
     table, row, column = values
-    # The array's first number and strides, and both indices as 64-bit integers.
+    # Take the array apart, and convert both indices to integers of 64 bits.
     array = context.make_array(table_type)(context, builder, table)
     row = context.cast(builder, row, row_type, types.int64)
     column = context.cast(builder, column, column_type, types.int64)
-    # The number lies row * stride 0 + column * stride 1 bytes after the first one.
+    # The number lies row * strides[0] + column * strides[1] bytes after the first one.
     row_offset = builder.mul(row, builder.extract_value(array.strides, 0))
     column_offset = builder.mul(column, builder.extract_value(array.strides, 1))
     offset = builder.add(row_offset, column_offset)
@@ -348,9 +364,9 @@ def _pointer_to_number(context, builder, signature, values):
 
 @intrinsic
 def prefetch(typingctx, table, row, column):
-    """Ask for the cache line of table[row, column] before it is read or written.
+    """Fetch the cache line of table[row, column] before it is read or written.
 
-    The processor fetches it while the program goes on. A wrong place costs time only,
+    The processor fetches it while the program continues. A useless prefetch costs time
     but changes no result.
 
     Parameters
@@ -367,12 +383,12 @@ def prefetch(typingctx, table, row, column):
     """
 
     def generate(context, builder, sig, values):
-        place = _pointer_to_number(context, builder, sig, values)
+        pointer = _pointer_to_number(context, builder, sig, values)
         function = cgutils.get_or_insert_function(
             builder.module, PREFETCH_TYPE, "llvm.prefetch.p0i8"
         )
         options = [INT32(FOR_READING), INT32(TO_ALL_CACHES), INT32(DATA)]
-        builder.call(function, [place, *options])
+        builder.call(function, [pointer, *options])
         return context.get_dummy_value()
 
     return types.void(table, row, column), generate
@@ -382,9 +398,9 @@ def prefetch(typingctx, table, row, column):
 def _rsqrt_seed(typingctx, x):
     """Return a first approximation of 1 / sqrt(x) from the bits of the number x.
 
-    Its error is 3.5 % at most. The bits of a double, read as an integer, grow nearly as
-    its logarithm: halving them takes the root, and subtracting that from a constant
-    inverts it.
+    Its error is 3.5 % at most. The bits of a double, read as an integer, are nearly a
+    linear function of its logarithm. So half of them belongs to the root, and a constant
+    minus this half to the inverse of the root.
     """
 
     def generate(context, builder, sig, values):
@@ -396,29 +412,29 @@ def _rsqrt_seed(typingctx, x):
 
 
 @inlined
-def gather(rows, columns, index, base, tile, first):
-    """Copy the first columns of the rows of 32 bodies to the lanes of a tile.
+def gather(table, n_columns, index, base, tile, first):
+    """Copy the first columns of 32 rows of a table to the lanes of a tile.
 
     Parameters
     ----------
-    rows : array (bodies, columns)
+    table : array (bodies, columns)
         Table with a row for each body.
-    columns : int
+    n_columns : int
         Number of columns, a multiple of WIDTH.
     index : array of int
-        Body index[base + k] goes to lane k of the tile.
+        Row index[base + k] of the table goes to lane k of the tile.
     base : int
-        Place of lane 0 in `index`.
+        Position in `index` of the row for lane 0.
     tile : array
-        The tile; it is overwritten.
+        The tile. The rows from `first` on are overwritten.
     first : int
-        Place in the tile to which column 0 goes; the next columns go to the next rows.
+        First number of the tile's row for column 0. The next columns go to the next rows.
     """
-    # blocks of WIDTH lanes and WIDTH columns, each transposed at once
+    # Each call transposes a block of WIDTH lanes and WIDTH columns.
     for lane in range(0, LANES, WIDTH):
-        for column in range(0, columns, WIDTH):
+        for column in range(0, n_columns, WIDTH):
             rows_to_lanes(
-                rows,
+                table,
                 column,
                 index,
                 base + lane,
@@ -430,10 +446,11 @@ def gather(rows, columns, index, base, tile, first):
 
 @inlined
 def rsqrt_by_steps(x):
-    """Return 1 / sqrt(x) by multiplications alone: a seed and two steps of third order.
+    """Return 1 / sqrt(x), computed from a first approximation by multiplications alone.
 
-    A step improves y by the error 1 - x y^2 and the first terms of the series of
-    1 / sqrt(1 - error) = 1 + error / 2 + 3/8 error^2 + 5/16 error^3.
+    Each of two steps improves the approximation y. With the error 1 - x y^2, the exact
+    result is y / sqrt(1 - error), and the step takes the terms of its series up to third
+    order: 1 + error / 2 + 3/8 error^2 + 5/16 error^3.
     """
     y = _rsqrt_seed(x)
     error = 1.0 - (x * y) * y
@@ -444,11 +461,11 @@ def rsqrt_by_steps(x):
 
 @inlined
 def rsqrt_by_processor(x):
-    """Return 1 / sqrt(x) by the processor's own root and division."""
+    """Return 1 / sqrt(x), computed by the processor's root and division."""
     return 1.0 / math.sqrt(x + SMALLEST)
 
 
-# 1 / sqrt(x) for x >= 0, to 1e-15. Of zero it is a large finite number, so that
+# 1 / sqrt(x) for x >= 0, to 1e-15. The result is large but finite for x = 0, so that
 # x * rsqrt(x) is sqrt(x) there, too.
 if get_host_cpu_name().startswith("znver"):
     rsqrt = rsqrt_by_processor
