@@ -751,13 +751,13 @@ def turn_spheres(scratch, motion, dt, frame_x, frame_y, frame_z):
         # the share of this momentum that the resistance leaves
         budget = dt * scratch[BUDGET + lane]
         momentum = math.sqrt(squared_length(lx, ly, lz))
-        exceeds = is_present & (momentum > budget)
-        share = 1.0 - budget / (momentum if exceeds else 1.0)
-        share = share if exceeds else 0.0
+        may_turn = is_present & (momentum > budget)
+        kept_share = 1.0 - budget / (momentum if may_turn else 1.0)
+        kept_share = kept_share if may_turn else 0.0
         # the angular momentum and velocity in the world
-        lx = flush_tiny(share * lx + moment * frame_x if is_present else 0.0)
-        ly = flush_tiny(share * ly + moment * frame_y if is_present else 0.0)
-        lz = flush_tiny(share * lz + moment * frame_z if is_present else 0.0)
+        lx = flush_tiny(kept_share * lx + moment * frame_x if is_present else 0.0)
+        ly = flush_tiny(kept_share * ly + moment * frame_y if is_present else 0.0)
+        lz = flush_tiny(kept_share * lz + moment * frame_z if is_present else 0.0)
         omega_x = flush_tiny(inverse_moment * lx)
         omega_y = flush_tiny(inverse_moment * ly)
         omega_z = flush_tiny(inverse_moment * lz)

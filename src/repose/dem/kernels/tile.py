@@ -1,15 +1,15 @@
-"""Geometry of 32 contacts of smooth bodies at a time, from copies of their bodies.
+"""Compute the geometry of 32 contacts of smooth bodies at a time.
 
-`scratch` is the scratch tile: an array of rows of LANES doubles, a row one quantity, a
-lane one contact (see `rows`). It holds copies of the two bodies A and B, then the
-geometry, then the forces. `contacts` is a tile of the numbers that contacts keep from
-step to step (`state`); the functions here read and write its normal only (row NORMAL).
-It points from A to B. Body A is the body of a contact with a wall, too.
+`scratch` is the scratch tile: an array of rows of LANES doubles. Each row is a quantity,
+each lane a contact (see `rows`). The tile holds copies of the two bodies A and B, then
+the geometry, then the forces. `history` is a tile of the numbers that contacts keep from
+step to step (`state`). The functions here read and write only the normal in it (row
+NORMAL), which points from A to B. In a contact with a wall, A is the body.
 
-Each loop has a constant number of lanes and reads and writes only the two tiles,
-without branches that depend on a lane: a choice is written as `a if condition else b`.
-So the compiler makes vector code of it. Unused lanes hold an absent body; their results
-are not used.
+Each loop has a constant number of lanes, and reads and writes only the two tiles. It has
+no branches that depend on a lane: a choice is written as `a if condition else b`. So the
+compiler makes vector code of it. Unused lanes hold an absent body, and their results are
+not used.
 """
 
 import math
@@ -25,7 +25,7 @@ from .vectors import cross, dot, squared_length
 # Rows of the scratch tile.
 _rows = Rows()
 MOST_COLUMNS = 40
-# The bodies: one row for each column of `Bodies.rows`. B is used by pairs only.
+# The bodies: one row for each column of `Bodies.rows`. Only pairs have a body B.
 A = _rows.take(MOST_COLUMNS)
 B = _rows.take(MOST_COLUMNS)
 # Rows of the columns that the geometry needs: the centre (3), and the shape.
@@ -33,7 +33,7 @@ POSITION_A, POSITION_B = A + state.POSITION * LANES, B + state.POSITION * LANES
 SHAPE_A, SHAPE_B = A + state.SHAPE * LANES, B + state.SHAPE * LANES
 SPHERE_RADIUS_A = A + state.SPHERE_RADIUS * LANES
 SPHERE_RADIUS_B = B + state.SPHERE_RADIUS * LANES
-SUPPORT = _rows.take(3)  # support point of A, from its centre
+SUPPORT = _rows.take(3)  # support point of A, relative to its centre
 SUPPORT_A_TO_B = _rows.take(3)  # from the support point of A to that of B
 CURVATURE_A = _rows.take(6)  # curvature matrix of A: xx, xy, xz, yy, yz, zz
 CURVATURE_SUM = _rows.take(6)  # sum of the curvature matrices of A and B
@@ -41,9 +41,9 @@ AREA_A, AREA_B = _rows.take_each(2)  # product of the principal radii of curvatu
 GAP = _rows.take()  # negative for an overlap
 RADIUS = _rows.take()  # effective radius
 RA = _rows.take(3)  # contact point relative to the centre of A
-RB = _rows.take(3)  # and relative to that of B
-# As the columns of `Bodies.load`: force, torque, budget of the rolling resistance, and
-# dashpots, on either body.
+RB = _rows.take(3)  # contact point relative to the centre of B
+# The loads on each body, in the order of the columns of `Bodies.load`: force, torque,
+# budget of the rolling resistance, and dashpots.
 TO_A = _rows.take(LOAD_COLUMNS)
 TO_B = _rows.take(LOAD_COLUMNS)
 PUSH = _rows.take()  # normal force that limits friction and rolling
@@ -52,23 +52,26 @@ CIRCLE = _rows.take()
 # The tangential dashpot [N s/m], written by the contact law, and the share of it that
 # acts (see `body_rotation.write_dashpot_shares`).
 DASHPOT, SHARE = _rows.take_each(2)
-STEP = _rows.take(3)  # how far the normal turns in this step [rad]
-V = _rows.take(3)  # tangential velocity of A against B
+STEP = _rows.take(3)  # change of the normal in this step [rad]
+V = _rows.take(3)  # tangential velocity of A relative to B
 VN = _rows.take()  # normal velocity
 # Inverse of the mass in the damping: the mass of both bodies at the contact, along the
 # normal, divided by the number of contacts that share it (see `damped_mass`).
 INVERSE_MASS = _rows.take()
-# Rows of the rolling law, beginning with its constants, then those of the contact law.
+# Rows of the rolling law, which begin with its constants. Then those of the contact law.
 MOST_ROLLING_ROWS = 16
 ROLLING = _rows.take(MOST_ROLLING_ROWS)
 LAW = _rows.end
 LAW_ROW = _rows.count
 
-# The gap of a body beyond the edge of a disc [m]. It is searched again as soon as it has
-# moved at all.
+# The gap of a body beyond the edge of a disc [m]. The body is searched again as soon as it
+# has moved at all.
 BEYOND = math.inf
-NEAREST = 1e-30  # distance of two centres that still have a direction [m]
-LARGEST_TURN = 0.2  # of a contact normal in one step [rad]
+NEAREST = 1e-30  # centres nearer than this define no normal [m]
+LARGEST_TURN = 0.2  # largest change of a contact normal in one step [rad]
+# The matrix of the Newton step counts as definite when its determinant exceeds this share
+# of the squared trace of the curvature.
+LEAST_DETERMINANT = 1e-3
 
 
 @inlined
@@ -81,18 +84,18 @@ def fill_constants(scratch, first, constants):
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
     first : int
-        First row of the law; constant number c goes to the row c rows after it.
+        First row of the law. Constant number c goes to the row c rows after it.
     constants : array
         The constants of the law for one pair of materials.
     """
-    for number in range(constants.shape[0]):
+    for constant_index in range(constants.shape[0]):
         for lane in range(LANES):
-            scratch[first + number * LANES + lane] = constants[number]
+            scratch[first + constant_index * LANES + lane] = constants[constant_index]
 
 
 @inlined
 def ellipsoid_terms(scratch, shape_row, lane, nx, ny, nz):
-    """Return support point and curvature matrix of one ellipsoid along the normal n.
+    """Return support point and curvature matrix of one ellipsoid at the normal n.
 
     Parameters
     ----------
@@ -109,7 +112,7 @@ def ellipsoid_terms(scratch, shape_row, lane, nx, ny, nz):
     Returns
     -------
     tuple of 9 float
-        See `geometry.ellipsoid_support`.
+        Support point (3) and curvature matrix (6), see `geometry.ellipsoid_support`.
     """
     xx, xy, xz, yy, yz, zz = lane_matrix(scratch, shape_row, lane)
     return ellipsoid_support(xx, xy, xz, yy, yz, zz, nx, ny, nz)
@@ -117,7 +120,7 @@ def ellipsoid_terms(scratch, shape_row, lane, nx, ny, nz):
 
 @inlined
 def body_terms(scratch, shape_row, parts, lane, nx, ny, nz):
-    """Return support point and curvature matrix of a lane's body along the normal n.
+    """Return support point and curvature matrix of a lane's body at the normal n.
 
     A body is a Minkowski sum of ellipsoids, its parts, so both are sums over the parts.
 
@@ -127,7 +130,7 @@ def body_terms(scratch, shape_row, parts, lane, nx, ny, nz):
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
     shape_row : int
-        First row of the first part's matrix; each part has PART rows.
+        First row of the first part's matrix. Each part has PART rows.
     parts : int
         Number of ellipsoids.
     lane : int
@@ -142,7 +145,7 @@ def body_terms(scratch, shape_row, parts, lane, nx, ny, nz):
     xx, xy, xz, yy, yz, zz : float
         Curvature matrix [m].
     """
-    # the first part, then the sum with the others
+    # begin with the first part, then add the others
     x, y, z, xx, xy, xz, yy, yz, zz = ellipsoid_terms(
         scratch, shape_row, lane, nx, ny, nz
     )
@@ -158,25 +161,25 @@ def body_terms(scratch, shape_row, parts, lane, nx, ny, nz):
 
 
 @inlined
-def write_terms_of_a(scratch, contacts, parts):
-    """Write what the geometry of a contact needs of body A, for each lane.
+def write_terms_of_a(scratch, history, parts):
+    """Write support point and curvature of body A of each lane to the scratch tile.
 
-    Writes the rows SUPPORT (outermost point along the normal), CURVATURE_A (curvature matrix
-    there) and AREA_A (product of the principal radii of curvature).
+    Writes the rows SUPPORT (outermost point along the normal), CURVATURE_A (curvature
+    matrix there) and AREA_A (product of the principal radii of curvature).
 
     Parameters
     ----------
     scratch : array (rows * LANES,)
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
-    contacts : array (rows * LANES,)
+    history : array (rows * LANES,)
         What these contacts keep from step to step, in a tile. The module `state` names
         the rows.
     parts : int
         Number of ellipsoids of a body.
     """
     for lane in range(LANES):
-        nx, ny, nz = lane_vector(contacts, NORMAL, lane)
+        nx, ny, nz = lane_vector(history, NORMAL, lane)
         support_x, support_y, support_z, xx, xy, xz, yy, yz, zz = body_terms(
             scratch, SHAPE_A, parts, lane, nx, ny, nz
         )
@@ -186,34 +189,33 @@ def write_terms_of_a(scratch, contacts, parts):
 
 
 @inlined
-def add_terms_of_b(scratch, contacts, parts):
-    """Combine body B of each lane with body A, whose terms are known.
+def add_terms_of_b(scratch, history, parts):
+    """Combine support point and curvature of body B of each lane with those of body A.
 
-    Call `write_terms_of_a` first. Writes the rows SUPPORT_A_TO_B (from the support point of A
-    to that of B), CURVATURE_SUM (sum of the two curvature matrices) and AREA_B (product of the
-    principal radii of curvature of B).
+    Call `write_terms_of_a` first. Writes the rows SUPPORT_A_TO_B (vector from the support
+    point of A to that of B), CURVATURE_SUM (sum of the two curvature matrices) and AREA_B
+    (product of the principal radii of curvature of B).
 
     Parameters
     ----------
     scratch : array (rows * LANES,)
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
-    contacts : array (rows * LANES,)
+    history : array (rows * LANES,)
         What these contacts keep from step to step, in a tile. The module `state` names
         the rows.
     parts : int
         Number of ellipsoids of a body.
     """
     for lane in range(LANES):
-        # The normal points from A to B, so B touches along -n. Bodies are centrally
-        # symmetric: the support point for -n is minus that for n, and the curvature is
-        # the same.
-        nx, ny, nz = lane_vector(contacts, NORMAL, lane)
+        # The normal n points from A to B, so the support point of B is that along -n.
+        # Bodies are centrally symmetric: this point is minus the support point along n,
+        # and the curvature is the same.
+        nx, ny, nz = lane_vector(history, NORMAL, lane)
         support_b_x, support_b_y, support_b_z, xx, xy, xz, yy, yz, zz = body_terms(
             scratch, SHAPE_B, parts, lane, nx, ny, nz
         )
-        # The vector from the support point of A to that of B, which lies at minus the
-        # support vector of B from its centre.
+        # the vector from the support point of A to that of B
         centre_a_x, centre_a_y, centre_a_z = lane_vector(scratch, POSITION_A, lane)
         centre_b_x, centre_b_y, centre_b_z = lane_vector(scratch, POSITION_B, lane)
         support_a_x, support_a_y, support_a_z = lane_vector(scratch, SUPPORT, lane)
@@ -221,7 +223,7 @@ def add_terms_of_b(scratch, contacts, parts):
         between_y = centre_b_y - centre_a_y - support_a_y - support_b_y
         between_z = centre_b_z - centre_a_z - support_a_z - support_b_z
         write_vector(scratch, SUPPORT_A_TO_B, lane, between_x, between_y, between_z)
-        # Curvatures: the product of the radii of B, and the sum of both matrices.
+        # the product of the radii of curvature of B, and the sum of both matrices
         scratch[AREA_B + lane] = radii_product(xx, xy, xz, yy, yz, zz)
         axx, axy, axz, ayy, ayz, azz = lane_matrix(scratch, CURVATURE_A, lane)
         write_matrix(
@@ -238,18 +240,18 @@ def add_terms_of_b(scratch, contacts, parts):
 
 
 @inlined
-def write_newton_step(scratch, contacts):
-    """Compute how far each pair's normal turns in this step, and its gap after that.
+def write_newton_step(scratch, history):
+    """Compute the Newton step of each pair's normal, and the gap at the new normal.
 
     The gap f along a normal n is n times the vector between the support points. The
-    normal of a contact is that of the largest f, where the gradient g of f is 0. This
-    is one step s of Newton's method. Both g and s lie in the tangent plane; there the
-    curvature C of both bodies is a 2 x 2 matrix. With T = C + f I,
+    contact normal is the n with the largest f, where the gradient g of f is 0. The step s
+    towards it is one step of Newton's method. Both g and s lie in the tangent plane, where
+    the sum C of the curvatures of both bodies is a 2 x 2 matrix. With T = C + f I,
 
         s = T^-1 g = (tr T g - T g) / det T
 
-    by Cayley and Hamilton, so no tangents are needed. The gap at the new normal follows
-    from an expansion at the old one, to third order in the step.
+    by the theorem of Cayley and Hamilton, so no tangents are needed. The gap at the new
+    normal follows from an expansion at the old one, to third order in the step.
 
     Reads the rows of `write_terms_of_a` and `add_terms_of_b`; writes the rows STEP
     [rad], GAP [m] and RADIUS (the effective radius [m]).
@@ -259,33 +261,39 @@ def write_newton_step(scratch, contacts):
     scratch : array (rows * LANES,)
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
-    contacts : array (rows * LANES,)
+    history : array (rows * LANES,)
         What these contacts keep from step to step, in a tile. The module `state` names
         the rows.
     """
     for lane in range(LANES):
-        nx, ny, nz = lane_vector(contacts, NORMAL, lane)
+        nx, ny, nz = lane_vector(history, NORMAL, lane)
         between_x, between_y, between_z = lane_vector(scratch, SUPPORT_A_TO_B, lane)
         xx, xy, xz, yy, yz, zz = lane_matrix(scratch, CURVATURE_SUM, lane)
-        # the gap f and its gradient g along the normal so far
+        # the gap f and its gradient g at the old normal
         gap = dot(nx, ny, nz, between_x, between_y, between_z)
         gx, gy, gz = between_x - gap * nx, between_y - gap * ny, between_z - gap * nz
         # the effective radius sqrt(det C_A det C_B / det(C_A + C_B))
-        area_both = radii_product(xx, xy, xz, yy, yz, zz)
-        product = scratch[AREA_A + lane] * scratch[AREA_B + lane]
-        scratch[RADIUS + lane] = product * rsqrt(product * area_both)
-        # the step; where T is not definite, it is g / tr C instead
+        curvature_determinant = radii_product(xx, xy, xz, yy, yz, zz)
+        area_product = scratch[AREA_A + lane] * scratch[AREA_B + lane]
+        scratch[RADIUS + lane] = area_product * rsqrt(
+            area_product * curvature_determinant
+        )
+        # The step. If T is not definite, the step is g / tr C, uphill along the gradient.
         trace = xx + yy + zz
-        det = area_both + gap * (trace + gap)
-        is_definite = (trace + 2.0 * gap > 0.0) & (det > 1e-3 * trace * trace)
-        inverse = 1.0 / (det if is_definite else trace * trace)
+        determinant = curvature_determinant + gap * (trace + gap)
+        is_definite = (trace + 2.0 * gap > 0.0) & (
+            determinant > LEAST_DETERMINANT * trace * trace
+        )
+        inverse = 1.0 / (determinant if is_definite else trace * trace)
         gradient_factor = inverse * (trace + gap if is_definite else trace)
         matrix_factor = inverse if is_definite else 0.0
-        cg_x, cg_y, cg_z = multiply_symmetric(xx, xy, xz, yy, yz, zz, gx, gy, gz)
-        sx = gradient_factor * gx - matrix_factor * cg_x
-        sy = gradient_factor * gy - matrix_factor * cg_y
-        sz = gradient_factor * gz - matrix_factor * cg_z
-        # a long step is cut
+        curvature_g_x, curvature_g_y, curvature_g_z = multiply_symmetric(
+            xx, xy, xz, yy, yz, zz, gx, gy, gz
+        )
+        sx = gradient_factor * gx - matrix_factor * curvature_g_x
+        sy = gradient_factor * gy - matrix_factor * curvature_g_y
+        sz = gradient_factor * gz - matrix_factor * curvature_g_z
+        # Cut a long step, because the expansion is wrong far from the old normal.
         cut = LARGEST_TURN * rsqrt(squared_length(sx, sy, sz))
         cut = cut if cut < 1.0 else 1.0
         sx, sy, sz = cut * sx, cut * sy, cut * sz
@@ -294,12 +302,12 @@ def write_newton_step(scratch, contacts):
 
 
 @inlined
-def write_contact_points(scratch, contacts):
+def write_contact_points(scratch, history):
     """Turn each normal by its step, and compute the contact point.
 
-    The contact point is an expansion at the old normal, to second order in the step.
-    Call `write_newton_step` first. Writes the normal (row NORMAL of `contacts`), and the
-    vectors from the centres of both bodies to the contact point (rows RA and RB of
+    Call `write_newton_step` first. The contact point follows from an expansion at the old
+    normal, to second order in the step. Writes the normal (row NORMAL of `history`), and
+    the vectors from the centres of both bodies to the contact point (rows RA and RB of
     `scratch`).
 
     Parameters
@@ -307,18 +315,18 @@ def write_contact_points(scratch, contacts):
     scratch : array (rows * LANES,)
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
-    contacts : array (rows * LANES,)
+    history : array (rows * LANES,)
         What these contacts keep from step to step, in a tile. The module `state` names
         the rows.
     """
     for lane in range(LANES):
-        # the normal after the step, of unit length
+        # the unit normal after the step
         sx, sy, sz = lane_vector(scratch, STEP, lane)
-        nx, ny, nz = lane_vector(contacts, NORMAL, lane)
+        nx, ny, nz = lane_vector(history, NORMAL, lane)
         nx, ny, nz = nx + sx, ny + sy, nz + sz
         inverse = rsqrt(squared_length(nx, ny, nz))
         nx, ny, nz = inverse * nx, inverse * ny, inverse * nz
-        write_vector(contacts, NORMAL, lane, nx, ny, nz)
+        write_vector(history, NORMAL, lane, nx, ny, nz)
         # The step moves the support point of A by its curvature times the step. The
         # contact lies midway between the two support points.
         support_x, support_y, support_z = lane_vector(scratch, SUPPORT, lane)
@@ -328,7 +336,7 @@ def write_contact_points(scratch, contacts):
         ry = support_y + xy * sx + yy * sy + yz * sz + half_gap * ny
         rz = support_z + xz * sx + yz * sy + zz * sz + half_gap * nz
         write_vector(scratch, RA, lane, rx, ry, rz)
-        # the same point as seen from the centre of B
+        # the same point relative to the centre of B
         centre_a_x, centre_a_y, centre_a_z = lane_vector(scratch, POSITION_A, lane)
         centre_b_x, centre_b_y, centre_b_z = lane_vector(scratch, POSITION_B, lane)
         write_vector(
@@ -342,38 +350,37 @@ def write_contact_points(scratch, contacts):
 
 
 @inlined
-def write_terms_of_both(scratch, contacts, parts):
-    """Write the terms of both bodies that the Newton step needs.
+def write_terms_of_both(scratch, history, parts):
+    """Write the support points and curvatures of both bodies for the Newton step.
 
     Parameters
     ----------
     scratch : array (rows * LANES,)
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
-    contacts : array (rows * LANES,)
+    history : array (rows * LANES,)
         What these contacts keep from step to step, in a tile. The module `state` names
         the rows.
     parts : int
-        Number of ellipsoids of a body; a constant in each call.
+        Number of ellipsoids of a body. It must be a constant in the call.
     """
-    write_terms_of_a(scratch, contacts, parts)
-    add_terms_of_b(scratch, contacts, parts)
+    write_terms_of_a(scratch, history, parts)
+    add_terms_of_b(scratch, history, parts)
 
 
 @inlined
-def write_sphere_pair_geometry(scratch, contacts):
+def write_sphere_pair_geometry(scratch, history):
     """Compute the geometry of 32 pairs of spheres, in closed form.
 
-    Writes the normal (row NORMAL of `contacts`) and the rows of `scratch` that
-    `write_pair_geometry` writes, too: GAP, RADIUS, AREA_A, AREA_B, RA and RB. Where two
-    centres coincide, the last normal stays.
+    Writes the normal (row NORMAL of `history`), and the rows GAP, RADIUS, AREA_A, AREA_B,
+    RA and RB of `scratch`. If two centres coincide, the old normal stays.
 
     Parameters
     ----------
     scratch : array (rows * LANES,)
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
-    contacts : array (rows * LANES,)
+    history : array (rows * LANES,)
         What these contacts keep from step to step, in a tile. The module `state` names
         the rows.
     """
@@ -389,12 +396,12 @@ def write_sphere_pair_geometry(scratch, contacts):
         square = squared_length(dx, dy, dz)
         is_apart = square > NEAREST * NEAREST
         inverse = rsqrt(square if is_apart else 1.0)
-        nx, ny, nz = lane_vector(contacts, NORMAL, lane)
+        nx, ny, nz = lane_vector(history, NORMAL, lane)
         nx = inverse * dx if is_apart else nx
         ny = inverse * dy if is_apart else ny
         nz = inverse * dz if is_apart else nz
-        write_vector(contacts, NORMAL, lane, nx, ny, nz)
-        # gap and radii; the distance of the centres is inverse * square
+        write_vector(history, NORMAL, lane, nx, ny, nz)
+        # gap and radii; square * inverse is the distance of the centres
         radius_a = scratch[SPHERE_RADIUS_A + lane]
         radius_b = scratch[SPHERE_RADIUS_B + lane]
         gap = inverse * square - radius_a - radius_b
@@ -410,87 +417,88 @@ def write_sphere_pair_geometry(scratch, contacts):
 
 
 @inlined
-def write_pair_geometry(scratch, contacts, parts):
+def write_pair_geometry(scratch, history, parts):
     """Compute gap, effective radius and contact point of each pair of smooth bodies.
 
-    One Newton step from the last normal is enough, since bodies move little in a step.
-    There are several short loops instead of one, because a processor runs as many lanes
-    at once as its window holds.
+    One Newton step from the last normal is enough, because bodies move little in a step.
+    Several short loops are faster than a single one, because the processor overlaps more
+    lanes of a short loop.
 
     Parameters
     ----------
     scratch : array (rows * LANES,)
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
-    contacts : array (rows * LANES,)
+    history : array (rows * LANES,)
         What these contacts keep from step to step, in a tile. The module `state` names
         the rows.
     parts : int
         Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
     """
     if parts == state.SPHERES:
-        write_sphere_pair_geometry(scratch, contacts)
+        write_sphere_pair_geometry(scratch, history)
         return
     # The number of parts is a constant in each call, so that the loops are vector code.
     if parts == 1:
-        write_terms_of_both(scratch, contacts, 1)
+        write_terms_of_both(scratch, history, 1)
     elif parts == 2:
-        write_terms_of_both(scratch, contacts, 2)
+        write_terms_of_both(scratch, history, 2)
     else:
-        write_terms_of_both(scratch, contacts, MOST_PARTS)
-    write_newton_step(scratch, contacts)
-    write_contact_points(scratch, contacts)
+        write_terms_of_both(scratch, history, MOST_PARTS)
+    write_newton_step(scratch, history)
+    write_contact_points(scratch, history)
 
 
 @inlined
-def write_terms_of_sphere(scratch, contacts):
-    """Write the rows SUPPORT and AREA_A where body A of each lane is a sphere.
+def write_terms_of_sphere(scratch, history):
+    """Write support point and curvature of body A of each lane, which is a sphere.
 
-    It is `write_terms_of_a` in closed form: the outermost point of a sphere lies one
-    radius along the normal, and both of its radii of curvature are the radius.
+    This is `write_terms_of_a` in closed form. The outermost point of a sphere lies one
+    radius along the normal, and both radii of curvature are the radius. Writes the rows
+    SUPPORT and AREA_A.
 
     Parameters
     ----------
     scratch : array (rows * LANES,)
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
-    contacts : array (rows * LANES,)
+    history : array (rows * LANES,)
         What these contacts keep from step to step, in a tile. The module `state` names
         the rows.
     """
     for lane in range(LANES):
-        nx, ny, nz = lane_vector(contacts, NORMAL, lane)
+        nx, ny, nz = lane_vector(history, NORMAL, lane)
         radius = scratch[SPHERE_RADIUS_A + lane]
         write_vector(scratch, SUPPORT, lane, radius * nx, radius * ny, radius * nz)
         scratch[AREA_A + lane] = radius * radius
 
 
 @inlined
-def is_on_disc(contacts, lane, x, y, z, nx, ny, nz):
-    """Return whether a place is within a disc, seen along the normal of its plane.
+def is_on_disc(history, lane, x, y, z, nx, ny, nz):
+    """Return whether a point is within a disc, seen along the normal of its plane.
 
     Parameters
     ----------
-    contacts : array
-        Tile of contacts with planes; its rows MIDDLE and SQUARED_RADIUS are the disc's
-        middle [m] and squared radius [m2], infinite for a plane without an edge.
+    history : array
+        Tile of contacts with planes. Its rows MIDDLE and SQUARED_RADIUS are the disc's centre [m]
+        and squared radius [m2], which is infinite for a plane without an edge.
     lane : int
         Lane of the contact in its tile, 0 to LANES - 1.
     x, y, z : float
-        The place [m].
+        The point [m].
     nx, ny, nz : float
         Unit normal of the plane.
     """
-    middle_x, middle_y, middle_z = lane_vector(contacts, state.MIDDLE, lane)
+    middle_x, middle_y, middle_z = lane_vector(history, state.MIDDLE, lane)
     dx, dy, dz = x - middle_x, y - middle_y, z - middle_z
     height = dot(dx, dy, dz, nx, ny, nz)
     # the squared distance from the middle in the plane, by Pythagoras
     square = squared_length(dx, dy, dz) - height * height
-    return square <= contacts[state.SQUARED_RADIUS + lane]
+    return square <= history[state.SQUARED_RADIUS + lane]
 
 
 @inlined
-def write_plane_geometry(scratch, contacts, parts):
+def write_plane_geometry(scratch, history, parts):
     """Compute gap, effective radius and contact point of each body on a plane.
 
     Writes the rows GAP, RADIUS and RA of `scratch`. Beyond the edge of the plane's disc
@@ -501,7 +509,7 @@ def write_plane_geometry(scratch, contacts, parts):
     scratch : array (rows * LANES,)
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
-    contacts : array
+    history : array
         Tile of the contacts: the plane's normal (row NORMAL, into the wall), its OFFSET
         along the normal, and its disc (MIDDLE, SQUARED_RADIUS).
     parts : int
@@ -509,20 +517,20 @@ def write_plane_geometry(scratch, contacts, parts):
     """
     # The number of parts is a constant in each call, so that the loop is vector code.
     if parts == state.SPHERES:
-        write_terms_of_sphere(scratch, contacts)
+        write_terms_of_sphere(scratch, history)
     elif parts == 1:
-        write_terms_of_a(scratch, contacts, 1)
+        write_terms_of_a(scratch, history, 1)
     elif parts == 2:
-        write_terms_of_a(scratch, contacts, 2)
+        write_terms_of_a(scratch, history, 2)
     else:
-        write_terms_of_a(scratch, contacts, MOST_PARTS)
+        write_terms_of_a(scratch, history, MOST_PARTS)
     for lane in range(LANES):
-        nx, ny, nz = lane_vector(contacts, NORMAL, lane)
+        nx, ny, nz = lane_vector(history, NORMAL, lane)
         centre_x, centre_y, centre_z = lane_vector(scratch, POSITION_A, lane)
-        # the point of the body that is deepest in the wall, from the body's centre
+        # the body's deepest point in the wall, relative to the centre of the body
         rx, ry, rz = lane_vector(scratch, SUPPORT, lane)
         gap = (
-            contacts[OFFSET + lane]
+            history[OFFSET + lane]
             - nx * (centre_x + rx)
             - ny * (centre_y + ry)
             - nz * (centre_z + rz)
@@ -532,20 +540,20 @@ def write_plane_geometry(scratch, contacts, parts):
         write_vector(scratch, RA, lane, rx, ry, rz)
         scratch[RADIUS + lane] = math.sqrt(scratch[AREA_A + lane])
         on_disc = is_on_disc(
-            contacts, lane, centre_x + rx, centre_y + ry, centre_z + rz, nx, ny, nz
+            history, lane, centre_x + rx, centre_y + ry, centre_z + rz, nx, ny, nz
         )
         scratch[GAP + lane] = gap if on_disc else BEYOND
 
 
 @inlined
 def write_torques(scratch):
-    """Complete the loads of both bodies of each lane, from the force on A.
+    """Compute the torques on both bodies of each lane, and the force on B.
 
-    Reads the force on A (row TO_A), the vectors RA and RB from the centres to the
-    contact point, and the tangential dashpot (row DASHPOT). Writes the force on B,
-    which is the opposite, and of both bodies the torque about the centre and the
-    dashpot times its squared arm. The budget of the rolling resistance, the other row
-    of a load, belongs to the rolling law.
+    Reads the force on A (row TO_A), the vectors RA and RB from the centres to the contact
+    point, and the tangential dashpot (row DASHPOT). Writes the force on B, which is
+    opposite to that on A. For both bodies, writes the torque about the centre, and the
+    dashpot times the squared length of its arm. The rolling law writes the last row of a
+    load, the budget of the rolling resistance.
 
     Parameters
     ----------
@@ -577,7 +585,7 @@ def write_torques(scratch):
 
 @inlined
 def count_open_lanes(scratch):
-    """Count the lanes of a tile whose bodies are apart: their gap is positive."""
+    """Count the lanes of a tile with a positive gap, whose bodies are apart."""
     n_open = 0
     for lane in range(LANES):
         n_open += 1 if scratch[GAP + lane] > 0.0 else 0
