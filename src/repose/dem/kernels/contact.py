@@ -1,12 +1,13 @@
-"""The gap between two smooth bodies, found by Newton's method on the contact normal.
+"""Find the gap between two smooth bodies by Newton's method on the contact normal.
 
-With d = c_B - c_A, f(n) = n.d - h_A(n) - h_B(-n). Its maximum over unit vectors n is the
-gap, or minus the overlap where it is negative; n is then the contact normal from A to B.
-Every body here is centrally symmetric, so h_B(-n) = h_B(n). The tangential gradient of f
-is P (d - x_A(n) - x_B(n)), with the support points x and the projection P onto the
-tangent plane; the Hessian is -(Q_A + Q_B + f I), with the curvature matrices Q.
+Let d = c_B - c_A be the vector between the centres, h the support functions of the
+bodies, and f(n) = n.d - h_A(n) - h_B(-n). The maximum of f over all unit vectors n is
+the gap; a negative maximum is an overlap. Its n is the contact normal from A to B. Every
+body here is centrally symmetric, so h_B(-n) = h_B(n). The tangential gradient of f is
+P (d - x_A(n) - x_B(n)), with the support points x and the projection P onto the tangent
+plane. The Hessian is -(Q_A + Q_B + f I), with the curvature matrices Q.
 
-Reads rows of `Bodies.rows`; writes only the array `normal`.
+The functions read rows of `Bodies.rows` and write only the array `normal`.
 """
 
 import math
@@ -16,10 +17,10 @@ from .jit import inlined, kernel
 from .rows import set_vector, vector_at
 from .state import POSITION, SPHERE_RADIUS, SPHERES
 
-# Beyond a step of this length [rad] the quadratic model of f means little.
+# Longer steps [rad] are cut, because the quadratic model of f is wrong there.
 LONGEST_STEP = 0.4
 MOST_ITERATIONS = 60
-# A step that makes f smaller by more than rounding went downhill.
+# A step went downhill if it made f [m] smaller by more than this, which allows for rounding.
 DOWNHILL = 1e-15
 # The Hessian counts as definite when its determinant exceeds this share of the squared
 # trace of the curvature.
@@ -30,9 +31,9 @@ LEAST_DETERMINANT = 1e-3
 def newton_step(gx, gy, gz, xx, xy, xz, yy, yz, zz, f):
     """Return the step (x, y, z) of a normal towards the maximum of f [rad].
 
-    f is the gap of two bodies along the normal. The step is one of Newton's method on
-    the unit sphere, in the tangent plane. Where the Hessian is not definite, it is a
-    scaled gradient step. A step longer than LONGEST_STEP is cut.
+    f is the gap of two bodies along the normal. This is a step of Newton's method on the
+    unit sphere, in the tangent plane. If the Hessian is not definite, it is a scaled
+    gradient step instead. A step longer than LONGEST_STEP is cut.
 
     Parameters
     ----------
@@ -51,15 +52,16 @@ def newton_step(gx, gy, gz, xx, xy, xz, yy, yz, zz, f):
     trace = xx + yy + zz
     determinant = radii_product(xx, xy, xz, yy, yz, zz) + f * (trace + f)  # of C + f I
     if trace + 2.0 * f > 0.0 and determinant > LEAST_DETERMINANT * trace * trace:
-        # T = C + f I is a 2 x 2 matrix in the tangent plane. By Cayley and Hamilton
-        # T^-1 g = (tr T g - T g) / det T, so no tangents are needed.
+        # The step is T^-1 g. T = C + f I is a 2 x 2 matrix in the tangent plane, so by the
+        # theorem of Cayley and Hamilton T^-1 g = (tr T g - T g) / det T. No tangents are
+        # needed.
         inverse = 1.0 / determinant
         gradient_factor = trace + f
         sx = inverse * (gradient_factor * gx - xx * gx - xy * gy - xz * gz)
         sy = inverse * (gradient_factor * gy - xy * gx - yy * gy - yz * gz)
         sz = inverse * (gradient_factor * gz - xz * gx - yz * gy - zz * gz)
     else:
-        # uphill, by the gradient over the sum of the curvatures
+        # Step uphill: the gradient divided by the trace of the curvatures.
         inverse = 1.0 / trace
         sx, sy, sz = inverse * gx, inverse * gy, inverse * gz
     square = sx * sx + sy * sy + sz * sz
@@ -71,7 +73,9 @@ def newton_step(gx, gy, gz, xx, xy, xz, yy, yz, zz, f):
 
 @inlined
 def sphere_gap(rows, i, j, dx, dy, dz, normal):
-    """Return the gap of two spheres [m]; write their normal unless centres coincide.
+    """Return the gap of two spheres [m], and write their normal to `normal`.
+
+    If the centres coincide, `normal` is not changed.
 
     Parameters
     ----------
@@ -80,9 +84,9 @@ def sphere_gap(rows, i, j, dx, dy, dz, normal):
     i, j : int
         The two spheres.
     dx, dy, dz : float
-        From the centre of i to that of j [m].
+        Vector from the centre of i to that of j [m].
     normal : array (3,)
-        The unit normal from i to j is written to it.
+        Overwritten with the unit normal from i to j.
     """
     distance = math.sqrt(dx * dx + dy * dy + dz * dz)
     if distance > 0.0:
@@ -92,7 +96,10 @@ def sphere_gap(rows, i, j, dx, dy, dz, normal):
 
 @kernel
 def solve_gap(rows, parts, i, j, normal, tolerance, sufficient_gap):
-    """Return the gap of two smooth bodies [m]; negative for an overlap.
+    """Find the gap of two smooth bodies and its normal; return the gap [m].
+
+    The gap is negative for an overlap. A step that went downhill is halved until it goes
+    uphill.
 
     Parameters
     ----------
@@ -103,12 +110,12 @@ def solve_gap(rows, parts, i, j, normal, tolerance, sufficient_gap):
     i, j : int
         The bodies A and B.
     normal : array (3,)
-        First guess of the unit normal from A to B; the solution is written to it.
+        First guess of the unit normal from A to B. Overwritten with the best normal.
     tolerance : float
-        Length of a step at which the iteration stops [rad].
+        The iteration stops at a step shorter than this [rad].
     sufficient_gap : float
-        The iteration also stops when a normal proves a gap above this one [m]: the
-        bodies have a separating plane.
+        The iteration also stops if the gap along a normal is larger than this [m]. A plane
+        with this normal then separates the bodies.
     """
     ax, ay, az = vector_at(rows[i], POSITION)
     bx, by, bz = vector_at(rows[j], POSITION)
@@ -116,12 +123,12 @@ def solve_gap(rows, parts, i, j, normal, tolerance, sufficient_gap):
     if parts == SPHERES:
         return sphere_gap(rows, i, j, dx, dy, dz, normal)
     nx, ny, nz = vector_at(normal, 0)
-    # the best normal so far, its f, and the step from it
+    # the best normal so far, its f, and the next step from it
     best_x, best_y, best_z = nx, ny, nz
-    best = -1e300
+    best_f = -1e300
     sx = sy = sz = 0.0
     for _ in range(MOST_ITERATIONS):
-        # Support points and curvature matrices, summed over both bodies.
+        # the sums of the support points and of the curvature matrices of both bodies
         x = y = z = xx = xy = xz = yy = yz = zz = 0.0
         for part in range(parts):
             x, y, z, xx, xy, xz, yy, yz, zz = add_part(
@@ -130,15 +137,14 @@ def solve_gap(rows, parts, i, j, normal, tolerance, sufficient_gap):
             x, y, z, xx, xy, xz, yy, yz, zz = add_part(
                 rows[j], part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz
             )
-        # f is the gap along n, the projection of the vector between both support
-        # points.
+        # The vector between the two support points. Its projection on n is the gap f.
         x, y, z = dx - x, dy - y, dz - z
         f = nx * x + ny * y + nz * z
-        if f < best - DOWNHILL:
-            # halve the step from the best direction so far
+        if f < best_f - DOWNHILL:
+            # went downhill: halve the step from the best normal
             sx, sy, sz = 0.5 * sx, 0.5 * sy, 0.5 * sz
         else:
-            best = f
+            best_f = f
             best_x, best_y, best_z = nx, ny, nz
             if f > sufficient_gap:
                 break
@@ -146,9 +152,9 @@ def solve_gap(rows, parts, i, j, normal, tolerance, sufficient_gap):
             sx, sy, sz = newton_step(gx, gy, gz, xx, xy, xz, yy, yz, zz, f)
         if sx * sx + sy * sy + sz * sz < tolerance * tolerance:
             break
-        # the next normal, of unit length
+        # the next unit normal
         nx, ny, nz = best_x + sx, best_y + sy, best_z + sz
         inverse = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
         nx, ny, nz = inverse * nx, inverse * ny, inverse * nz
     set_vector(normal, 0, best_x, best_y, best_z)
-    return best
+    return best_f

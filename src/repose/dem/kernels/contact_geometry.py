@@ -1,8 +1,8 @@
-"""One contact of a body with a wall, as eight numbers in an array called `geometry`.
+"""Read and write a contact of a body with a wall: eight numbers in an array `geometry`.
 
-The solvers of `wall_contact` and `mesh_contact` fill such an array; a thread keeps two
-of them in its scratch (`state.Scratch`). `forces` copies it to a lane of a tile. The
-vectors are in the frame of the wall or in world axes, as each function says.
+The solvers of `wall_contact` and `mesh_contact` fill such an array. Each thread has two
+of them in its scratch memory (`state.Scratch`). `forces` copies the array to a lane of a
+tile. The vectors are in the frame of the wall or in world axes, as each function says.
 
     normal (3)   unit vector from the body into the wall
     gap          distance of the two surfaces [m]; negative for an overlap
@@ -33,10 +33,10 @@ def arm_of(geometry):
 def write_contact(
     geometry, nx, ny, nz, gap, radius, extent, along_u, along_w, ux, uy, uz, wx, wy, wz
 ):
-    """Fill `geometry` for a body whose support point along the normal is known.
+    """Write the contact of a body to `geometry`, from the body's support point.
 
     The support point is the body's outermost point along the normal n. The contact point
-    lies beyond it by half the gap, midway between the two surfaces.
+    lies half a gap further, midway between the two surfaces.
 
     Parameters
     ----------
@@ -45,24 +45,26 @@ def write_contact(
     nx, ny, nz : float
         Unit normal n, from the body into the wall.
     gap, radius : float
-        Distance of the two surfaces, and the effective radius R* [m].
+        Distance of the two surfaces (negative for an overlap), and effective radius R* [m].
     extent, along_u, along_w : float
         Components of the support point along n, u and w, from the body's centre [m].
     ux, uy, uz, wx, wy, wz : float
         Unit tangents u and w.
     """
-    reach = extent + 0.5 * gap
+    distance = extent + 0.5 * gap
     set_vector(geometry, NORMAL, nx, ny, nz)
     geometry[GAP] = gap
     geometry[RADIUS] = radius
-    geometry[ARM] = reach * nx + along_u * ux + along_w * wx
-    geometry[ARM + 1] = reach * ny + along_u * uy + along_w * wy
-    geometry[ARM + 2] = reach * nz + along_u * uz + along_w * wz
+    geometry[ARM] = distance * nx + along_u * ux + along_w * wx
+    geometry[ARM + 1] = distance * ny + along_u * uy + along_w * wy
+    geometry[ARM + 2] = distance * nz + along_u * uz + along_w * wz
 
 
 @inlined
 def write_sphere_contact(geometry, nx, ny, nz, gap, effective_radius, sphere_radius):
-    """Fill `geometry` for a sphere: its contact point lies along the normal.
+    """Write the contact of a sphere to `geometry`.
+
+    The contact point of a sphere lies along the normal from its centre.
 
     Parameters
     ----------
@@ -73,28 +75,29 @@ def write_sphere_contact(geometry, nx, ny, nz, gap, effective_radius, sphere_rad
     gap : float
         Distance of the two surfaces [m]; negative for an overlap.
     effective_radius, sphere_radius : float
-        R* of the contact, and radius of the sphere [m].
+        Effective radius R* of the contact, and radius of the sphere [m].
     """
     # the contact point lies midway between the two surfaces
-    reach = sphere_radius + 0.5 * gap
+    distance = sphere_radius + 0.5 * gap
     set_vector(geometry, NORMAL, nx, ny, nz)
     geometry[GAP] = gap
     geometry[RADIUS] = effective_radius
-    set_vector(geometry, ARM, reach * nx, reach * ny, reach * nz)
+    set_vector(geometry, ARM, distance * nx, distance * ny, distance * nz)
 
 
 @inlined
 def copy_geometry(source, target):
-    """Copy all numbers of one contact to another, both arrays (8,)."""
-    for number in range(SIZE):
-        target[number] = source[number]
+    """Copy all numbers of one contact to another. Both are arrays (8,)."""
+    for column in range(SIZE):
+        target[column] = source[column]
 
 
 @inlined
 def shift_arm(geometry, x, y, z):
-    """Refer the contact point to another centre, at -(x, y, z) from the old one.
+    """Add a vector (x, y, z) to the arm of a contact, in place.
 
-    So the contact of a sphere becomes one of the body to which the sphere belongs.
+    If the vector leads from a body's centre to that of its sphere, the sphere's contact
+    becomes a contact of the body.
     """
     geometry[ARM] += x
     geometry[ARM + 1] += y
