@@ -1,21 +1,23 @@
-"""The effective mass of each contact, on which its viscous damping depends.
+"""Compute the effective mass of each contact, on which its viscous damping depends.
 
-A unit impulse along the normal n gives the place of a contact at r from a body's centre
-the velocity
+A unit impulse along the normal n, at a point at r from the centre of a body, changes the
+velocity of this point along n by
 
     1 / m + (r x n) . J (r x n)
 
-along n, with the inverse inertia J. The sum over both bodies is the inverse of their
-mass at the contact: there and in this direction they move as two spheres of that mass
-would. Two clumps may touch with several spheres at once. Stiffnesses S in one place add
-up to N S, so for the damping ratio of one contact the dampings 2 beta sqrt(S m) must
-add up to 2 beta sqrt(N S m): each of the N contacts has the mass m / N. All contacts of
-two clumps share the mass in this way, and so do all spheres of a clump on one wall,
-wherever they touch.
+with the body's mass m and inverse inertia J. The sum over both bodies is the inverse of
+their effective mass at the contact: there and in this direction they move like two
+spheres with this effective mass.
 
-Reads the bodies and the contact points in the tile `scratch` (rows of `tile`), and the
-normals in `history`, the tile of the numbers that contacts keep. Writes the row
-tile.INVERSE_MASS of `scratch`. A lane of a tile is one contact.
+Two clumps may touch with several spheres at once. The stiffnesses S of N contacts at one
+point add up to N S. To have the damping ratio of a single contact, their dampings
+2 beta sqrt(S m) must add up to 2 beta sqrt(N S m), so each contact has the mass m / N.
+All contacts of two clumps share the mass in this way, wherever they touch. So do all
+spheres of a clump on one wall.
+
+The functions read the bodies and the contact points in the tile `scratch` (rows of
+`tile`), and the normals in `history`, the tile of the numbers that contacts keep. They
+write the row tile.INVERSE_MASS of `scratch`. A lane of a tile is one contact.
 
 References
 ----------
@@ -32,31 +34,33 @@ from .rows import LANES, lane_matrix, lane_vector
 
 
 @inlined
-def write_mobility(scratch, history, body_row, arm_row, parts, keep):
-    """Write or add the velocity that a unit impulse along the normal gives each body.
+def write_mobility(scratch, history, body_row, arm_row, parts, kept_share):
+    """Write or add the velocity that each contact point gets by a unit impulse.
 
-    This is 1 / m + (r x n) . J (r x n), with the mass m of the body, its inverse
-    inertia J, the contact point r from its centre, and the normal n.
+    The impulse is along the normal n, and so is the velocity. It is
+    1 / m + (r x n) . J (r x n), with the mass m of the body, its inverse inertia J, and the
+    contact point r relative to its centre.
 
     Parameters
     ----------
     scratch, history : array
-        Scratch tile and tile of the contacts; the row INVERSE_MASS of `scratch` is
-        written.
+        Scratch tile, and tile of the numbers that contacts keep. The row INVERSE_MASS of
+        `scratch` is overwritten or added to.
     body_row, arm_row : int
         First row of the body and of its contact point in `scratch`: tile.A and tile.RA, or
         tile.B and tile.RB.
     parts : int
-        Ellipsoids of a body. A contact of SPHERES does not turn them.
-    keep : float
-        1.0 to keep what the row holds and add to it, 0.0 to overwrite it. A number
-        instead of a branch keeps the loop vector code.
+        Ellipsoids of a body, or SPHERES. An impulse along the normal does not turn a
+        sphere, so its inertia does not count.
+    kept_share : float
+        1.0 to add to the row, 0.0 to overwrite it. With a factor instead of a branch, the
+        compiler makes vector code of the loop.
     """
     inverse_mass_row = body_row + state.INVERSE_MASS * LANES
     if parts == state.SPHERES:
         for lane in range(LANES):
             scratch[tile.INVERSE_MASS + lane] = (
-                keep * scratch[tile.INVERSE_MASS + lane]
+                kept_share * scratch[tile.INVERSE_MASS + lane]
                 + scratch[inverse_mass_row + lane]
             )
         return
@@ -71,7 +75,7 @@ def write_mobility(scratch, history, body_row, arm_row, parts, keep):
             rx * ny - ry * nx,
         )
         xx, xy, xz, yy, yz, zz = lane_matrix(scratch, inverse_inertia_row, lane)
-        turning = (
+        rotational_part = (
             xx * cross_x * cross_x
             + yy * cross_y * cross_y
             + zz * cross_z * cross_z
@@ -79,15 +83,15 @@ def write_mobility(scratch, history, body_row, arm_row, parts, keep):
             * (xy * cross_x * cross_y + xz * cross_x * cross_z + yz * cross_y * cross_z)
         )
         scratch[tile.INVERSE_MASS + lane] = (
-            keep * scratch[tile.INVERSE_MASS + lane]
+            kept_share * scratch[tile.INVERSE_MASS + lane]
             + scratch[inverse_mass_row + lane]
-            + turning
+            + rotational_part
         )
 
 
 @inlined
-def write_mass_of_pairs(scratch, history, pairs, parts, clumps, base, lanes):
-    """Write the inverse of the mass of each pair at its contact: the row INVERSE_MASS.
+def write_mass_of_pairs(scratch, history, pairs, parts, clumps, base, n_lanes):
+    """Write the inverse of the effective mass of each pair to the row INVERSE_MASS.
 
     All contacts of two clumps share their mass.
 
@@ -106,23 +110,23 @@ def write_mass_of_pairs(scratch, history, pairs, parts, clumps, base, lanes):
         are spheres.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
-    base, lanes : int
-        First contact of the tile, and number of lanes in use.
+    base, n_lanes : int
+        Index of the tile's first contact, and number of lanes in use.
     """
     write_mobility(scratch, history, tile.A, tile.RA, parts, 0.0)
     write_mobility(scratch, history, tile.B, tile.RB, parts, 1.0)
-    # the number of contacts of the two clumps is that of their entry
+    # Divide the mass of two clumps among their contacts.
     if len(clumps) > 0:
-        for lane in range(lanes):
+        for lane in range(n_lanes):
             n_contacts = pairs.n_contacts[pairs.entry[base + lane]]
             scratch[tile.INVERSE_MASS + lane] *= n_contacts
 
 
 @inlined
-def write_mass_on_wall(scratch, history, contacts, parts, clumps, base, lanes):
-    """Write the inverse of the mass of each body at its contact with a wall.
+def write_mass_on_wall(scratch, history, contacts, parts, clumps, base, n_lanes):
+    """Write the inverse of each body's effective mass on a wall to the row INVERSE_MASS.
 
-    This is the row INVERSE_MASS. All spheres of a clump on one wall share its mass.
+    All spheres of a clump on one wall share its mass.
 
     Parameters
     ----------
@@ -139,13 +143,13 @@ def write_mass_on_wall(scratch, history, contacts, parts, clumps, base, lanes):
         are spheres.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple where all bodies are smooth.
-    base, lanes : int
-        First contact of the tile, and number of lanes in use.
+    base, n_lanes : int
+        Index of the tile's first contact, and number of lanes in use.
     """
     write_mobility(scratch, history, tile.A, tile.RA, parts, 0.0)
-    # the number of spheres of the clump on this wall
+    # Divide the mass of a clump among its spheres on this wall.
     if len(clumps) > 0:
-        for lane in range(lanes):
+        for lane in range(n_lanes):
             k = base + lane
             n_spheres = count_set_bits(
                 contacts.touching_bits[contacts.wall[k], contacts.body[k]]
@@ -154,26 +158,26 @@ def write_mass_on_wall(scratch, history, contacts, parts, clumps, base, lanes):
 
 
 @inlined
-def mark_spheres_on_meshes(meshed, mesh_sphere, n):
-    """Write `meshed.touching_bits`: which spheres of each clump touch each mesh, as bits.
+def mark_spheres_on_meshes(meshed, mesh_sphere, n_contacts):
+    """Mark which spheres of each clump touch each mesh, as bits of `meshed.known`.
 
-    A sphere may touch a mesh in several places and still has one bit.
+    A sphere has a single bit, even if it touches a mesh at several points.
 
     Parameters
     ----------
     meshed : WallContacts
-        The contacts with meshes, of which the first n are read.
+        The contacts with meshes. The first n are read, and `known` is overwritten.
     mesh_sphere : array
-        Of each contact body * MOST_SPHERES + sphere.
-    n : int
+        For each contact body * MOST_SPHERES + sphere, the indices of both.
+    n_contacts : int
         Number of contacts.
     """
-    # clear the bits of all these bodies and meshes, then set those that touch
+    # Clear the bits of all these bodies on these meshes. Then set a bit for each contact.
     known = meshed.touching_bits
-    for k in range(n):
-        known[meshed.wall[k], meshed.body[k]] = np.uint64(0)
-    for k in range(n):
-        i = np.int64(meshed.body[k])
-        sphere = np.int64(mesh_sphere[k]) - state.MOST_SPHERES * i
-        # a view of one word, since bits are set in a row of words
-        set_bit(known[meshed.wall[k], i : i + 1], sphere)
+    for contact in range(n_contacts):
+        known[meshed.wall[contact], meshed.body[contact]] = np.uint64(0)
+    for contact in range(n_contacts):
+        body = np.int64(meshed.body[contact])
+        sphere = np.int64(mesh_sphere[contact]) - state.MOST_SPHERES * body
+        # `set_bit` takes an array of words: here a view of one word
+        set_bit(known[meshed.wall[contact], body : body + 1], sphere)

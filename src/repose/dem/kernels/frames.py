@@ -1,10 +1,10 @@
-"""Walls in any place and motion: their frames, the velocity of their surface, their load.
+"""Move walls, transform vectors to and from their frames, and sum up their loads.
 
-Reads `Walls.motion` and `Walls.moves`. `move_walls` writes the places of moving walls
-(`Walls.planes`, `Walls.frames`), their pivots and `Walls.approach`;
-`move_plane_contacts` writes the planes in the tiles of `WallContacts.data`; `add_loads_of_walls`
-adds to `Walls.loads`. A frame is a row of `Walls.frames` (12,): the origin, then the
-rotation from the frame's axes to the world's, row by row.
+The module reads `Walls.motion` and `Walls.moves`. `move_walls` writes the positions of
+moving walls (`Walls.planes`, `Walls.frames`), their pivots and `Walls.approach`.
+`move_plane_contacts` writes the planes in the tiles of `WallContacts.data`.
+`add_loads_of_walls` adds to `Walls.loads`. A frame is a row of `Walls.frames` (12,): the
+origin, then the rotation from the frame's axes to the world's, row by row.
 """
 
 import math
@@ -14,16 +14,16 @@ from .jit import inlined, kernel
 from .rows import LANES, lane_vector, set_vector, vector_at
 from .state import FRAME_ORIGIN, FRAME_ROTATION, PART, SHAPE, SPHERES
 
-# Places of the rotation in a frame. XY is the x component of the frame's y axis.
+# Columns of the rotation in a frame. XY is the x component of the frame's y axis.
 XX, XY, XZ, YX, YY, YZ, ZX, ZY, ZZ = range(FRAME_ROTATION, FRAME_ROTATION + 9)
 
 
 @inlined
 def into_frame(frame, x, y, z):
-    """Return a vector (x, y, z) of the world in the axes of a frame.
+    """Rotate a vector (x, y, z) from world axes into the axes of a frame.
 
     `frame` is a row of `Walls.frames`: the origin, then the rotation R from the frame's
-    axes to the world's. The result is R' times the vector.
+    axes to the world's. The function returns R' times the vector.
     """
     return (
         frame[XX] * x + frame[YX] * y + frame[ZX] * z,
@@ -34,7 +34,10 @@ def into_frame(frame, x, y, z):
 
 @inlined
 def out_of_frame(frame, x, y, z):
-    """Return a vector (x, y, z) of a frame in world axes; see `into_frame`."""
+    """Rotate a vector (x, y, z) from the axes of a frame into world axes.
+
+    The function returns R times the vector, with the rotation R of `into_frame`.
+    """
     return (
         frame[XX] * x + frame[XY] * y + frame[XZ] * z,
         frame[YX] * x + frame[YY] * y + frame[YZ] * z,
@@ -44,7 +47,7 @@ def out_of_frame(frame, x, y, z):
 
 @inlined
 def place_in_frame(frame, x, y, z):
-    """Return a place in the world as seen from the origin and axes of a frame."""
+    """Transform a point (x, y, z) of the world to the origin and axes of a frame."""
     x0, y0, z0 = vector_at(frame, FRAME_ORIGIN)
     return into_frame(frame, x - x0, y - y0, z - z0)
 
@@ -53,7 +56,8 @@ def place_in_frame(frame, x, y, z):
 def rotate_to_world(frame, values, first):
     """Rotate a vector in an array from a frame into world axes, in place.
 
-    `frame` is a row of `Walls.frames`, `first` the place of the vector in `values`.
+    `frame` is a row of `Walls.frames`. `first` is the index of the vector's x component in
+    `values`; y and z follow.
     """
     x, y, z = vector_at(values, first)
     x, y, z = out_of_frame(frame, x, y, z)
@@ -69,7 +73,7 @@ def normal_to_world(walls, frame, geometry):
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     frame : int
-        Number of the wall's frame: curved walls first, then meshes.
+        Index of the wall's frame. Curved walls come first, then meshes.
     geometry : array (8,)
         The contact (`contact_geometry`).
     """
@@ -86,7 +90,7 @@ def contact_to_world(walls, frame, geometry):
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     frame : int
-        Number of the wall's frame: curved walls first, then meshes.
+        Index of the wall's frame. Curved walls come first, then meshes.
     geometry : array (8,)
         The contact (`contact_geometry`).
     """
@@ -97,13 +101,13 @@ def contact_to_world(walls, frame, geometry):
 
 @inlined
 def mesh_frame(walls, mesh):
-    """Return the number of a mesh's frame in `Walls.frames`, after the curved walls."""
+    """Return the index of a mesh's frame in `Walls.frames`, after the curved walls."""
     return walls.cones.shape[0] + walls.rings.shape[0] + mesh
 
 
 @kernel
 def write_row_in_frame(row, parts, frame, local_row):
-    """Write position and shape of a body, as seen from a frame, to another row.
+    """Transform position and shape of a body to a frame, and write them to another row.
 
     Each ellipsoid of the body has a symmetric matrix S of six columns: xx, xy, xz, yy,
     yz, zz. In the frame it is R' S R, with the rotation R of the frame.
@@ -117,7 +121,7 @@ def write_row_in_frame(row, parts, frame, local_row):
     frame : array (12,)
         The row of `Walls.frames`.
     local_row : array
-        Is written; its other columns keep their values.
+        Overwritten with position and shape. Its other columns keep their values.
     """
     x, y, z = vector_at(row, state.POSITION)
     x, y, z = place_in_frame(frame, x, y, z)
@@ -125,12 +129,12 @@ def write_row_in_frame(row, parts, frame, local_row):
     if parts == SPHERES:
         local_row[state.SPHERE_RADIUS] = row[state.SPHERE_RADIUS]
     for part in range(parts):
-        # R' S: the three columns of S, each rotated into the frame
+        # R' S: rotate the three columns of S into the frame
         first = SHAPE + PART * part
         ax, ay, az = into_frame(frame, row[first], row[first + 1], row[first + 2])
         bx, by, bz = into_frame(frame, row[first + 1], row[first + 3], row[first + 4])
         cx, cy, cz = into_frame(frame, row[first + 2], row[first + 4], row[first + 5])
-        # R' S R: the rows of R' S rotated; only the upper triangle is kept
+        # R' S R: rotate the rows of R' S, and keep the upper triangle
         xx, xy, xz = into_frame(frame, ax, bx, cx)
         _yx, yy, yz = into_frame(frame, ay, by, cy)
         _zx, _zy, zz = into_frame(frame, az, bz, cz)
@@ -140,14 +144,14 @@ def write_row_in_frame(row, parts, frame, local_row):
 
 @inlined
 def surface_velocity(motion, x, y, z):
-    """Return the velocity of a moving wall at a place [m/s]: v + omega x r.
+    """Return the velocity of a moving wall at a point of it [m/s]: v + omega x r.
 
     Parameters
     ----------
     motion : array (9,)
         The row of `Walls.motion`: velocity v, angular velocity omega, pivot.
     x, y, z : float
-        The place in the world [m]; r is the vector from the wall's pivot to it.
+        The point in the world [m]. r is the vector from the wall's pivot to the point.
     """
     vx, vy, vz = vector_at(motion, state.WALL_VELOCITY)
     omega_x, omega_y, omega_z = vector_at(motion, state.WALL_SPIN)
@@ -162,7 +166,7 @@ def surface_velocity(motion, x, y, z):
 
 @inlined
 def rotate_vector(angle, ux, uy, uz, x, y, z):
-    """Return a vector rotated about an axis, by the formula of Rodrigues.
+    """Rotate a vector about an axis by the formula of Rodrigues, and return it.
 
     Parameters
     ----------
@@ -175,17 +179,17 @@ def rotate_vector(angle, ux, uy, uz, x, y, z):
     """
     cos = math.cos(angle)
     sin = math.sin(angle)
-    along = (ux * x + uy * y + uz * z) * (1.0 - cos)
+    scaled_projection = (ux * x + uy * y + uz * z) * (1.0 - cos)
     return (
-        x * cos + (uy * z - uz * y) * sin + ux * along,
-        y * cos + (uz * x - ux * z) * sin + uy * along,
-        z * cos + (ux * y - uy * x) * sin + uz * along,
+        x * cos + (uy * z - uz * y) * sin + ux * scaled_projection,
+        y * cos + (uz * x - ux * z) * sin + uy * scaled_projection,
+        z * cos + (ux * y - uy * x) * sin + uz * scaled_projection,
     )
 
 
 @inlined
 def rotate_frame(frame, angle, ux, uy, uz):
-    """Turn the rotation of a frame about an axis, in place; its origin stays.
+    """Rotate the axes of a frame about an axis, in place. The frame's origin stays.
 
     Parameters
     ----------
@@ -196,7 +200,7 @@ def rotate_frame(frame, angle, ux, uy, uz):
     ux, uy, uz : float
         Unit vector along the axis.
     """
-    # the columns of the rotation are the axes of the frame
+    # The columns of the rotation matrix are the axes of the frame.
     for axis in range(3):
         column = FRAME_ROTATION + axis
         x, y, z = rotate_vector(
@@ -217,8 +221,9 @@ def rotate_frame(frame, angle, ux, uy, uz):
 def move_walls(walls, dt):
     """Move all moving walls by one time step.
 
-    A wall turns about its pivot, and the pivot moves. Writes the planes and frames of
-    these walls, their pivots, and how far any wall may have come nearer.
+    A wall turns about its pivot, and the pivot moves. Writes the planes or frames of these
+    walls, their pivots, and the distance by which any wall may have come nearer to a body
+    (`walls.approach`).
 
     Parameters
     ----------
@@ -232,14 +237,19 @@ def move_walls(walls, dt):
     for wall in range(walls.moves.shape[0]):
         if walls.moves[wall] == 0:
             continue
-        # the rotation in this step: an angle about a unit vector u
+        # The wall turns by an angle about the unit vector u. Without a rotation u is zero.
         motion = walls.motion[wall]
         omega_x, omega_y, omega_z = vector_at(motion, state.WALL_SPIN)
         rate = math.sqrt(omega_x**2 + omega_y**2 + omega_z**2)
-        inverse = 1.0 / rate if rate > 0.0 else 0.0
-        ux, uy, uz = omega_x * inverse, omega_y * inverse, omega_z * inverse
+        inverse_rate = 1.0 / rate if rate > 0.0 else 0.0
+        ux, uy, uz = (
+            omega_x * inverse_rate,
+            omega_y * inverse_rate,
+            omega_z * inverse_rate,
+        )
         angle = rate * dt
-        # a plane is moved itself, another wall with its frame; both begin with a place
+        # A plane is moved itself, another wall by its frame. The first three columns of both
+        # are a point of the wall.
         surface = planes[wall] if wall < n_planes else walls.frames[wall - n_planes]
         pivot_x, pivot_y, pivot_z = vector_at(motion, state.WALL_PIVOT)
         arm_x, arm_y, arm_z = rotate_vector(
@@ -251,13 +261,13 @@ def move_walls(walls, dt):
             surface[1] - pivot_y,
             surface[2] - pivot_z,
         )
-        # the pivot moves, and the wall's place lies at the rotated arm from it
+        # Move the pivot. The wall's point lies at the end of the rotated arm from it.
         for axis in range(3):
             motion[state.WALL_PIVOT + axis] += dt * motion[state.WALL_VELOCITY + axis]
         surface[0] = motion[state.WALL_PIVOT] + arm_x
         surface[1] = motion[state.WALL_PIVOT + 1] + arm_y
         surface[2] = motion[state.WALL_PIVOT + 2] + arm_z
-        # the direction of the wall: of a plane its normal, of others the frame's axes
+        # rotate the normal of a plane, or the axes of a frame
         if wall < n_planes:
             nx, ny, nz = vector_at(surface, state.PLANE_NORMAL)
             nx, ny, nz = rotate_vector(angle, ux, uy, uz, nx, ny, nz)
@@ -268,10 +278,10 @@ def move_walls(walls, dt):
 
 
 @kernel
-def move_plane_contacts(flat, walls, n):
-    """Write the present place of moving planes to the first n contacts with planes.
+def move_plane_contacts(flat, walls, n_contacts):
+    """Update the copies of moving planes in the first n contacts with planes.
 
-    Each contact keeps a copy of its plane, which vector code reads lane by lane.
+    Each contact keeps a copy of its plane, so that vector code can read it lane by lane.
 
     Parameters
     ----------
@@ -279,10 +289,10 @@ def move_plane_contacts(flat, walls, n):
         The contacts with planes.
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
-    n : int
+    n_contacts : int
         Number of contacts.
     """
-    for k in range(n):
+    for k in range(n_contacts):
         wall = flat.wall[k]
         if walls.moves[wall]:
             write_plane(flat.data[k // LANES], k % LANES, walls.planes[wall])
@@ -290,14 +300,15 @@ def move_plane_contacts(flat, walls, n):
 
 @inlined
 def write_plane(history, lane, plane):
-    """Write a plane to the lane of a contact: normal, offset, middle, squared radius.
+    """Write a plane to the lane of a contact: normal, offset, centre, squared radius.
 
     The offset is the distance of the plane from the origin along its normal.
 
     Parameters
     ----------
     history : array (rows * LANES,)
-        The contact's tile of `WallContacts.data`; its lane is written.
+        The contact's tile of `WallContacts.data`. The rows of the plane are overwritten in
+        its lane.
     lane : int
         Lane of the contact in its tile, 0 to LANES - 1.
     plane : array
@@ -316,42 +327,42 @@ def write_plane(history, lane, plane):
 
 
 @inlined
-def add_loads_of_walls(walls, first_wall, contacts, base, n, scratch):
-    """Add the loads of a tile of contacts to their walls, if the user asked for them.
+def add_loads_of_walls(walls, first_wall, contacts, base, n_contacts, scratch):
+    """Add the forces of a tile of contacts to `walls.loads`, if the user asked for it.
 
-    The load of a wall is the force on it and the torque about the origin of the world,
-    of all its contacts: six numbers of a row of `Walls.loads`.
+    The load of a wall is a row of `walls.loads`, six numbers: the force of all its contacts
+    on it, and their torque about the origin of the world.
 
     Parameters
     ----------
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     first_wall : int
-        Number of the first wall of this kind among all walls.
+        Index of the first wall of this kind among all walls.
     contacts : WallContacts
-        Contacts with walls of one kind; the tile begins with contact `base`.
+        The list of contacts with walls of one kind.
     base : int
-        First contact of the tile.
-    n : int
+        Index of the first contact of the tile.
+    n_contacts : int
         Number of contacts in the list.
     scratch : array
         Scratch tile of the contacts (rows of `tile`) with the forces on the bodies.
     """
     if walls.loads.shape[0] == 0:
         return
-    for lane in range(min(LANES, n - base)):
+    for lane in range(min(LANES, n_contacts - base)):
         load = walls.loads[first_wall + contacts.wall[base + lane]]
-        # the force on the wall is opposite to that on the body
+        # the force on the wall is opposite to the force on the body
         force_x, force_y, force_z = lane_vector(scratch, tile.TO_A, lane)
         fx, fy, fz = -force_x, -force_y, -force_z
-        # The torque on B is only the couple of a law of rolling: a wall has no arm.
+        # The arm of a wall is zero, so its torque is only the couple of a rolling law.
         torque_row = tile.TO_B + state.TORQUE * LANES
         couple_x, couple_y, couple_z = lane_vector(scratch, torque_row, lane)
-        # the contact point: the body's centre and its arm
+        # the contact point: the body's centre plus the arm
         body_x, body_y, body_z = lane_vector(scratch, tile.A, lane)
         arm_x, arm_y, arm_z = lane_vector(scratch, tile.RA, lane)
         x, y, z = body_x + arm_x, body_y + arm_y, body_z + arm_z
-        # the force, then the torque: contact point x force
+        # add the force, then the torque: contact point x force, plus the couple
         load[0] += fx
         load[1] += fy
         load[2] += fz

@@ -1,11 +1,12 @@
-"""Support points and curvatures of one body: a sum of ellipsoids with common axes.
+"""Compute support points and curvatures of a body, a sum of coaxial ellipsoids.
 
 A body is a Minkowski sum of ellipsoids ("parts") with common axes. Its support function
-is h(n) = sum_k sqrt(n' S_k n) with S_k = R diag(a_k^2) R', smooth and convex for any
-number of parts. The functions read a row of `Bodies.rows`, which holds the matrices S_k
-in world axes (or in those of a wall, see `frames.write_row_in_frame`), and write nothing.
+is h(n) = sum_k sqrt(n' S_k n) with S_k = R diag(a_k^2) R'. It is smooth and convex for
+any number of parts. The functions read a row of `Bodies.rows`, which has the matrices
+S_k in world axes (or in the axes of a wall, see `frames.write_row_in_frame`). They write
+nothing.
 
-Names used here and in the solvers:
+Symbols used here and in the solvers:
 
     h               support value h(n): extent of the body along the unit vector n [m]
     (x, y, z)       support point: the body's outermost point along n, from its centre
@@ -23,19 +24,19 @@ from .state import PART, SHAPE, SPHERE_RADIUS, SPHERES
 
 @inlined
 def tangents(nx, ny, nz):
-    """Return two unit vectors u and w that make (u, w, n) a right-handed frame.
+    """Return two unit tangents u and w that make (u, w, n) a right-handed frame.
 
-    Method of Duff et al. (2017), which needs no case for any direction.
+    The method of Duff et al. (2017) needs no special case for any direction.
 
     Parameters
     ----------
     nx, ny, nz : float
-        Vector n of unit length.
+        Unit vector n.
 
     Returns
     -------
     ux, uy, uz, wx, wy, wz : float
-        The two tangents.
+        The tangents u and w.
     """
     sign = math.copysign(1.0, nz)
     a = -1.0 / (sign + nz)
@@ -45,19 +46,19 @@ def tangents(nx, ny, nz):
 
 @inlined
 def step_normal(nx, ny, nz, step_u, step_w):
-    """Return the unit vector n after a step in its tangent plane.
+    """Return a unit vector n after a step in its tangent plane.
 
     Parameters
     ----------
     nx, ny, nz : float
         Unit normal n.
     step_u, step_w : float
-        Step along the two vectors of `tangents`.
+        Components of the step along the tangents u and w of n, see `tangents`.
 
     Returns
     -------
     nx, ny, nz : float
-        The vector n + step, of length 1.
+        The vector n + step, divided by its length.
     """
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
     x = nx + step_u * ux + step_w * wx
@@ -77,8 +78,8 @@ def multiply_symmetric(xx, xy, xz, yy, yz, zz, x, y, z):
 def shape_matrix(row, part):
     """Return the matrix S (xx, xy, xz, yy, yz, zz) of one ellipsoid of a body [m^2].
 
-    `row` is a row of `Bodies.rows`, `part` the number of the ellipsoid. In the axes of
-    the ellipsoid S is the diagonal matrix of its squared semi-axes.
+    `row` is a row of `Bodies.rows`, `part` the index of the ellipsoid. In the axes of the
+    ellipsoid, S is the diagonal matrix of the squared semi-axes.
     """
     first = SHAPE + PART * part
     xx, xy, xz = vector_at(row, first)
@@ -88,7 +89,7 @@ def shape_matrix(row, part):
 
 @inlined
 def multiply_by_shape(row, part, x, y, z):
-    """Multiply the matrix S of one ellipsoid (see `shape_matrix`) by a vector."""
+    """Multiply the matrix S of one ellipsoid of a body (`shape_matrix`) by a vector."""
     xx, xy, xz, yy, yz, zz = shape_matrix(row, part)
     return multiply_symmetric(xx, xy, xz, yy, yz, zz, x, y, z)
 
@@ -110,7 +111,7 @@ def extent(row, parts, nx, ny, nz):
         return row[SPHERE_RADIUS]
     h = 0.0
     for part in range(parts):
-        # an ellipsoid reaches sqrt(n' S n)
+        # the support value of an ellipsoid is sqrt(n' S n)
         x, y, z = multiply_by_shape(row, part, nx, ny, nz)
         h += math.sqrt(nx * x + ny * y + nz * z)
     return h
@@ -120,9 +121,9 @@ def extent(row, parts, nx, ny, nz):
 def ellipsoid_support(xx, xy, xz, yy, yz, zz, nx, ny, nz):
     """Return support point and curvature matrix of an ellipsoid at the normal n.
 
-    The support point, its outermost point along n from its centre, is x = S n / h, with
-    the support value h = sqrt(n.S n). The curvature matrix is (S - x x') / h; its
-    eigenvalues are the principal radii of the surface there.
+    The support point x is the outermost point along n, relative to the centre. It is
+    x = S n / h, with the support value h = sqrt(n' S n). The curvature matrix is
+    (S - x x') / h. Its eigenvalues are the principal radii of the surface at x.
 
     Parameters
     ----------
@@ -142,7 +143,7 @@ def ellipsoid_support(xx, xy, xz, yy, yz, zz, nx, ny, nz):
     inverse_h = rsqrt(nx * x + ny * y + nz * z)
     # the support point
     x, y, z = inverse_h * x, inverse_h * y, inverse_h * z
-    # the curvature matrix takes the place of S
+    # the curvature matrix, which overwrites S
     xx, xy, xz = (
         inverse_h * (xx - x * x),
         inverse_h * (xy - x * y),
@@ -158,20 +159,20 @@ def ellipsoid_support(xx, xy, xz, yy, yz, zz, nx, ny, nz):
 
 @inlined
 def add_part(row, part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz):
-    """Add the terms of one ellipsoid to a body's support point and curvature matrix.
+    """Add one ellipsoid to the support point and curvature matrix of a body.
 
     Parameters
     ----------
     row : array
         The body: a row of `Bodies.rows`. The module `state` names its columns.
     part : int
-        Number of the ellipsoid.
+        Index of the ellipsoid.
     nx, ny, nz : float
         Unit normal n.
     x, y, z : float
-        Support point so far [m].
+        Support point of the ellipsoids so far [m].
     xx, xy, xz, yy, yz, zz : float
-        Curvature matrix so far [m].
+        Curvature matrix of the ellipsoids so far [m].
 
     Returns
     -------
@@ -182,7 +183,7 @@ def add_part(row, part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz):
     px, py, pz, pxx, pxy, pxz, pyy, pyz, pzz = ellipsoid_support(
         sxx, sxy, sxz, syy, syz, szz, nx, ny, nz
     )
-    # the support point, then the matrix
+    # the sums of the support points, then those of the matrices
     return (
         x + px,
         y + py,
@@ -200,15 +201,15 @@ def add_part(row, part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz):
 def radii_product(xx, xy, xz, yy, yz, zz):
     """Return the product of the two principal radii of a curvature matrix [m^2].
 
-    The third eigenvalue, along the normal, is zero, so the product is the second
-    invariant of the matrix (xx, xy, xz, yy, yz, zz).
+    The third eigenvalue, along the normal, is zero. So the product is the second invariant
+    of the matrix (xx, xy, xz, yy, yz, zz): the sum of its three principal minors.
     """
     return xx * yy - xy * xy + (xx * zz - xz * xz) + (yy * zz - yz * yz)
 
 
 @inlined
 def support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz):
-    """Return the terms of a body's surface at its outermost point along n.
+    """Return support value, support point and curvature of a body along n.
 
     Parameters
     ----------
@@ -230,7 +231,7 @@ def support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz):
     q_uu, q_uw, q_ww : float
         Curvature matrix Q in the tangents u and w [m].
     """
-    # a sphere: its outermost point lies along n, and both radii are its radius
+    # The outermost point of a sphere lies along n. Both radii of curvature are its radius.
     if parts == SPHERES:
         return row[SPHERE_RADIUS], 0.0, 0.0, row[SPHERE_RADIUS], 0.0, row[SPHERE_RADIUS]
     h = 0.0
@@ -240,24 +241,24 @@ def support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz):
     q_uw = 0.0
     q_ww = 0.0
     for part in range(parts):
-        # (sx, sy, sz) is S times a vector, with the matrix S of this ellipsoid
+        # (sx, sy, sz) is the matrix S of this ellipsoid times a vector, here n
         sx, sy, sz = multiply_by_shape(row, part, nx, ny, nz)
-        square = nx * sx + ny * sy + nz * sz
-        # a part that the body does not have is a matrix of zeros
-        if square <= 0.0:
+        h_squared = nx * sx + ny * sy + nz * sz
+        # a body with fewer parts has matrices of zeros for the missing parts
+        if h_squared <= 0.0:
             continue
-        # the outermost point of an ellipsoid is S n / h, with h = sqrt(n' S n)
-        h_part = math.sqrt(square)
+        # the outermost point x of this part is S n / h, with h = sqrt(n' S n)
+        h_part = math.sqrt(h_squared)
         inverse_h = 1.0 / h_part
-        part_u = (sx * ux + sy * uy + sz * uz) * inverse_h
-        part_w = (sx * wx + sy * wy + sz * wz) * inverse_h
+        x_u = (sx * ux + sy * uy + sz * uz) * inverse_h
+        x_w = (sx * wx + sy * wy + sz * wz) * inverse_h
         h += h_part
-        along_u += part_u
-        along_w += part_w
-        # Q of this part is (S - x x') / h, here between u and u, u and w, w and w
+        along_u += x_u
+        along_w += x_w
+        # Add Q of this part, (S - x x') / h: its components uu, uw and ww.
         sx, sy, sz = multiply_by_shape(row, part, ux, uy, uz)
-        q_uu += (sx * ux + sy * uy + sz * uz - part_u * part_u) * inverse_h
-        q_uw += (sx * wx + sy * wy + sz * wz - part_u * part_w) * inverse_h
+        q_uu += (sx * ux + sy * uy + sz * uz - x_u * x_u) * inverse_h
+        q_uw += (sx * wx + sy * wy + sz * wz - x_u * x_w) * inverse_h
         sx, sy, sz = multiply_by_shape(row, part, wx, wy, wz)
-        q_ww += (sx * wx + sy * wy + sz * wz - part_w * part_w) * inverse_h
+        q_ww += (sx * wx + sy * wy + sz * wz - x_w * x_w) * inverse_h
     return h, along_u, along_w, q_uu, q_uw, q_ww

@@ -1,11 +1,11 @@
-"""Products of vectors of three components, which kernels hold as three numbers each."""
+"""Compute products of vectors. In kernels a vector is three separate numbers."""
 
 from .jit import inlined
 
 
 @inlined
 def dot(ax, ay, az, bx, by, bz):
-    """Return the scalar product a . b of two vectors."""
+    """Return the scalar product a . b of two vectors a and b."""
     return ax * bx + ay * by + az * bz
 
 
@@ -17,5 +17,5 @@ def squared_length(x, y, z):
 
 @inlined
 def cross(ax, ay, az, bx, by, bz):
-    """Return the vector product a x b."""
+    """Return the vector product a x b of two vectors a and b."""
     return ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
