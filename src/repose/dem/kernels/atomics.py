@@ -97,8 +97,8 @@ def yield_processor(typingctx):
 def wait_for_all(counters, n_threads):
     """Wait until all threads have called this function.
 
-    The others wait for a new round. The last thread to arrive resets the counter of
-    arrivals and begins this round.
+    Threads that arrive early wait for a new round. The last thread to arrive resets the
+    counter of arrivals and begins this round.
 
     Parameters
     ----------

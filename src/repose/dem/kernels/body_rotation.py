@@ -337,8 +337,9 @@ def resistance_direction(l1, l2, l3, j1, j2, j3, momentum, budget):
     The resistance leaves a rotation with the angular velocity s n, where s is the speed
     and n the unit vector that is returned. It takes the angular momentum B n from the
     angular momentum l, so I s n = l - B n with the inertia I. With J = 1 / I this gives
-    n = J l / (s + B J) along each axis, and s is the root of |n(s)| = 1. The function
-    1 / |n(s)| is concave, so Newton's method on it converges to the root from below.
+    n = J l / d with the denominator d = s + B J along each axis, and s is the root of
+    |n(s)| = 1. The function 1 / |n(s)| is concave, so Newton's method on it converges to
+    the root from below.
 
     Parameters
     ----------
@@ -386,37 +387,23 @@ def resistance_direction(l1, l2, l3, j1, j2, j3, momentum, budget):
     )
     speed = max(speed, 0.0)
     for _ in range(NEWTON_STEPS):
-        # the denominators s + B J of the three axes
-        denominator1, denominator2, denominator3 = (
-            speed + loss1,
-            speed + loss2,
-            speed + loss3,
-        )
+        # the denominators d = s + B J of the three axes
+        d1, d2, d3 = speed + loss1, speed + loss2, speed + loss3
         # Multiply all fractions of n by the product of the three denominators, so that a
-        # step needs only one division.
-        product23, product31, product12 = (
-            denominator2 * denominator3,
-            denominator3 * denominator1,
-            denominator1 * denominator2,
-        )
-        square1 = numerator1 * numerator1 * product23 * product23
-        square2 = numerator2 * numerator2 * product31 * product31
-        square3 = numerator3 * numerator3 * product12 * product12
+        # step needs only one division. d23 is the product of d2 and d3.
+        d23, d31, d12 = d2 * d3, d3 * d1, d1 * d2
+        square1 = numerator1 * numerator1 * d23 * d23
+        square2 = numerator2 * numerator2 * d31 * d31
+        square3 = numerator3 * numerator3 * d12 * d12
         square = square1 + square2 + square3
-        slope = square1 * product23 + square2 * product31 + square3 * product12
-        speed = max(
-            speed + square * (math.sqrt(square) - denominator1 * product23) / slope, 0.0
-        )
-    denominator1, denominator2, denominator3 = (
-        speed + loss1,
-        speed + loss2,
-        speed + loss3,
-    )
-    inverse = 1.0 / (denominator1 * denominator2 * denominator3)
+        slope = square1 * d23 + square2 * d31 + square3 * d12
+        speed = max(speed + square * (math.sqrt(square) - d1 * d23) / slope, 0.0)
+    d1, d2, d3 = speed + loss1, speed + loss2, speed + loss3
+    inverse = 1.0 / (d1 * d2 * d3)
     return (
-        numerator1 * inverse * denominator2 * denominator3,
-        numerator2 * inverse * denominator3 * denominator1,
-        numerator3 * inverse * denominator1 * denominator2,
+        numerator1 * inverse * d2 * d3,
+        numerator2 * inverse * d3 * d1,
+        numerator3 * inverse * d1 * d2,
     )
 
 
@@ -501,7 +488,7 @@ def resist_rolling_in_frame(scratch, motion, dt, frame_x, frame_y, frame_z):
         j1, j2, j3 = lane_vector(motion, INVERSE_MOMENTS, lane)
         is_present = j1 > 0.0
         # The angular momentum of a body that turns with the frame. Along the body's axes,
-        # it is the angular velocity times the moments of inertia.
+        # it is the angular velocity times the moments of inertia. Absent bodies have none.
         x, y, z = rotate_into_body(motion, lane, frame_x, frame_y, frame_z)
         x = x / j1 if is_present else 0.0
         y = y / j2 if is_present else 0.0

@@ -109,7 +109,7 @@ def write_mass_of_pairs(scratch, history, pairs, parts, clumps, base, n_lanes):
         Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
         are spheres.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     base, n_lanes : int
         Index of the tile's first contact, and number of lanes in use.
     """
@@ -142,7 +142,7 @@ def write_mass_on_wall(scratch, history, contacts, parts, clumps, base, n_lanes)
         Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
         are spheres.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     base, n_lanes : int
         Index of the tile's first contact, and number of lanes in use.
     """

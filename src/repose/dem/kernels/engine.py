@@ -83,7 +83,7 @@ def begin_step(
     flat, curved, meshed : WallContacts
         Contacts with planes, with curved walls and with meshes.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     walls : Walls
@@ -132,7 +132,7 @@ def process_wall_contacts(
     flat, curved, meshed : WallContacts
         Contacts with planes, with curved walls and with meshes.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes or ()
@@ -219,7 +219,7 @@ def update_pair_lists(bodies, pairs, clumps, counts, grid, physics, scratch, gho
     pairs : Pairs or SpherePairs
         The lists of pairs, of smooth bodies or of clumps.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     counts : array (COUNTS,) of int
         Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
         indices.
@@ -261,7 +261,7 @@ def apply_pair_forces(
     pairs : Pairs or SpherePairs
         The lists of pairs, of smooth bodies or of clumps.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     counts : array (COUNTS,) of int
         Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
         indices.
@@ -325,7 +325,7 @@ def advance(
     flat, curved, meshed : WallContacts
         Contacts with planes, with curved walls and with meshes.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     walls : Walls
@@ -424,7 +424,7 @@ def add_wall_loads(
     flat, curved, meshed : WallContacts
         Contacts with planes, with curved walls and with meshes.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes or ()

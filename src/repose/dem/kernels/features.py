@@ -664,8 +664,9 @@ def _project_rays(directions, ray_vertex, rays):
 def _turn_away_from_rays(directions, ray_vertex, rays):
     """Turn the direction of each vertex until all its rays recede from it, if possible.
 
-    A ray recedes if its component along the direction is negative. Each perceptron step
-    turns a direction away from the ray with the largest component.
+    The rays of a vertex are unit vectors along its edges. A ray recedes if its component
+    along the direction is negative. Each perceptron step turns a direction away from the
+    ray with the largest component.
 
     Parameters
     ----------

@@ -223,7 +223,7 @@ def first_law_row(clumps, on_wall):
     Parameters
     ----------
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     on_wall : int
         ON_WALL or OF_PAIR.
     """
@@ -250,7 +250,7 @@ def apply_force_laws(scratch, history, physics, clumps, on_wall):
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     on_wall : int
         ON_WALL or OF_PAIR.
     """
@@ -280,7 +280,7 @@ def separation_gap(history, physics, clumps, on_wall, lane):
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     on_wall : int
         ON_WALL or OF_PAIR.
     lane : int
@@ -307,7 +307,7 @@ def write_pair_geometry(scratch, history, parts, clumps):
         Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
         are spheres.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     """
     if len(clumps) == 0:
         tile.write_pair_geometry(scratch, history, parts)
@@ -319,6 +319,9 @@ def write_pair_geometry(scratch, history, parts, clumps):
 def add_pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begin, end):
     """Compute the forces of touching pairs and add them to one share of the loads.
 
+    Adds to `bodies.load` of this share. Overwrites `scratch`, and updates what the pairs
+    keep (`pairs.data`).
+
     Parameters
     ----------
     bodies : Bodies
@@ -326,7 +329,7 @@ def add_pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begi
     pairs : Pairs or SpherePairs
         The lists of pairs, of smooth bodies or of clumps.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     counts : array (COUNTS,) of int
         Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
         indices.
@@ -418,7 +421,7 @@ def write_still_wall(scratch):
 def write_wall_laws_and_motion(
     bodies, contacts, walls, physics, first_wall, base, n_contacts, scratch
 ):
-    """Write the law constants and the motion of the walls of a tile of contacts.
+    """Write the law constants and the motion of a tile's walls to the scratch tile.
 
     If all walls stand still and have one material, nothing is written. The tile then
     keeps what `write_still_wall` and `fill_law_constants` wrote before.
@@ -516,7 +519,7 @@ def compute_wall_forces(
     contacts : WallContacts
         The list of contacts with walls of one kind.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     physics : Physics
@@ -590,7 +593,7 @@ def release_wall_contact(contacts, clumps, counts, length_slot, k, ghost):
     contacts : WallContacts
         The list of contacts with walls of one kind.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     counts : array (COUNTS,) of int
         Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
         indices.
@@ -620,7 +623,7 @@ def drop_ended_contacts(contacts, clumps, counts, length_slot, n_ended, ghost):
         The list of contacts. The first n_ended numbers of `ended` are the indices of the
         contacts that ended, in increasing order.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     counts : array (COUNTS,) of int
         Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
         indices.
@@ -656,7 +659,7 @@ def write_plane_geometry(scratch, history, parts, clumps):
         Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
         are spheres.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     """
     if len(clumps) == 0:
         tile.write_plane_geometry(scratch, history, parts)
@@ -668,8 +671,9 @@ def write_plane_geometry(scratch, history, parts, clumps):
 def add_plane_forces(bodies, flat, clumps, walls, counts, physics, scratch, ghost):
     """Compute the forces of all contacts with planes and add them to the loads.
 
-    A contact that ended is removed. Its body is searched again when the gap may have
-    closed.
+    Adds to `bodies.load`, and to `walls.loads` if the user asked for it. Overwrites
+    `scratch`, and updates what the contacts keep (`flat.data`). A contact that ended is
+    removed. Its body is searched again when the gap may have closed.
 
     Parameters
     ----------
@@ -678,7 +682,7 @@ def add_plane_forces(bodies, flat, clumps, walls, counts, physics, scratch, ghos
     flat : WallContacts
         The contacts with planes.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     counts : array (COUNTS,) of int
@@ -739,7 +743,7 @@ def mark_past_edge(flat, clumps, k):
     flat : WallContacts
         The contacts with planes.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     k : int
         Index of the contact in its list.
     """
@@ -764,7 +768,7 @@ def mark_past_end(bodies, curved, clumps, walls, n_contacts, k, depth):
     curved : WallContacts
         The contacts with cones, tubes and rings.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     n_contacts, k : int
@@ -859,7 +863,7 @@ def update_curved_contact(
     curved : WallContacts
         The contacts with cones, tubes and rings.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     physics : Physics
@@ -929,9 +933,11 @@ def update_curved_contact(
 def add_curved_wall_forces(
     bodies, curved, clumps, walls, counts, physics, scratch, geometry, local_row, ghost
 ):
-    """Compute the forces of all contacts with cones, tubes and rings, and add them.
+    """Compute the forces of all contacts with curved walls and add them to the loads.
 
-    A contact that ended is removed. Its body is searched again in the next step.
+    Adds to `bodies.load`, and to `walls.loads` if the user asked for it. Overwrites
+    `scratch`, and updates what the contacts keep (`curved.data`). A contact that ended is
+    removed. Its body is searched again in the next step.
 
     Parameters
     ----------
@@ -940,7 +946,7 @@ def add_curved_wall_forces(
     curved : WallContacts
         The contacts with cones, tubes and rings.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     counts : array (COUNTS,) of int
@@ -1038,7 +1044,7 @@ def update_mesh_contact(
     meshed : WallContacts
         The contacts with meshes.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes
@@ -1103,7 +1109,9 @@ def add_mesh_forces(
 ):
     """Compute the forces of all contacts with meshes and add them to the loads.
 
-    A contact that ended is removed. Its mesh is searched again in the next step.
+    Adds to `bodies.load`, and to `walls.loads` if the user asked for it. Overwrites
+    `scratch`, and updates what the contacts keep (`meshed.data`). A contact that ended is
+    removed. Its mesh is searched again in the next step.
 
     Parameters
     ----------
@@ -1112,7 +1120,7 @@ def add_mesh_forces(
     meshed : WallContacts
         The contacts with meshes.
     clumps : Clumps or ()
-        The spheres of the clumps; an empty tuple where all bodies are smooth.
+        The spheres of the clumps; an empty tuple if all bodies are smooth.
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes

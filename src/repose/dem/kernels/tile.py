@@ -94,7 +94,7 @@ def fill_constants(scratch, first, constants):
 
 
 @inlined
-def ellipsoid_terms(scratch, shape_row, lane, nx, ny, nz):
+def lane_ellipsoid_support(scratch, shape_row, lane, nx, ny, nz):
     """Return support point and curvature matrix of one ellipsoid at the normal n.
 
     Parameters
@@ -119,7 +119,7 @@ def ellipsoid_terms(scratch, shape_row, lane, nx, ny, nz):
 
 
 @inlined
-def body_terms(scratch, shape_row, parts, lane, nx, ny, nz):
+def body_support(scratch, shape_row, parts, lane, nx, ny, nz):
     """Return support point and curvature matrix of a lane's body at the normal n.
 
     A body is a Minkowski sum of ellipsoids, its parts, so both are sums over the parts.
@@ -146,12 +146,12 @@ def body_terms(scratch, shape_row, parts, lane, nx, ny, nz):
         Curvature matrix [m].
     """
     # begin with the first part, then add the others
-    x, y, z, xx, xy, xz, yy, yz, zz = ellipsoid_terms(
+    x, y, z, xx, xy, xz, yy, yz, zz = lane_ellipsoid_support(
         scratch, shape_row, lane, nx, ny, nz
     )
     for part in range(1, parts):
         part_row = shape_row + part * PART * LANES
-        dx, dy, dz, dxx, dxy, dxz, dyy, dyz, dzz = ellipsoid_terms(
+        dx, dy, dz, dxx, dxy, dxz, dyy, dyz, dzz = lane_ellipsoid_support(
             scratch, part_row, lane, nx, ny, nz
         )
         x, y, z = x + dx, y + dy, z + dz
@@ -161,7 +161,7 @@ def body_terms(scratch, shape_row, parts, lane, nx, ny, nz):
 
 
 @inlined
-def write_terms_of_a(scratch, history, parts):
+def write_support_of_a(scratch, history, parts):
     """Write support point and curvature of body A of each lane to the scratch tile.
 
     Writes the rows SUPPORT (outermost point along the normal), CURVATURE_A (curvature
@@ -180,7 +180,7 @@ def write_terms_of_a(scratch, history, parts):
     """
     for lane in range(LANES):
         nx, ny, nz = lane_vector(history, NORMAL, lane)
-        support_x, support_y, support_z, xx, xy, xz, yy, yz, zz = body_terms(
+        support_x, support_y, support_z, xx, xy, xz, yy, yz, zz = body_support(
             scratch, SHAPE_A, parts, lane, nx, ny, nz
         )
         write_vector(scratch, SUPPORT, lane, support_x, support_y, support_z)
@@ -189,10 +189,10 @@ def write_terms_of_a(scratch, history, parts):
 
 
 @inlined
-def add_terms_of_b(scratch, history, parts):
+def add_support_of_b(scratch, history, parts):
     """Combine support point and curvature of body B of each lane with those of body A.
 
-    Call `write_terms_of_a` first. Writes the rows SUPPORT_A_TO_B (vector from the support
+    Call `write_support_of_a` first. Writes the rows SUPPORT_A_TO_B (vector from the support
     point of A to that of B), CURVATURE_SUM (sum of the two curvature matrices) and AREA_B
     (product of the principal radii of curvature of B).
 
@@ -212,7 +212,7 @@ def add_terms_of_b(scratch, history, parts):
         # Bodies are centrally symmetric: this point is minus the support point along n,
         # and the curvature is the same.
         nx, ny, nz = lane_vector(history, NORMAL, lane)
-        support_b_x, support_b_y, support_b_z, xx, xy, xz, yy, yz, zz = body_terms(
+        support_b_x, support_b_y, support_b_z, xx, xy, xz, yy, yz, zz = body_support(
             scratch, SHAPE_B, parts, lane, nx, ny, nz
         )
         # the vector from the support point of A to that of B
@@ -253,7 +253,7 @@ def write_newton_step(scratch, history):
     by the theorem of Cayley and Hamilton, so no tangents are needed. The gap at the new
     normal follows from an expansion at the old one, to third order in the step.
 
-    Reads the rows of `write_terms_of_a` and `add_terms_of_b`; writes the rows STEP
+    Reads the rows of `write_support_of_a` and `add_support_of_b`; writes the rows STEP
     [rad], GAP [m] and RADIUS (the effective radius [m]).
 
     Parameters
@@ -350,7 +350,7 @@ def write_contact_points(scratch, history):
 
 
 @inlined
-def write_terms_of_both(scratch, history, parts):
+def write_supports(scratch, history, parts):
     """Write the support points and curvatures of both bodies for the Newton step.
 
     Parameters
@@ -364,8 +364,8 @@ def write_terms_of_both(scratch, history, parts):
     parts : int
         Number of ellipsoids of a body. It must be a constant in the call.
     """
-    write_terms_of_a(scratch, history, parts)
-    add_terms_of_b(scratch, history, parts)
+    write_support_of_a(scratch, history, parts)
+    add_support_of_b(scratch, history, parts)
 
 
 @inlined
@@ -393,18 +393,18 @@ def write_sphere_pair_geometry(scratch, history):
             centre_b_y - centre_a_y,
             centre_b_z - centre_a_z,
         )
-        square = squared_length(dx, dy, dz)
-        is_apart = square > NEAREST * NEAREST
-        inverse = rsqrt(square if is_apart else 1.0)
+        distance_squared = squared_length(dx, dy, dz)
+        is_apart = distance_squared > NEAREST * NEAREST
+        inverse_distance = rsqrt(distance_squared if is_apart else 1.0)
         nx, ny, nz = lane_vector(history, NORMAL, lane)
-        nx = inverse * dx if is_apart else nx
-        ny = inverse * dy if is_apart else ny
-        nz = inverse * dz if is_apart else nz
+        nx = inverse_distance * dx if is_apart else nx
+        ny = inverse_distance * dy if is_apart else ny
+        nz = inverse_distance * dz if is_apart else nz
         write_vector(history, NORMAL, lane, nx, ny, nz)
-        # gap and radii; square * inverse is the distance of the centres
+        # gap and radii; the distance of the centres is 1 / inverse_distance
         radius_a = scratch[SPHERE_RADIUS_A + lane]
         radius_b = scratch[SPHERE_RADIUS_B + lane]
-        gap = inverse * square - radius_a - radius_b
+        gap = inverse_distance * distance_squared - radius_a - radius_b
         scratch[GAP + lane] = gap
         scratch[RADIUS + lane] = radius_a * radius_b / (radius_a + radius_b)
         scratch[AREA_A + lane] = radius_a * radius_a
@@ -440,20 +440,20 @@ def write_pair_geometry(scratch, history, parts):
         return
     # The number of parts is a constant in each call, so that the loops are vector code.
     if parts == 1:
-        write_terms_of_both(scratch, history, 1)
+        write_supports(scratch, history, 1)
     elif parts == 2:
-        write_terms_of_both(scratch, history, 2)
+        write_supports(scratch, history, 2)
     else:
-        write_terms_of_both(scratch, history, MOST_PARTS)
+        write_supports(scratch, history, MOST_PARTS)
     write_newton_step(scratch, history)
     write_contact_points(scratch, history)
 
 
 @inlined
-def write_terms_of_sphere(scratch, history):
+def write_support_of_sphere(scratch, history):
     """Write support point and curvature of body A of each lane, which is a sphere.
 
-    This is `write_terms_of_a` in closed form. The outermost point of a sphere lies one
+    This is `write_support_of_a` in closed form. The outermost point of a sphere lies one
     radius along the normal, and both radii of curvature are the radius. Writes the rows
     SUPPORT and AREA_A.
 
@@ -517,13 +517,13 @@ def write_plane_geometry(scratch, history, parts):
     """
     # The number of parts is a constant in each call, so that the loop is vector code.
     if parts == state.SPHERES:
-        write_terms_of_sphere(scratch, history)
+        write_support_of_sphere(scratch, history)
     elif parts == 1:
-        write_terms_of_a(scratch, history, 1)
+        write_support_of_a(scratch, history, 1)
     elif parts == 2:
-        write_terms_of_a(scratch, history, 2)
+        write_support_of_a(scratch, history, 2)
     else:
-        write_terms_of_a(scratch, history, MOST_PARTS)
+        write_support_of_a(scratch, history, MOST_PARTS)
     for lane in range(LANES):
         nx, ny, nz = lane_vector(history, NORMAL, lane)
         centre_x, centre_y, centre_z = lane_vector(scratch, POSITION_A, lane)
