@@ -53,7 +53,7 @@ GAP_WITHOUT_FORCE = 1.0  # gap of a lane without a contact [m]; no law reaches s
 
 
 @inlined
-def add_forces_to_loads(load, body_indices, base, scratch, first):
+def add_forces_to_loads(load, body_indices, base, scratch, first_row):
     """Add the forces and torques of a tile to the loads of its bodies.
 
     Parameters
@@ -67,17 +67,17 @@ def add_forces_to_loads(load, body_indices, base, scratch, first):
     scratch : array (rows * LANES,)
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
-    first : int
+    first_row : int
         First row of the forces in the tile: tile.TO_A or tile.TO_B.
     """
     for lane in range(0, LANES, WIDTH):
         add_lanes_to_rows(
-            load, 0, body_indices, base + lane, scratch, first + lane, LANES
+            load, 0, body_indices, base + lane, scratch, first_row + lane, LANES
         )
 
 
 @inlined
-def gather_bodies(rows, body_indices, base, scratch, first):
+def gather_bodies(rows, body_indices, base, scratch, first_row):
     """Copy the rows of a tile's bodies to the lanes of the tile.
 
     Parameters
@@ -90,10 +90,10 @@ def gather_bodies(rows, body_indices, base, scratch, first):
         Position of the tile's first contact in `body_indices`.
     scratch : array
         Scratch tile of LANES contacts. The rows of the bodies are overwritten.
-    first : int
+    first_row : int
         First row of the bodies in the tile: tile.A or tile.B.
     """
-    gather(rows, rows.shape[1], body_indices, base, scratch, first)
+    gather(rows, rows.shape[1], body_indices, base, scratch, first_row)
 
 
 @inlined
@@ -254,15 +254,19 @@ def apply_force_laws(scratch, history, physics, clumps, on_wall):
     on_wall : int
         ON_WALL or OF_PAIR.
     """
-    first = first_law_row(clumps, on_wall)
+    first_row = first_law_row(clumps, on_wall)
     of_spheres = 0 if len(clumps) == 0 else 1
     # First comes the contact law: the force on A, and the torques that follow from it.
     surfaces(physics.law, scratch, history, of_spheres, on_wall)
-    contact_forces(physics.law, scratch, history, first, physics.dt)
+    contact_forces(physics.law, scratch, history, first_row, physics.dt)
     tile.write_torques(scratch)
     # The rows of the rolling law lie after those of the contact law.
     rolling_resistance(
-        physics.rolling, scratch, history, first + physics.n_state * LANES, physics.dt
+        physics.rolling,
+        scratch,
+        history,
+        first_row + physics.n_state * LANES,
+        physics.dt,
     )
 
 

@@ -75,7 +75,7 @@ LEAST_DETERMINANT = 1e-3
 
 
 @inlined
-def fill_constants(scratch, first, constants):
+def fill_constants(scratch, first_row, constants):
     """Write the constants of a force law to all lanes of a tile.
 
     Parameters
@@ -83,14 +83,14 @@ def fill_constants(scratch, first, constants):
     scratch : array (rows * LANES,)
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
-    first : int
+    first_row : int
         First row of the law. Constant number c goes to the row c rows after it.
     constants : array
         The constants of the law for one pair of materials.
     """
-    for constant_index in range(constants.shape[0]):
+    for c in range(constants.shape[0]):
         for lane in range(LANES):
-            scratch[first + constant_index * LANES + lane] = constants[constant_index]
+            scratch[first_row + c * LANES + lane] = constants[c]
 
 
 @inlined
