@@ -80,14 +80,14 @@ def test_the_drum_has_the_dimensions_asked_for():
 def test_berries_appear_clear_of_the_walls():
     whole = drum.Drum(0.095, 0.34)
     radius = PARTICLE.bounding_radius_m
-    strip = whole.factory_area(0.04, radius)
+    strip = whole.make_factory_area(0.04, radius)
     assert math.hypot(strip.half_x_m, strip.height_m) == pytest.approx(0.095 - radius)
     places = strip.points(np.random.default_rng(0).random((200, 2)))
     assert (np.hypot(places[:, 0], places[:, 2]) <= 0.095 - radius + 1e-12).all()
     assert np.abs(places[:, 1]).max() <= 0.17 - radius
-    value_error(r"height_m is 0\.09", whole.factory_area, 0.09, radius)
+    value_error(r"height_m is 0\.09", whole.make_factory_area, 0.09, radius)
     just_as_long = drum.Drum(0.095, 2.0 * radius)
-    value_error("longer than a grain", just_as_long.factory_area, 0.0, radius)
+    value_error("longer than a grain", just_as_long.make_factory_area, 0.0, radius)
 
 
 @pytest.mark.parametrize("angle_deg", [0.0, 25.0, 45.0])
@@ -199,7 +199,7 @@ def test_a_slip_without_a_surface_is_no_result(small_rotation, monkeypatch):
     ]
     assert [value["status"] for value in measured] == ["ok", "no_surface"]
     assert "50 mm a pixel (measure.mm_per_pixel)" in measured[1]["reason"]
-    _, profile = TEST.measured_run(
+    _, profile = TEST.measure_with_profile(
         run.record, run.arrays, Scene.of(scenes[0], {}, BERRY, PARTICLE)
     )
     # mm, middles of drum.depth_bin_mm
@@ -226,8 +226,8 @@ def test_a_small_bed_turns_with_the_drum_whose_walls_hold_every_point(small_rota
     # against the drum berries hardly move, though the wall has gone 5 mm
     last = bed.to_drum_frame(small_rotation.centres_m[-1], 0.0873)
     assert np.median(np.linalg.norm(last - small_rotation.centres_m[0], axis=1)) < 2e-4
-    assert whole.holds(small_rotation.centres_m[-1]).all()
-    assert small_rotation.holds_all
+    assert whole.contains(small_rotation.centres_m[-1]).all()
+    assert small_rotation.all_inside
     from repose.dem.rotations import rotation_matrices
 
     directions = np.random.default_rng(0).normal(size=(400, 3))
@@ -311,7 +311,7 @@ def saved(folder, seed, angle_deg, **record):
         for key in frames
         for state in ("start", "report")
     }
-    columns = {key: np.arange(2.0) for key in drum.RECORD}
+    columns = {key: np.arange(2.0) for key in drum.RECORD_COLUMNS}
     np.savez(
         folder / f"drum_{seed}.npz", **frames, **states, **columns, scale=np.ones(300)
     )

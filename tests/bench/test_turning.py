@@ -151,13 +151,13 @@ def test_speeds_have_their_angles_and_profiles():
 
 def test_speeds_have_their_times():
     configuration = config(measure_from_s=2.5)
-    assert TEST.section(SceneSettings(configuration)).speeds() == [(0.8, 2.5, 8.5)]
+    assert TEST.section(SceneSettings(configuration)).list_speeds() == [(0.8, 2.5, 8.5)]
     two = config(
         angular_velocity_rad_s=[0.8, 1.6],
         measure_from_s=[2.0, 1.0],
         measure_until_s=3.0,
     )
-    assert TEST.section(SceneSettings(two)).speeds() == [
+    assert TEST.section(SceneSettings(two)).list_speeds() == [
         (0.8, 2.0, 3.0),
         (1.6, 1.0, 3.0),
     ]
@@ -171,7 +171,7 @@ def test_speeds_have_their_times():
 def test_a_run_is_judged():
     configuration = config(measure_from_s=2.5)
     settings = SceneSettings(configuration)
-    held = drum.DrumOutcome(holds_all=True)
+    held = drum.DrumOutcome(all_inside=True)
     assert TEST.status_of(held, settings) == ("ok", "")
     check_statuses(
         TEST,
@@ -179,11 +179,11 @@ def test_a_run_is_judged():
         held,
         [
             ("unstable", {"unstable": "why"}),
-            ("lost", {"holds_all": False}),
+            ("lost", {"all_inside": False}),
             ("lost", {"n_unplaced": 3}),
         ],
     )
-    outside = TEST.status_of(replace(held, holds_all=False), settings)
+    outside = TEST.status_of(replace(held, all_inside=False), settings)
     assert outside.reason == "a grain is outside the drum"
     unplaced = TEST.status_of(replace(held, n_unplaced=3), settings)
     n_grains = TEST.section(settings).berries

@@ -24,6 +24,7 @@ from repose.bench.scene import Scene
 from repose.bench.settings import Rotating, SceneSettings
 from repose.bench.trial import Progress, Trial
 from repose.calibrate.responses import Response
+from repose.common.numbers import rounded
 from repose.common.section import Contradictions
 
 if TYPE_CHECKING:
@@ -32,11 +33,11 @@ if TYPE_CHECKING:
 
 NAME = "drum"
 WALLS = ("shell", "near_cap", "far_cap")
-# States of the bed that a run keeps: at the beginning of the rotation, at the time of the
-# report, before the slip and after it.
+# States of the bed that a run keeps: at the beginning of the rotation, at the time
+# `drum.report_s`, before the slip and after it.
 STATES = ("start", "report", "before", "after")
 # Statuses of runs whose surface can be measured.
-MEASURABLE = ("ok", "no_slip")
+MEASURABLE_STATUSES = ("ok", "no_slip")
 
 # --- responses ------------------------------------------------------------------------
 
@@ -79,14 +80,15 @@ class Drum:
     def of(cls, section: Rotating) -> "Drum":
         """Make the drum of a section of the configuration."""
         return cls(
-            radius_m=1e-3 * inner_radius_mm(section), length_m=1e-3 * section.length_mm
+            radius_m=1e-3 * compute_inner_radius_mm(section),
+            length_m=1e-3 * section.length_mm,
         )
 
     def walls(self, material: str) -> "dict[str, Cone | Plane]":
-        """Make shell and caps, by name."""
-        half = 0.5 * self.length_m
-        near = (0.0, -half, 0.0)
-        far = (0.0, half, 0.0)
+        """Make the walls of the drum by name: the shell and both caps."""
+        half_length = 0.5 * self.length_m
+        near = (0.0, -half_length, 0.0)
+        far = (0.0, half_length, 0.0)
         axis = (0.0, 1.0, 0.0)
         return {
             "shell": dem.Cylinder(near, axis, self.length_m, self.radius_m, material),
@@ -94,28 +96,29 @@ class Drum:
             "far_cap": dem.Plane(far, (0.0, -1.0, 0.0), material),
         }
 
-    def factory_area(self, height_m: float, grain_radius_m: float) -> Strip:
-        """Make the widest area at a height above the axis where a grain fits.
+    def make_factory_area(self, height_m: float, grain_radius_m: float) -> Strip:
+        """Make the largest area for the centres of new grains at a height above the axis.
 
-        Raises ValueError if a grain of this bounding radius touches a wall everywhere.
+        A grain of the given bounding radius touches no wall there. Raises ValueError if
+        there is no such area.
         """
         radius = self.radius_m - grain_radius_m
         half_y = 0.5 * self.length_m - grain_radius_m
         if not (abs(height_m) < radius and half_y > 0.0):
             raise ValueError(
-                f"height_m is {height_m!r}; expected below {radius:.4g}, in a drum "
-                "longer than a grain"
+                f"height_m is {height_m!r}; expected a height of less than "
+                f"{rounded(radius)} above or below the axis, in a drum longer than a grain"
             )
         return Strip(math.sqrt(radius**2 - height_m**2), half_y, height_m)
 
-    def holds(self, centres_m: np.ndarray) -> np.ndarray:
+    def contains(self, centres_m: np.ndarray) -> np.ndarray:
         """Mark the grains (N,) whose centres (N, 3) lie inside the drum."""
         x, y, z = centres_m.T
         is_in_shell = np.hypot(x, z) < self.radius_m
         return is_in_shell & (np.abs(y) < 0.5 * self.length_m)
 
 
-def inner_radius_mm(section: Rotating) -> float:
+def compute_inner_radius_mm(section: Rotating) -> float:
     """Compute the inner radius of a drum [mm]."""
     return 0.5 * section.outer_diameter_mm - section.wall_thickness_mm
 
@@ -161,10 +164,10 @@ class DrumSettings(Rotating):
 
 @dataclass(frozen=True, kw_only=True)
 class DrumOutcome(Outcome):
-    """A drum that has turned."""
+    """The outcome of a run in which a drum has turned."""
 
-    holds_all: bool  # whether all grains that were added are inside the drum
-    n_unplaced: int = 0  # grains that found no place when the drum was filled
+    all_inside: bool  # whether all grains that were added are inside the drum
+    n_unplaced: int = 0  # number of grains for which the filling found no place
 
 
 R = TypeVar("R", bound=Rotating)
@@ -174,10 +177,10 @@ class RotatingDrum(BenchTest[R]):
     """A bench test with a drum: its vessel, its filling and the surface of its bed."""
 
     def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
-        """Describe the drum, as `repose.dem.Simulation` takes it.
+        """Describe the drum as arguments of `repose.dem.Simulation`.
 
-        Its middle is the origin. It is as large for all grains, so `largest_radius_m`
-        has no effect.
+        The middle of the drum is the origin. The size of the drum does not depend on the
+        grains, so `largest_radius_m` has no effect.
         """
         section = self.section(scene.settings)
         drum = Drum.of(section)
@@ -192,14 +195,15 @@ class RotatingDrum(BenchTest[R]):
     def tilt_deg(self, section: R) -> float:
         """Return the angle by which the axis is tilted; a tilted drum is low at +y.
 
-        Drums are level by default.
+        It is 0 unless a subclass overrides this method.
         """
         return 0.0
 
     def build(self, scene: Scene, largest_scale: float = 1.0) -> "dem.Simulation":
         """Make the empty drum.
 
-        Where its axis is tilted, the drum stays level and gravity is tilted instead.
+        The drum of the simulation is always level. A configured tilt of its axis turns
+        the direction of gravity instead.
 
         Parameters
         ----------
@@ -215,14 +219,15 @@ class RotatingDrum(BenchTest[R]):
         """
         simulation = super().build(scene, largest_scale)
         tilt = math.radians(self.tilt_deg(self.section(scene.settings)))
-        # So far gravity points along -z. Its new part along +y pulls to the low end.
+        # The simulation reads this array, so new values in it tilt gravity. Before, gravity
+        # points along -z. The new component along +y pulls grains to the low end.
         gravity = simulation.physics.gravity
         level_gravity_z = gravity[2]
         gravity[1] = -level_gravity_z * math.sin(tilt)
         gravity[2] = level_gravity_z * math.cos(tilt)
         return simulation
 
-    def empty_drum(
+    def make_empty_drum(
         self,
         scene: Scene,
         interval_s: float | None = None,
@@ -242,31 +247,31 @@ class RotatingDrum(BenchTest[R]):
         Returns
         -------
         trial : Trial
-            The trial; the bounds of its run are set.
+            The trial, with its bounds set.
         factory : Factory
-            The factory, inside the drum.
+            The factory, which adds grains inside the drum.
         """
         section = self.section(scene.settings)
         drum = Drum.of(section)
         trial = Trial(self.build, scene, section.berries, interval_s, progress)
-        # The wall gives grains at most the speed of the fastest rotation. A drum may
-        # have one angular velocity, or a list of several.
+        # A wall gives a grain at most its own speed in the fastest rotation. A drum may
+        # have one angular velocity or a list of several.
         fastest_rad_s = float(np.max(section.angular_velocity_rad_s))
         trial.bound(top_m=drum.radius_m, speed_m_s=fastest_rad_s * drum.radius_m)
         factory_height_m = 1e-3 * section.factory_height_mm
-        area = drum.factory_area(factory_height_m, trial.largest_radius_m)
+        area = drum.make_factory_area(factory_height_m, trial.largest_radius_m)
         factory = Factory(area, section.berries, section.rate_per_s)
         return trial, factory
 
-    def n_unplaced(self, trial: Trial) -> int:
-        """Count the grains that found no place."""
+    def count_unplaced(self, trial: Trial) -> int:
+        """Count the grains for which the filling found no place."""
         return int(trial.simulation.capacity - trial.simulation.n_bodies)
 
-    def holds_all(self, trial: Trial) -> bool:
+    def are_all_inside(self, trial: Trial) -> bool:
         """Return whether all grains that were added are inside the drum."""
         simulation = trial.simulation
         drum = Drum.of(self.section(trial.scene.settings))
-        return bool(drum.holds(simulation.positions).all())
+        return bool(drum.contains(simulation.positions).all())
 
     def judge(self, outcome: DrumOutcome, settings: SceneSettings) -> Verdict:
         """Judge a stable run before it is measured: all grains must be in the drum.
@@ -281,9 +286,9 @@ class RotatingDrum(BenchTest[R]):
         Returns
         -------
         Verdict
-            `OK`, or the first fault: a grain outside the drum, grains without a place.
+            `OK`, or the first fault: a grain outside the drum, or grains without a place.
         """
-        if not outcome.holds_all:
+        if not outcome.all_inside:
             return Verdict("lost", "a grain is outside the drum")
         if outcome.n_unplaced:
             n_grains = self.section(settings).berries
@@ -294,14 +299,14 @@ class RotatingDrum(BenchTest[R]):
             )
         return OK
 
-    def surface_of(
+    def find_surface(
         self,
         position: np.ndarray,
         quaternion: np.ndarray,
         scale: np.ndarray,
         scene: Scene,
     ) -> "bed.Surface":
-        """Find the surface of a bed of N grains in its view along the axis.
+        """Find the surface of a bed of N grains in the view along the axis of the drum.
 
         Parameters
         ----------
@@ -314,7 +319,7 @@ class RotatingDrum(BenchTest[R]):
         Returns
         -------
         bed.Surface
-            The surface, with its angle.
+            The straight line through the surface, with its angle.
 
         Raises
         ------
@@ -352,12 +357,12 @@ class RotatingDrum(BenchTest[R]):
         Returns
         -------
         array
-            Angles (T,) [degrees]; NaN where the bed has no surface.
+            Angles (T,) [degrees]; NaN in a frame whose bed has no surface.
         """
         angles_deg = []
         for centres, quaternions in zip(position, quaternion, strict=True):
             try:
-                surface = self.surface_of(centres, quaternions, scale, scene)
+                surface = self.find_surface(centres, quaternions, scale, scene)
             except ValueError:
                 # The bed has no surface.
                 angles_deg.append(math.nan)
@@ -365,11 +370,11 @@ class RotatingDrum(BenchTest[R]):
                 angles_deg.append(surface.angle_deg)
         return np.array(angles_deg, float)
 
-    def impossible_filling(self, settings: SceneSettings) -> Contradictions:
+    def find_impossible_filling(self, settings: SceneSettings) -> Contradictions:
         """Yield keys whose values make it impossible to fill or record the drum.
 
-        The drum may have no room, turn before it is full, or be recorded more often
-        than once a time step.
+        Such a drum has no room for grains, turns before the last grain appears, or would
+        be recorded more often than once in a time step.
 
         Parameters
         ----------
@@ -382,8 +387,8 @@ class RotatingDrum(BenchTest[R]):
             A key of the configuration, and what is allowed.
         """
         section = self.section(settings)
-        # The drum must have an inside, and grains must appear there.
-        radius_mm = inner_radius_mm(section)
+        # The drum must have an inside, and the grains must appear there.
+        radius_mm = compute_inner_radius_mm(section)
         if radius_mm <= 0:
             yield (
                 f"{self.name}.wall_thickness_mm",
@@ -408,7 +413,7 @@ class RotatingDrum(BenchTest[R]):
     ) -> Contradictions:
         """Yield keys of a drum that is too small for a mean grain where grains appear.
 
-        A grain has room if it fits in every orientation.
+        The grain must fit in every orientation.
 
         Parameters
         ----------
@@ -427,32 +432,34 @@ class RotatingDrum(BenchTest[R]):
         if section.length_mm <= grain_length_mm:
             yield (
                 f"{self.name}.length_mm",
-                f"above {grain_length_mm:.4g}, so that a mean grain fits",
+                f"above {rounded(grain_length_mm)}, so that a mean grain fits",
             )
-        # A grain whose centre is higher touches the shell. A drum that is narrower than
-        # a grain has room at no height.
-        highest_mm = inner_radius_mm(section) - grain_length_mm / 2
+        # Where the centre of a grain is higher than this, the grain can touch the shell.
+        # The height is negative in a drum that is narrower than a grain.
+        highest_mm = compute_inner_radius_mm(section) - grain_length_mm / 2
         if abs(section.factory_height_mm) >= highest_mm:
-            allowed = "a wider drum"
+            allowed = "a wider drum, so that a mean grain fits"
             if highest_mm > 0:
-                allowed = f"between -{highest_mm:.4g} and {highest_mm:.4g}"
-            yield (
-                f"{self.name}.factory_height_mm",
-                f"{allowed}, so that a mean grain fits",
-            )
+                limit = rounded(highest_mm)
+                allowed = f"between -{limit} and {limit}, so that a mean grain fits"
+            yield f"{self.name}.factory_height_mm", allowed
 
 
-def no_surface_verdict(scene: Scene) -> Verdict:
-    """Return the verdict on a run whose bed has no surface."""
+def make_no_surface_verdict(scene: Scene) -> Verdict:
+    """Make the verdict on a run whose bed has no surface."""
     return Verdict(
         "no_surface",
-        f"the bed has no surface that {scene.settings.mm_per_pixel:g} mm a pixel "
-        "(measure.mm_per_pixel) resolve",
+        f"the bed has no surface at {scene.settings.mm_per_pixel:g} mm per pixel "
+        "(measure.mm_per_pixel)",
     )
 
 
 def set_rotation(simulation: "dem.Simulation", angular_velocity_rad_s: float) -> None:
-    """Turn shell and caps about the axis, and measure rolling against that rotation."""
+    """Set the angular velocity of the shell and the caps about the axis of the drum.
+
+    The simulation is changed in place: rolling resistance then acts against rotation
+    relative to the drum. A positive velocity turns the drum about -y.
+    """
     angular_velocity = (0.0, -angular_velocity_rad_s, 0.0)
     for wall in WALLS:
         simulation.set_motion(wall, dem.Motion(angular_velocity_rad_s=angular_velocity))
@@ -466,34 +473,34 @@ class _Row(NamedTuple):
     """One row of the record of a rotation."""
 
     time_s: float  # since the rotation began
-    turned_deg: float  # by which the drum has turned
-    bed_deg: float  # angle of the bed's centre of mass
-    energy_j: float  # mean of a grain in the drum's frame
+    turned_deg: float  # angle by which the drum has turned
+    bed_deg: float  # angle of the bed's centre of mass about the axis
+    energy_j: float  # mean kinetic energy of a grain in the frame of the drum
 
 
-RECORD = _Row._fields
+RECORD_COLUMNS = _Row._fields
 
 
 @dataclass(frozen=True)
 class Rotation(DrumOutcome):
-    """One run of the drum, recorded at T times.
+    """One run of the drum with N grains, recorded at T times.
 
     Attributes
     ----------
     record : dict
-        Columns (T,) of `RECORD`.
+        Columns (T,) of `RECORD_COLUMNS`.
     centres_m, quaternions : array
         Positions (T, N, 3) and orientations (T, N, 4) of the grains at these times.
     scales : array
         Relative sizes (N,) of the grains.
     slip : bed.Slip or None
-        The first slip.
-    report : int
-        Row of the record at the configured time of the report.
+        The first slip; None if the bed did not slip.
+    report_row : int
+        Row of the record at the time `drum.report_s`.
     rotation_from_s : float
-        When the rotation began.
+        Simulated time at which the rotation began.
     rest_energy_j : float
-        Mean energy of a grain when the rotation began.
+        Mean kinetic energy of a grain when the rotation began.
     """
 
     record: dict[str, np.ndarray]
@@ -501,30 +508,30 @@ class Rotation(DrumOutcome):
     quaternions: np.ndarray
     scales: np.ndarray
     slip: "bed.Slip | None"
-    report: int
+    report_row: int
     rotation_from_s: float
     rest_energy_j: float
 
-    def rows(self) -> dict[str, int]:
-        """Return the row of the record by state.
+    def state_rows(self) -> dict[str, int]:
+        """Return the row of the record at each state, by the name of the state.
 
         Without a slip there are only the states at the start and at the report.
         """
-        rows = {"start": 0, "report": self.report}
+        rows = {"start": 0, "report": self.report_row}
         if self.slip is not None:
             rows["before"] = self.slip.begins
             rows["after"] = self.slip.ends
         return rows
 
-    def arrays(self) -> dict[str, np.ndarray]:
-        """Collect the arrays of the run: the record, and the grains of each state.
+    def collect_arrays(self) -> dict[str, np.ndarray]:
+        """Collect the arrays of the run: the record, and the grains in each state.
 
-        A run that ended before the rotation has no state, and no arrays of states.
+        If the run ended before the rotation began, it has no states.
         """
         arrays = {"scale": self.scales, **self.record}
         if not len(self.centres_m):
             return arrays
-        for state, row in self.rows().items():
+        for state, row in self.state_rows().items():
             arrays[f"position_{state}"] = self.centres_m[row]
             arrays[f"quaternion_{state}"] = self.quaternions[row]
             arrays[f"turned_{state}_deg"] = self.record["turned_deg"][row]
@@ -533,16 +540,19 @@ class Rotation(DrumOutcome):
     def state_numbers(self) -> dict[str, float]:
         """Return the numbers of the record at each state.
 
-        Their names are those of state and column, as ``before_bed_deg``.
+        The name of a number consists of state and column, such as ``before_bed_deg``.
         """
         numbers = {}
-        for state, row in self.rows().items():
-            for column in RECORD:
+        for state, row in self.state_rows().items():
+            for column in RECORD_COLUMNS:
                 numbers[f"{state}_{column}"] = float(self.record[column][row])
         return numbers
 
     def slip_numbers(self) -> dict[str, float]:
-        """Return drop, duration and largest energy of the slip; none without a slip."""
+        """Return drop, duration and largest energy of the slip by name.
+
+        The dictionary is empty without a slip.
+        """
         if self.slip is None:
             return {}
         states = self.state_numbers()
@@ -560,9 +570,9 @@ class _DrumRecorder:
     Parameters
     ----------
     trial : Trial
-        The drum.
+        The filled drum.
     section : DrumSettings
-        The section `drum` of the configuration, with the interval of the record.
+        The section `drum` of the configuration. It gives the interval of the record.
 
     Attributes
     ----------
@@ -571,17 +581,17 @@ class _DrumRecorder:
     turned_rad : float
         Angle by which the drum has turned since then.
     rows : list of _Row
-        The record, a row for each time.
+        The record, with one row for each time.
     centres, quaternions : list of array
         Positions (N, 3) and orientations (N, 4) of the grains at each time.
     """
 
     def __init__(self, trial: Trial, section: DrumSettings) -> None:
-        """Create an empty record; the parameters are those of the class."""
+        """Create an empty record. The class documents the parameters."""
         self.trial = trial
         self.simulation = trial.simulation
         self.section = section
-        # Time steps between two rows
+        # Number of time steps between two rows
         self.interval = max(1, trial.scene.simulation.steps(section.record_s))
         self.start_s = 0.0
         self.turned_rad = 0.0
@@ -598,26 +608,27 @@ class _DrumRecorder:
     def half_interval_s(self) -> float:
         """Half of the time between two rows [s].
 
-        A time counts as reached at the row that is nearest to it.
+        A time counts as reached in the row that is nearest to it.
         """
         return 0.5 * (self.interval * self.simulation.time_step_s)
 
     def start(self) -> None:
-        """Let the drum turn, and record the bed at the beginning of its rotation."""
+        """Set the drum turning, and record the bed at the beginning of the rotation."""
         self.start_s = self.simulation.time_s
         set_rotation(self.simulation, self.section.angular_velocity_rad_s)
-        self.keep_state()
+        self.record_state()
 
     def advance(self) -> None:
-        """Run one interval, add up the rotation, and record the bed after it."""
+        """Advance by one interval, add up the rotation, and record the bed."""
         simulation = self.simulation
         self.trial.run_to(simulation.steps + self.interval)
+        # The drum turns about -y, so its component along y is negative.
         angular_velocity = simulation.rolling_frame_rad_s[1]
         self.turned_rad -= self.interval * simulation.time_step_s * angular_velocity
-        self.keep_state()
+        self.record_state()
 
-    def keep_state(self) -> None:
-        """Add the present state to the record: the grains, and a row of numbers."""
+    def record_state(self) -> None:
+        """Add the present grains and a row of numbers to the record."""
         from repose.measure import bed
         from repose.measure.silhouette import Grains
 
@@ -625,7 +636,8 @@ class _DrumRecorder:
         particle = self.trial.scene.particle
         centres = simulation.positions
         quaternions = simulation.quaternions
-        # In the frame that turns with the drum, a bed at rest has no energy.
+        # The energy is that in the frame which turns with the drum, where a bed at rest has
+        # none.
         energy_j = bed.relative_energy(
             Grains(centres, quaternions, particle, simulation.scales),
             simulation.velocities,
@@ -642,17 +654,17 @@ class _DrumRecorder:
         self.centres.append(centres.copy())
         self.quaternions.append(quaternions)
 
-    def record(self) -> dict[str, np.ndarray]:
-        """Return the columns of the record by name."""
+    def collect_columns(self) -> dict[str, np.ndarray]:
+        """Collect the columns (T,) of the record by name."""
         if not self.rows:
-            return {name: np.zeros(0) for name in RECORD}
-        return dict(zip(RECORD, np.array(self.rows).T, strict=True))
+            return {name: np.zeros(0) for name in RECORD_COLUMNS}
+        return dict(zip(RECORD_COLUMNS, np.array(self.rows).T, strict=True))
 
     def find_slip(self) -> "bed.Slip | None":
         """Find the first slip of the bed in the record so far; None without a slip."""
         from repose.measure import bed
 
-        record = self.record()
+        record = self.collect_columns()
         return bed.find_slip(
             record["bed_deg"],
             record["energy_j"],
@@ -660,18 +672,19 @@ class _DrumRecorder:
             self.trial.scene.simulation.rest_energy_j,
         )
 
-    def nearest_row(self, time_s: float) -> int:
+    def find_nearest_row(self, time_s: float) -> int:
         """Find the row nearest to a simulated time [s]; 0 in an empty record."""
         if not self.rows:
             return 0
-        times_s = self.start_s + self.record()["time_s"]
+        times_s = self.start_s + self.collect_columns()["time_s"]
         return int(np.argmin(np.abs(times_s - time_s)))
 
 
 def _turn_until_slip(recorder: _DrumRecorder) -> "bed.Slip | None":
     """Turn the drum until the bed slips, then stop the drum until the bed rests.
 
-    The recorder and its trial are advanced in place.
+    The recorder and its trial are advanced in place. The drum is never stopped if the bed
+    does not slip.
 
     Parameters
     ----------
@@ -681,8 +694,8 @@ def _turn_until_slip(recorder: _DrumRecorder) -> "bed.Slip | None":
     Returns
     -------
     bed.Slip or None
-        The first slip; None if the bed does not slip in the longest time of rotation, or
-        if an energy is not finite.
+        The first slip. None if the bed does not slip within `drum.longest_rotation_s`,
+        or if its energy becomes infinite or NaN.
     """
     longest_rotation_s = recorder.section.longest_rotation_s
     rotation_end_s = longest_rotation_s - recorder.half_interval_s
@@ -695,27 +708,28 @@ def _turn_until_slip(recorder: _DrumRecorder) -> "bed.Slip | None":
             break
         recorder.advance()
 
-    _settle(recorder)
+    _record_settling(recorder)
     # The first search found the beginning of the slip. Search again, because the record
-    # now has its end as well.
+    # now contains the end of the slip, too.
     return recorder.find_slip()
 
 
-def _settle(recorder: _DrumRecorder) -> None:
-    """Stop the drum, and record it until the bed rests and the report is due.
+def _record_settling(recorder: _DrumRecorder) -> None:
+    """Stop the drum, and record the bed until it rests and the report is due.
 
-    The bed has at most `drum.settle_s` to come to rest. The record ends at once if an
-    energy is not finite.
+    The bed has at most `drum.settle_s` to come to rest. The record ends at once if the
+    energy becomes infinite or NaN.
 
     Parameters
     ----------
     recorder : _DrumRecorder
-        Recorder of the drum, whose bed has slipped.
+        Recorder of a drum whose bed has slipped. It is advanced in place.
     """
     section = recorder.section
     rest_energy_j = recorder.trial.scene.simulation.rest_energy_j
     settling_end_s = recorder.last_row.time_s + section.settle_s
-    # The report is due at a time since the filling began, not since the rotation.
+    # `drum.report_s` counts from the beginning of the filling. Times of rows count from
+    # the beginning of the rotation.
     report_s = section.report_s - recorder.start_s - recorder.half_interval_s
 
     set_rotation(recorder.simulation, 0.0)
@@ -727,13 +741,15 @@ def _settle(recorder: _DrumRecorder) -> None:
         is_over = has_settled and row.time_s >= report_s
 
 
-def _without_surface(record: Mapping[str, Any], scene: Scene) -> dict[str, Any]:
+def _make_record_without_surface(
+    record: Mapping[str, Any], scene: Scene
+) -> dict[str, Any]:
     """Make the record of a run whose bed has no surface before or after its slip.
 
-    It has the verdict, and of the numbers of `record` only the beginning of the
-    rotation.
+    It consists of the seed, the verdict and the time at which the rotation began. All
+    other numbers of `record` are left out.
     """
-    verdict = no_surface_verdict(scene)
+    verdict = make_no_surface_verdict(scene)
     return {
         "seed": record["seed"],
         "status": verdict.status,
@@ -780,11 +796,11 @@ class DrumTest(RotatingDrum[DrumSettings]):
     }
 
     def rotate(self, scene: Scene, progress: Progress | None = None) -> Rotation:
-        """Fill the drum, let the bed rest, turn the drum until it slips, let it rest.
+        """Fill the drum, let the bed rest, turn the drum until the bed slips and rests.
 
         The rotation lasts until a slip is found (`bed.find_slip`), at most
         `drum.longest_rotation_s`. The run ends when the bed rests, at most
-        `drum.settle_s` after the drum stopped, and not before `drum.report_s`.
+        `drum.settle_s` after the drum stopped, but not before `drum.report_s`.
 
         Parameters
         ----------
@@ -796,13 +812,12 @@ class DrumTest(RotatingDrum[DrumSettings]):
         Returns
         -------
         Rotation
-            The record, the grains at each of its times, and the slip, None if there is
-            none.
+            The record, the grains at each time of the record, and the slip.
         """
         section = self.section(scene.settings)
-        trial, factory = self.empty_drum(scene, progress=progress)
+        trial, factory = self.make_empty_drum(scene, progress=progress)
         recorder = _DrumRecorder(trial, section)
-        # These values remain if the run breaks a bound before the drum slips.
+        # These values remain if the run breaks a bound before the bed slips.
         rest_energy_j = math.nan
         slip = None
         with trial.bounds.guard():
@@ -812,16 +827,16 @@ class DrumTest(RotatingDrum[DrumSettings]):
             slip = _turn_until_slip(recorder)
 
         return Rotation(
-            record=recorder.record(),
+            record=recorder.collect_columns(),
             centres_m=np.array(recorder.centres),
             quaternions=np.array(recorder.quaternions),
             scales=trial.simulation.scales.copy(),
             slip=slip,
-            report=recorder.nearest_row(section.report_s),
+            report_row=recorder.find_nearest_row(section.report_s),
             rotation_from_s=recorder.start_s,
             rest_energy_j=rest_energy_j,
-            n_unplaced=self.n_unplaced(trial),
-            holds_all=self.holds_all(trial),
+            n_unplaced=self.count_unplaced(trial),
+            all_inside=self.are_all_inside(trial),
             unstable=trial.broken,
             overlap_share=trial.overlap_share,
         )
@@ -844,7 +859,7 @@ class DrumTest(RotatingDrum[DrumSettings]):
         Verdict
             `OK`, or the first fault.
         """
-        # Runs of this test have more numbers than those of other drums.
+        # The type of the parameter is that of every drum, so narrow it here.
         assert isinstance(outcome, Rotation)
         verdict = super().judge(outcome, settings)
         if verdict != OK:
@@ -853,7 +868,7 @@ class DrumTest(RotatingDrum[DrumSettings]):
             return Verdict(
                 "not_at_rest",
                 f"kinetic energy {outcome.rest_energy_j:.2e} J a grain when the rotation "
-                "began; begin to turn later by drum.rotate_from_s",
+                "began; begin the rotation later by drum.rotate_from_s",
             )
         if outcome.slip is None:
             drop_deg = self.section(settings).slip_drop_deg
@@ -878,8 +893,8 @@ class DrumTest(RotatingDrum[DrumSettings]):
         scene : Scene
             What the run depends on.
         interval_s : float, optional
-            With any value the run has frames, at the times of the record; without it
-            there are none.
+            With any value the run has frames, at the times of the record. Without it the
+            run has none.
         progress : function, optional
             Called with the simulated time [s] after every advance.
 
@@ -891,10 +906,10 @@ class DrumTest(RotatingDrum[DrumSettings]):
             and ``turned_STATE_deg``.
         """
         rotation = self.rotate(scene, progress)
-        arrays = rotation.arrays()
+        arrays = rotation.collect_arrays()
         frames = None
         if interval_s is not None:
-            # The record has the bed at each of its times already.
+            # The record already contains the bed at each time.
             frames = {
                 "position": rotation.centres_m,
                 "quaternion": rotation.quaternions,
@@ -904,44 +919,44 @@ class DrumTest(RotatingDrum[DrumSettings]):
             scene, rotation, arrays, frames, rotation_from_s=rotation.rotation_from_s
         )
         status = run.record["status"]
-        if status in MEASURABLE:
+        if status in MEASURABLE_STATUSES:
             run.record.update(rotation.state_numbers())
         if status == "ok":
             run.record.update(rotation.slip_numbers())
         return run
 
-    def measured_run(
+    def measure_with_profile(
         self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
     ) -> tuple[dict[str, Any], np.ndarray]:
-        """Measure a run, and the motion by depth in its slip.
+        """Measure a run, and the motion of the grains by depth during its slip.
 
         Parameters
         ----------
         record : mapping
             The record of the run.
         arrays : mapping
-            Its arrays by name, as from `run`.
+            The arrays of the run by name, as `run` returns them.
         scene : Scene
-            What it depends on.
+            What the run depends on.
 
         Returns
         -------
         measured : dict
-            The record with the angles of the surface and, of a slip, the numbers of
-            `_motion_in_slip`. If the surface before or after a slip cannot be measured,
-            the status is ``no_surface`` and there are no numbers.
+            The record with the angles of the surface and, for a slip, the numbers of
+            `_measure_slip_motion`. If the surface before or after a slip cannot be
+            measured, the status is ``no_surface`` and there are no numbers.
         profile : array
-            Motion by depth (bins, 4), lengths in mm; empty without a slip.
+            The profile (layers, 4) of `_measure_slip_motion`; empty without a slip.
         """
         no_profile = np.zeros((0, 4))
         status = record["status"]
-        if status not in MEASURABLE:
+        if status not in MEASURABLE_STATUSES:
             return dict(record), no_profile
 
         measured = dict(record)
-        # Without a slip a run has only the states at the start and at the report.
+        # Without a slip, the run has only the states at the start and at the report.
         states = STATES if status == "ok" else STATES[:2]
-        angles_deg = self._state_angles(states, arrays, scene)
+        angles_deg = self._measure_state_angles(states, arrays, scene)
         for state, angle_deg in angles_deg.items():
             measured[f"{state}_surface_deg"] = angle_deg
         if status == "no_slip":
@@ -950,13 +965,13 @@ class DrumTest(RotatingDrum[DrumSettings]):
         before_deg = angles_deg["before"]
         after_deg = angles_deg["after"]
         if before_deg is None or after_deg is None:
-            return _without_surface(record, scene), no_profile
+            return _make_record_without_surface(record, scene), no_profile
 
         measured["surface_drop_deg"] = before_deg - after_deg
-        numbers, profile = self._motion_in_slip(record, arrays, scene)
+        numbers, profile = self._measure_slip_motion(record, arrays, scene)
         return measured | numbers, profile
 
-    def _state_angles(
+    def _measure_state_angles(
         self, states: Sequence[str], arrays: Arrays, scene: Scene
     ) -> dict[str, float | None]:
         """Measure the angle of the surface in some states of the bed.
@@ -966,12 +981,12 @@ class DrumTest(RotatingDrum[DrumSettings]):
         states : sequence of str
             The states, among `STATES`.
         arrays, scene
-            As of `measured_run`.
+            See `measure_with_profile`.
 
         Returns
         -------
         dict
-            Angle [degrees] by state; None where the bed has no surface.
+            Angle [degrees] by state; None for a state whose bed has no surface.
         """
         angles = self.surface_angles(
             np.array([arrays[f"position_{state}"] for state in states]),
@@ -984,23 +999,23 @@ class DrumTest(RotatingDrum[DrumSettings]):
             for state, angle in zip(states, angles, strict=True)
         }
 
-    def _motion_in_slip(
+    def _measure_slip_motion(
         self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
     ) -> tuple[dict[str, float | None], np.ndarray]:
-        """Measure the motion of the grains in the slip.
+        """Measure how far the grains moved during the slip.
 
         Parameters
         ----------
         record, arrays, scene
-            As of `measured_run`.
+            See `measure_with_profile`.
 
         Returns
         -------
         numbers : dict
-            Share of grains that moved, and motion at the surface and at the wall in mm;
-            both motions are None if the profile has no layer.
+            Share of grains that moved, and the motion [mm] in the uppermost and in the
+            lowest layer. Both motions are None if the profile has no layers.
         profile : array
-            A row for each layer, the uppermost first (layers, 4): depth, mean motion
+            One row for each layer, the uppermost first (layers, 4): depth, mean motion
             and its standard deviation, all in mm, and the number of grains.
         """
         from repose.measure import bed
@@ -1008,17 +1023,17 @@ class DrumTest(RotatingDrum[DrumSettings]):
         before_m = arrays["position_before"]
         after_m = arrays["position_after"]
         # The depth of a grain is its distance from the surface before the slip.
-        surface = self.surface_of(
+        surface = self.find_surface(
             before_m, arrays["quaternion_before"], arrays["scale"], scene
         )
-        # The drum turned during the slip; the bed's motion is counted relative to it.
+        # The drum turned during the slip. The motion is measured relative to the drum.
         turned_deg = record["after_turned_deg"] - record["before_turned_deg"]
         depth_m, motion_m = bed.slip_displacement(
             before_m, after_m, math.radians(turned_deg), surface
         )
         bin_m = 1e-3 * self.section(scene.settings).depth_bin_mm
         profile_m = bed.depth_profile(depth_m, motion_m, bin_m)
-        # Three columns are lengths; the last is a number of grains.
+        # Three columns are lengths in m. The last column is a number of grains.
         profile_mm = profile_m * (1e3, 1e3, 1e3, 1.0)
 
         surface_moved_mm = None
@@ -1036,20 +1051,20 @@ class DrumTest(RotatingDrum[DrumSettings]):
     def measure(
         self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
     ) -> dict[str, Any]:
-        """Measure a run, as `measured_run`, and give the responses their names.
+        """Measure a run as `measure_with_profile` does, and add the responses.
 
         Parameters
         ----------
         record, arrays, scene
-            As of `measured_run`.
+            See `measure_with_profile`.
 
         Returns
         -------
         dict
-            The record with all numbers. The responses are None in a run that is not
-            ``ok``.
+            The record with all numbers and the responses. The responses are None in a
+            run that is not ``ok``.
         """
-        measured, _ = self.measured_run(record, arrays, scene)
+        measured, _ = self.measure_with_profile(record, arrays, scene)
         is_ok = measured["status"] == "ok"
         responses = {
             response.name: response.of(measured) if is_ok else None
@@ -1063,8 +1078,8 @@ class DrumTest(RotatingDrum[DrumSettings]):
         return section.rotate_from_s + section.longest_rotation_s + section.settle_s
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Yield keys of a drum that cannot be filled, or of a report before it turns."""
-        yield from self.impossible_filling(settings)
+        """Yield keys of a drum that cannot be filled, or that turns after its report."""
+        yield from self.find_impossible_filling(settings)
         section = self.section(settings)
         if section.report_s < section.rotate_from_s:
             yield (

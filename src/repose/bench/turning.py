@@ -1,13 +1,14 @@
 """The drum in steady turning: the angle of the surface of a bed that flows.
 
 Grains flow down the bed as fast as the drum lifts them. Vessel, filling and the line
-through the surface are those of `repose.bench.drum`, which turns slowly until the bed
+through the surface are those of `repose.bench.drum`, whose drum turns slowly until the bed
 slips once. Here the drum turns faster, and the angle is the mean over a time in which the
-flow is steady. The same filled drum may turn at several speeds, one after the other. The
-surface itself is a response, too: the profile on which the bed covers a share of the
-frames, seen along the axis, as a camera before the cap averages it. The axis may be
-tilted against the horizontal, as that of a kiln: the drum stays as it is, and gravity
-leans.
+flow is steady. The same filled drum may turn at several speeds, one after the other.
+
+The surface itself can be a response, too. It is the profile along which the bed covers a
+given share of the frames, seen along the axis, like the average picture of a camera in
+front of the cap. The axis may be tilted against the horizontal, as in a kiln: the drum of
+the simulation stays level, and gravity is tilted.
 """
 
 import re
@@ -23,7 +24,7 @@ from repose.bench.drum import (
     Drum,
     DrumOutcome,
     RotatingDrum,
-    no_surface_verdict,
+    make_no_surface_verdict,
     set_rotation,
 )
 from repose.bench.factory import fill
@@ -39,15 +40,16 @@ NAME = "turning"
 # --- responses ------------------------------------------------------------------------
 
 VIEW_KEYS = ("measure.mm_per_pixel", "turning.angular_velocity_rad_s")
-# The name of a response has one digit for the speed.
+# The name of a response has a single digit for the number of the speed.
 MOST_SPEEDS = 9
-# turning_deg, turning_2_deg; turning_profile_1_mm, turning_2_profile_1_mm.
+# It matches turning_deg, turning_2_deg, turning_profile_1_mm, turning_2_profile_1_mm and
+# names of whole profiles such as turning_profile_mm.
 RESPONSE_NAME = re.compile(
     r"turning(?:_(?P<speed>[2-9]))?(?:_deg|_profile(?:_(?P<score>[1-9]))?_mm)"
 )
 
 
-def _make_angle(name: str, speed: str | None) -> Response:
+def _make_angle_response(name: str, speed: str | None) -> Response:
     """Make the response of the angle at a speed.
 
     Parameters
@@ -55,8 +57,8 @@ def _make_angle(name: str, speed: str | None) -> Response:
     name : str
         Name of the response.
     speed : str or None
-        Number of the speed, from 2 on; None for the first, which has no number in its
-        texts.
+        Number of the speed, from 2 on. None stands for the first speed, which has no
+        number in names and labels.
     """
     return Response(
         name=name,
@@ -70,7 +72,7 @@ def _make_angle(name: str, speed: str | None) -> Response:
     )
 
 
-def _make_score(name: str, speed: str | None, score: str) -> Response:
+def _make_score_response(name: str, speed: str | None, score: str) -> Response:
     """Make the response of a score of the profile at a speed.
 
     Parameters
@@ -78,7 +80,7 @@ def _make_score(name: str, speed: str | None, score: str) -> Response:
     name : str
         Name of the response.
     speed : str or None
-        Number of the speed, as of `_make_angle`.
+        Number of the speed; see `_make_angle_response`.
     score : str
         Number of the score, from 1 on.
     """
@@ -96,10 +98,11 @@ def _make_score(name: str, speed: str | None, score: str) -> Response:
     )
 
 
-def speed_index(response_name: str) -> int:
-    """Find the index of a response's speed, from 0, by its name.
+def find_speed_index(response_name: str) -> int:
+    """Find the index, from 0, of the speed to which the name of a response belongs.
 
-    The first speed has no number in the name, and other names stand for it, too.
+    A name without a number belongs to the first speed. So does any name that is not a
+    name of this bench test.
     """
     match = RESPONSE_NAME.fullmatch(response_name)
     if match is None or match["speed"] is None:
@@ -110,39 +113,39 @@ def speed_index(response_name: str) -> int:
 # --- section of the configuration -----------------------------------------------------
 
 
-Velocity = Annotated[float, Field(ge=1.0e-4, le=10)]
-From = Annotated[float, Field(ge=0, le=600)]
-Until = Annotated[float, Field(ge=0.1, le=600)]
-_list = Field(strict=False, min_length=1, max_length=MOST_SPEEDS)
+AngularVelocity = Annotated[float, Field(ge=1.0e-4, le=10)]
+StartTime = Annotated[float, Field(ge=0, le=600)]
+EndTime = Annotated[float, Field(ge=0.1, le=600)]
+_LIST_FIELD = Field(strict=False, min_length=1, max_length=MOST_SPEEDS)
 
 
 class Speed(NamedTuple):
-    """One speed of the drum; its times count from when the drum takes that speed."""
+    """One speed of the drum. Its times count from when the drum begins to turn at it."""
 
     angular_velocity_rad_s: float
-    from_s: float  # when the measurement of the surface begins
-    until_s: float  # when it ends
+    measure_from_s: float  # when the measurement of the surface begins
+    measure_until_s: float  # when the measurement ends
 
 
 class TurningSettings(Rotating):
     """The section `turning` of the configuration; config/README.md explains its keys."""
 
     angular_velocity_rad_s: Annotated[
-        Velocity | Annotated[tuple[Velocity, ...], _list],
+        AngularVelocity | Annotated[tuple[AngularVelocity, ...], _LIST_FIELD],
         Allowed("a number from 0.0001 to 10, or a list of one for each speed"),
     ] = Field(  # type: ignore[assignment]
         description="angular velocity of the drum and its caps; or a list of up to 9 "
         "for the same filling",
     )
     measure_from_s: Annotated[
-        From | Annotated[tuple[From, ...], _list],
+        StartTime | Annotated[tuple[StartTime, ...], _LIST_FIELD],
         Allowed("a number from 0 to 600, or a list of one for each speed"),
     ] = Field(
         description="time of rotation at a speed from which the surface is measured; "
         "or a list of one for each speed",
     )
     measure_until_s: Annotated[
-        Until | Annotated[tuple[Until, ...], _list],
+        EndTime | Annotated[tuple[EndTime, ...], _LIST_FIELD],
         Allowed("a number from 0.1 to 600, or a list of one for each speed"),
     ] = Field(
         description="time of rotation at a speed until which the surface is measured; "
@@ -160,17 +163,17 @@ class TurningSettings(Rotating):
         """Number of speeds."""
         return int(np.size(self.angular_velocity_rad_s))
 
-    def speeds(self) -> list[Speed]:
-        """List the speeds; a single time holds for all of them."""
-        times_from = _repeat_for_speeds(self.measure_from_s, self.n_speeds)
-        times_until = _repeat_for_speeds(self.measure_until_s, self.n_speeds)
+    def list_speeds(self) -> list[Speed]:
+        """List the speeds. A single time in the section holds for all of them."""
+        start_times_s = _repeat_for_speeds(self.measure_from_s, self.n_speeds)
+        end_times_s = _repeat_for_speeds(self.measure_until_s, self.n_speeds)
         velocities = _repeat_for_speeds(self.angular_velocity_rad_s, self.n_speeds)
-        rows = zip(velocities, times_from, times_until, strict=True)
+        rows = zip(velocities, start_times_s, end_times_s, strict=True)
         return [Speed(*row) for row in rows]
 
 
 def _repeat_for_speeds(value: float | tuple[float, ...], count: int) -> list[float]:
-    """Repeat a single number; return a list as it is."""
+    """Repeat a single number `count` times; return several numbers as a list."""
     numbers = np.atleast_1d(value).tolist()
     return numbers * count if len(numbers) == 1 else numbers
 
@@ -180,7 +183,7 @@ def _repeat_for_speeds(value: float | tuple[float, ...], count: int) -> list[flo
 
 @dataclass
 class _Frames:
-    """Frames of a turning bed of N grains, as lists over T times."""
+    """Frames of a flowing bed of N grains, collected in lists over T times."""
 
     time_s: list[float] = field(default_factory=list)
     position: list[np.ndarray] = field(default_factory=list)
@@ -195,9 +198,9 @@ class _Frames:
         trial : Trial
             The drum with its bed.
         time_s : float
-            Time since the drum took its speed.
+            Time since the drum began to turn at its present speed.
         speed : int
-            Index of that speed.
+            Index of this speed.
         """
         grains = trial.grains()
         self.time_s.append(time_s)
@@ -206,7 +209,7 @@ class _Frames:
         self.speed.append(speed)
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """Collect the frames as arrays over the times, without the speeds."""
+        """Return the frames as arrays over the times, without the indices of speeds."""
         return {
             "time_s": np.array(self.time_s),
             "position": np.array(self.position),
@@ -214,18 +217,19 @@ class _Frames:
         }
 
 
-class _Beds(NamedTuple):
-    """Frames of the bed at one speed."""
+class _BedFrames(NamedTuple):
+    """Frames of the bed of N grains at one speed, at T times."""
 
     position: np.ndarray  # (T, N, 3) [m]
     quaternion: np.ndarray  # (T, N, 4)
     scale: np.ndarray  # (N,)
 
     @classmethod
-    def at_speed(cls, arrays: Arrays, index: int) -> Self:
-        """Select the frames at a speed from the arrays of a run."""
+    def select_speed(cls, arrays: Arrays, index: int) -> Self:
+        """Select the frames at the speed with an index from the arrays of a run."""
         position = np.asarray(arrays["position"], float)
         quaternion = np.asarray(arrays["quaternion"], float)
+        # Runs with a single speed have no array of speeds.
         speed = arrays.get("speed", np.zeros(len(position), int))
         is_at_speed = speed == index
         return cls(
@@ -237,10 +241,10 @@ class _Beds(NamedTuple):
 
 @register(NAME)
 class TurningTest(RotatingDrum[TurningSettings]):
-    """A drum in steady turning."""
+    """A drum that turns at steady speeds."""
 
     settings = TurningSettings
-    responses = (_make_angle("turning_deg", None),)
+    responses = (_make_angle_response("turning_deg", None),)
     statuses = ("ok", "unstable", "lost", "no_surface")
     measured_by = ("fit_share",)
     required_arrays = ("position", "quaternion", "scale")
@@ -267,7 +271,7 @@ class TurningTest(RotatingDrum[TurningSettings]):
     }
 
     def response_of_name(self, name: str) -> Response | None:
-        """Make the response of a name: the angle, or a score of the profile, at a speed.
+        """Make the response with a name: the angle, or a score of the profile, at a speed.
 
         Parameters
         ----------
@@ -277,16 +281,17 @@ class TurningTest(RotatingDrum[TurningSettings]):
         Returns
         -------
         Response or None
-            None if the name is none of these.
+            The response. None if this bench test has no response with the name.
         """
         match = RESPONSE_NAME.fullmatch(name)
         if match is None:
             return None
         if name.endswith("_deg"):
-            return _make_angle(name, match["speed"])
+            return _make_angle_response(name, match["speed"])
+        # The name of a whole profile is not that of a response; its scores are responses.
         if match["score"] is None:
             return None
-        return _make_score(name, match["speed"], match["score"])
+        return _make_score_response(name, match["speed"], match["score"])
 
     def tilt_deg(self, section: TurningSettings) -> float:
         """Return the angle by which the axis is tilted; it is low at positive y."""
@@ -298,7 +303,7 @@ class TurningTest(RotatingDrum[TurningSettings]):
         interval_s: float | None = None,
         progress: Progress | None = None,
     ) -> Run:
-        """Fill the drum, turn it at each speed, and keep the bed while it flows.
+        """Fill the drum, turn it at each speed, and record the bed while it flows.
 
         Parameters
         ----------
@@ -312,115 +317,118 @@ class TurningTest(RotatingDrum[TurningSettings]):
         Returns
         -------
         Run
-            The arrays are ``time_s`` (T,), since the drum took its speed, not before
-            `turning.measure_from_s`; at these times ``position`` (T, N, 3) [m] and
-            ``quaternion`` (T, N, 4); ``scale`` (N,); and with several speeds ``speed``
-            (T,), the index of the speed.
+            The arrays are ``time_s`` (T,), the times since the drum began to turn at its
+            present speed, from `turning.measure_from_s` on; ``position`` (T, N, 3) [m]
+            and ``quaternion`` (T, N, 4) at these times; ``scale`` (N,); and with several
+            speeds ``speed`` (T,), the index of the speed.
         """
         section = self.section(scene.settings)
-        trial, factory = self.empty_drum(scene, interval_s, progress)
+        trial, factory = self.make_empty_drum(scene, interval_s, progress)
         simulation = trial.simulation
         frames = _Frames()
-        # The drum is at rest while it is filled, and then turns at one speed after the
+        # The drum stands still while it is filled. Then it turns at one speed after the
         # other.
         with trial.bounds.guard():
             first_step = scene.simulation.steps(section.rotate_from_s)
             fill(trial, factory, first_step)
             trial.run_to(first_step)
-            for index, speed in enumerate(section.speeds()):
+            for index, speed in enumerate(section.list_speeds()):
                 set_rotation(simulation, speed.angular_velocity_rad_s)
-                self._turn(trial, speed, index, frames)
+                self._turn_and_record(trial, speed, index, frames)
 
         arrays = frames.arrays()
         arrays["scale"] = simulation.scales.astype(np.float32)
         if section.n_speeds > 1:
             arrays["speed"] = np.array(frames.speed)
         outcome = DrumOutcome(
-            n_unplaced=self.n_unplaced(trial),
-            holds_all=self.holds_all(trial),
+            n_unplaced=self.count_unplaced(trial),
+            all_inside=self.are_all_inside(trial),
             unstable=trial.broken,
             overlap_share=trial.overlap_share,
         )
         return self.make_run(scene, outcome, arrays, trial.frames())
 
-    def _turn(self, trial: Trial, speed: Speed, index: int, frames: _Frames) -> None:
-        """Advance the drum at one of its speeds, and keep frames of the flowing bed.
+    def _turn_and_record(
+        self, trial: Trial, speed: Speed, index: int, frames: _Frames
+    ) -> None:
+        """Advance the drum at one of its speeds, and record frames of the flowing bed.
 
         Parameters
         ----------
         trial : Trial
-            The drum, which turns at this speed; it is advanced.
+            The drum, which turns at this speed. It is advanced in place.
         speed : Speed
-            The speed. Frames are kept from its time `from_s` on, when the flow is
+            The speed. Frames are recorded from its `measure_from_s` on, when the flow is
             steady.
         index : int
-            Its index, which is kept with the frames.
+            The index of the speed, which is recorded with the frames.
         frames : _Frames
-            The frames, to which those of this speed are added.
+            The frames of the run. Those of this speed are added in place.
         """
-        settings = trial.scene.simulation
+        simulation_settings = trial.scene.simulation
         section = self.section(trial.scene.settings)
-        interval = max(1, settings.steps(section.record_s))
+        record_interval = max(1, simulation_settings.steps(section.record_s))
         first_step = trial.simulation.steps
-        n_steps = settings.steps(speed.until_s)
-        # These time steps are counted from the beginning of this speed.
-        for step in range(interval, n_steps + 1, interval):
+        n_steps = simulation_settings.steps(speed.measure_until_s)
+        # Here, steps are counted from the moment at which the drum begins to turn at this
+        # speed.
+        for step in range(record_interval, n_steps + 1, record_interval):
             trial.run_to(first_step + step)
-            time_s = step * settings.time_step_s
-            if time_s >= speed.from_s:
+            time_s = step * simulation_settings.time_step_s
+            if time_s >= speed.measure_from_s:
                 frames.add(trial, time_s, index)
 
     def measure(
         self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
     ) -> dict[str, Any]:
-        """Measure the mean angle at each speed, and scores of profiles that are targets.
+        """Measure the mean angle at each speed, and the scores of all target profiles.
 
         Parameters
         ----------
         record : mapping
             The record of the run.
         arrays : mapping
-            Its arrays by name, as from `run`.
+            The arrays of the run by name, as `run` returns them.
         scene : Scene
-            What it depends on.
+            What the run depends on.
 
         Returns
         -------
         dict
-            The record with the angles and scores. They are None in a run that is not
-            ``ok``, or whose bed has no surface in one of its frames.
+            The record with the angles and scores. They are None if the run is not ``ok``,
+            or if the bed has no surface in one of the frames.
         """
         section = self.section(scene.settings)
-        angle_names = _angle_names(section)
-        profiles = _target_profiles(scene.settings)
+        angle_names = _list_angle_names(section)
+        profiles = _select_target_profiles(scene.settings)
         no_numbers = dict.fromkeys((*angle_names, *profiles))
         if record["status"] != "ok":
             return {**record, **no_numbers}
 
         measured: dict[str, float] = {}
         for index, angle_name in enumerate(angle_names):
-            beds = _Beds.at_speed(arrays, index)
+            beds = _BedFrames.select_speed(arrays, index)
             angles_deg = self.surface_angles(
                 beds.position, beds.quaternion, beds.scale, scene
             )
             has_surfaces = len(angles_deg) > 0 and np.isfinite(angles_deg).all()
             if not has_surfaces:
-                verdict = no_surface_verdict(scene)
+                verdict = make_no_surface_verdict(scene)
                 fault = {"status": verdict.status, "reason": verdict.reason}
                 return {**record, **fault, **no_numbers}
             measured[angle_name] = float(angles_deg.mean())
             profiles_at_speed = {
                 score_name: profile
                 for score_name, profile in profiles.items()
-                if speed_index(score_name) == index
+                if find_speed_index(score_name) == index
             }
-            measured |= self._profile_scores(profiles_at_speed, beds, scene)
+            measured |= self._compute_profile_scores(profiles_at_speed, beds, scene)
         return {**record, **measured}
 
-    def _profile_scores(
+    def _compute_profile_scores(
         self,
         profiles: Mapping[str, Mapping[str, Any]],
-        beds: _Beds,
+        beds: _BedFrames,
         scene: Scene,
     ) -> dict[str, float]:
         """Compare the mean surface of a flowing bed with the profiles of targets.
@@ -428,16 +436,16 @@ class TurningTest(RotatingDrum[TurningSettings]):
         Parameters
         ----------
         profiles : mapping
-            The profile of each score, by the name of the score.
-        beds : _Beds
-            Frames of the bed.
+            The target profile of each score, by the name of the score.
+        beds : _BedFrames
+            Frames of the bed at one speed.
         scene : Scene
-            The scene.
+            What the run depends on.
 
         Returns
         -------
         dict
-            Each score by its name.
+            The scores [mm] by name.
         """
         from repose.measure import bed
         from repose.measure.silhouette import Grains
@@ -446,20 +454,21 @@ class TurningTest(RotatingDrum[TurningSettings]):
             return {}
         radius_m = Drum.of(self.section(scene.settings)).radius_m
         mm_per_pixel = scene.settings.mm_per_pixel
-        # The share of the frames in which the bed covers each pixel. The mean surface
-        # lies where it is the share that the profile names.
+        # For each pixel, compute the share of the frames in which the bed covers it. The
+        # mean surface lies where this share equals that of the target profile.
         frames = zip(beds.position, beds.quaternion, strict=True)
-        beds_of_grains = (
+        bed_of_frame = (
             Grains(position, quaternion, scene.particle, beds.scale)
             for position, quaternion in frames
         )
-        covered_share = bed.occupied_share(beds_of_grains, radius_m, mm_per_pixel)
+        covered_share = bed.occupied_share(bed_of_frame, radius_m, mm_per_pixel)
         scores = {}
         for name, profile in profiles.items():
             x_m = 1e-3 * np.array(profile["x"])
             heights_m = bed.surface_heights(
                 covered_share, profile["covered"], x_m, radius_m, mm_per_pixel
             )
+            # One comparison gives all scores of a profile; only one is needed here.
             scores_mm = Profile.of(profile).columns(1e3 * heights_m)
             scores[name] = scores_mm[name]
         return scores
@@ -467,10 +476,12 @@ class TurningTest(RotatingDrum[TurningSettings]):
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time of a run [s]."""
         section = self.section(settings)
-        return section.rotate_from_s + sum(speed.until_s for speed in section.speeds())
+        return section.rotate_from_s + sum(
+            speed.measure_until_s for speed in section.list_speeds()
+        )
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Yield keys of a drum that cannot run, and targets that it cannot give.
+        """Yield keys of a drum that cannot run, and targets that it cannot measure.
 
         Parameters
         ----------
@@ -482,37 +493,37 @@ class TurningTest(RotatingDrum[TurningSettings]):
         tuple of str
             A key of the configuration, and what is allowed.
         """
-        yield from self.impossible_filling(settings)
+        yield from self.find_impossible_filling(settings)
         section = self.section(settings)
-        # The speeds can only be listed if all lists have one number for each of them.
+        # The speeds can only be listed if each list has one number for each speed.
         wrong_lists = list(_find_wrong_lists(section))
         if wrong_lists:
             yield wrong_lists[0]
             return
-        for speed in section.speeds():
-            # There is time for at least one frame.
-            earliest_end_s = speed.from_s + section.record_s
-            if speed.until_s < earliest_end_s:
+        for speed in section.list_speeds():
+            # The time must suffice for at least one frame.
+            earliest_end_s = speed.measure_from_s + section.record_s
+            if speed.measure_until_s < earliest_end_s:
                 yield (
                     "turning.measure_until_s",
                     f"at least {earliest_end_s:g}, or there is nothing to measure",
                 )
-        # The check of the section `targets` reports anything that is no list.
+        # If `targets` is not a list, the check of that section reports it.
         targets = settings.config.get("targets")
         if isinstance(targets, list):
-            yield from _impossible_targets(section, targets)
+            yield from _find_impossible_targets(section, targets)
 
 
-def _angle_names(section: TurningSettings) -> list[str]:
-    """List the names of the angles, one for each speed; the first has no number."""
+def _list_angle_names(section: TurningSettings) -> list[str]:
+    """List the name of the angle at each speed; the first name has no number."""
     names = ["turning_deg"]
     for number in range(2, section.n_speeds + 1):
         names.append(f"turning_{number}_deg")
     return names
 
 
-def _target_profiles(settings: SceneSettings) -> dict[str, Mapping[str, Any]]:
-    """Select the profiles of targets, by the names of their scores."""
+def _select_target_profiles(settings: SceneSettings) -> dict[str, Mapping[str, Any]]:
+    """Select the profiles of all targets, by the names of their scores."""
     return {
         target["response"]: target["profile"]
         for target in settings.targets_of(NAME)
@@ -521,7 +532,7 @@ def _target_profiles(settings: SceneSettings) -> dict[str, Mapping[str, Any]]:
 
 
 def _find_wrong_lists(section: TurningSettings) -> Contradictions:
-    """Yield keys whose list has not one number for each speed."""
+    """Yield keys whose list does not have one number for each speed."""
     for key in ("measure_from_s", "measure_until_s"):
         value = getattr(section, key)
         if np.ndim(value) and np.size(value) != section.n_speeds:
@@ -531,18 +542,18 @@ def _find_wrong_lists(section: TurningSettings) -> Contradictions:
             )
 
 
-def _impossible_targets(
+def _find_impossible_targets(
     section: TurningSettings, targets: Sequence[Any]
 ) -> Contradictions:
-    """Yield keys of targets at a speed that the drum has not, or beyond its wall.
+    """Yield keys of targets at a missing speed, or with points outside the drum.
 
     Parameters
     ----------
     section : TurningSettings
         The section `turning` of the configuration.
     targets : sequence
-        Its section `targets`. Malformed entries are skipped: the check of that section
-        reports them.
+        The section `targets` of the configuration. Malformed entries are skipped, since
+        the check of that section reports them.
 
     Yields
     ------
@@ -554,13 +565,13 @@ def _impossible_targets(
         is_of_drum = isinstance(target, Mapping) and target.get("apparatus") == NAME
         if not is_of_drum:
             continue
-        if speed_index(target["response"]) >= section.n_speeds:
+        if find_speed_index(target["response"]) >= section.n_speeds:
             yield (
                 f"targets.{number}.response",
                 f"a response of one of {section.n_speeds} speeds "
                 "(turning.angular_velocity_rad_s)",
             )
-        # A target without a profile has no distances from the axis.
+        # A target without a profile has no points, so it passes this check.
         x_mm = target.get("profile", {}).get("x", [0.0])
         farthest_mm = max(abs(x) for x in x_mm)
         if farthest_mm >= radius_mm:

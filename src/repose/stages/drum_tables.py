@@ -170,7 +170,7 @@ def _measure_run(record: Mapping[str, Any], path: Path, scene: Scene) -> Measure
     frames = read_npz(
         path.with_suffix(".npz"), _list_required_arrays(record), EXPECTED_FILES
     )
-    measured, profile = test.measured_run(record, frames, scene)
+    measured, profile = test.measure_with_profile(record, frames, scene)
     angles = test.surface_angles(
         frames["position"], frames["quaternion"], frames["scale"], scene
     )
