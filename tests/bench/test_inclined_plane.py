@@ -92,7 +92,7 @@ def test_a_sphere_leaves_its_pocket_in_a_glued_layer_over_the_saddle(
     friction, monkeypatch
 ):
     """A sphere on three: over the saddle between two of them at 19.471 degrees + atan(2 mu / sqrt 3)."""
-    monkeypatch.setattr(inclined_plane, "azimuth_of", lambda seed: math.radians(90.0))
+    monkeypatch.setattr(inclined_plane, "draw_azimuth", lambda seed: math.radians(90.0))
     values = named((0.2, friction, 0.0, 0.2, 0.9, 0.9))
     settings = config(surface="glued", tilting_deg_s=2.0)
     found = run_once(
@@ -104,7 +104,7 @@ def test_a_sphere_leaves_its_pocket_in_a_glued_layer_over_the_saddle(
 
 def test_a_glued_layer_touches_and_does_not_overlap():
     for particle in (SPHERE, PARTICLE):
-        places, _, half = inclined_plane.layer(particle)
+        places, _, half = inclined_plane.make_layer(particle)
         apart = np.sort(
             np.linalg.norm(places[:, None] - places, axis=2)
             + 1e9 * np.eye(len(places)),
@@ -138,7 +138,9 @@ def test_the_resistance_against_the_other_body_rolls_at_the_same_angle():
 def test_the_beginning_is_where_the_root_of_the_speed_meets_zero_inside_the_bounds():
     angle = np.arange(0.0, 22.0, 0.01)
     speed = 3.0 * np.maximum(angle - 20.0, 0.0) ** 2 + 1e-9
-    assert inclined_plane.beginning_deg(angle, speed) == pytest.approx(20.0, abs=1e-3)
+    assert inclined_plane.fit_onset_angle_deg(angle, speed) == pytest.approx(
+        20.0, abs=1e-3
+    )
     angle = np.linspace(0.0, 20.0, 200)
     columns = {
         "angle_deg": angle,
@@ -169,7 +171,7 @@ def test_the_beginning_is_where_the_root_of_the_speed_meets_zero_inside_the_boun
 )
 def test_a_berry_that_tips_and_stops_has_no_angle(speed):
     angle = np.linspace(0.0, 20.0, 200)
-    assert inclined_plane.beginning_deg(angle, speed) is None
+    assert inclined_plane.fit_onset_angle_deg(angle, speed) is None
     arrays = {
         f"{body}_angle_deg": angle
         for body in (inclined_plane.SLED, inclined_plane.GRAIN)

@@ -9,7 +9,7 @@ import yaml
 from shared import ROOT
 
 from repose.bench import Scene, bench
-from repose.bench.grain_scale import GrainScale, rounded
+from repose.bench.grain_scale import GrainScale, round_to_digits
 from repose.bench.inclined_plane import Tilting
 from repose.bench.settings import SceneSettings
 from repose.config.computed import REST_TIME
@@ -111,7 +111,7 @@ def test_the_rule_gives_the_limits_of_the_goji_berry(monkeypatch):
         found.pop("duration_s")
         assert found == known
     rest_s = REST_TIME * GrainScale.of(stated.particle, 9.81).time_s
-    assert rounded(rest_s, digits=2) == 1.5
+    assert round_to_digits(rest_s, digits=2) == 1.5
     # Looks at the grains, which no key states, for the article's ellipsoid, too
     paper = PipelineConfig.load("config/config.yaml", "config/paper.yaml")
     for study in (stated, paper):

@@ -1,7 +1,8 @@
-"""Units of a grain under gravity, in which limits and intervals are the same for all.
+"""Units of length, time and energy for a grain of diameter d and mass m under gravity g.
 
-A pile of grains of another size, with the same shape and friction, moves alike in these
-units: d for lengths, sqrt(d / g) for times, m g d for energies.
+They are d for lengths, sqrt(d / g) for times and m g d for energies. In these units, piles
+of grains of any size move alike if shape and friction are the same. So one limit or
+interval serves all sizes.
 """
 
 import math
@@ -11,21 +12,22 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 if TYPE_CHECKING:
     from repose.grain.particle import Particle
 
-# Simulated time between two looks at a bed that comes to rest or runs out.
-LOOK_TIMES = 1.35
+# Simulated time between two checks of a bed that comes to rest or runs out, in units of
+# `GrainScale.time_s`.
+CHECK_TIMES = 1.35
 
 
 class GrainScale(NamedTuple):
-    """Diameter and mass of a grain, and the gravity that acts on it.
+    """Diameter and mass of a grain and the gravity that acts on it: the units of a scene.
 
     Attributes
     ----------
     diameter_m : float
-        Of the sphere with the grain's volume.
+        Diameter of the sphere with the volume of the grain.
     mass_kg : float
-        Of the grain.
+        Mass of the grain.
     gravity_m_s2 : float
-        Gravity.
+        Acceleration of gravity.
     """
 
     diameter_m: float
@@ -42,7 +44,7 @@ class GrainScale(NamedTuple):
     def of_axes(cls, axes_mm: Sequence[float], gravity_m_s2: float) -> Self:
         """Make the units of length and time of an ellipsoid with three full axes.
 
-        Its mass is not a number.
+        Its mass is unknown, so the mass and the unit of energy are NaN.
         """
         diameter_m = 1e-3 * math.prod(axes_mm) ** (1.0 / 3.0)
         return cls(diameter_m, math.nan, gravity_m_s2)
@@ -57,15 +59,15 @@ class GrainScale(NamedTuple):
         """The energy that lifts a grain by its diameter."""
         return self.mass_kg * self.gravity_m_s2 * self.diameter_m
 
-    def interval_s(self, times: float = LOOK_TIMES) -> float:
-        """Return a multiple of the unit of time, rounded to one digit [s].
+    def interval_s(self, times: float = CHECK_TIMES) -> float:
+        """Return a multiple of the unit of time, rounded to one significant digit [s].
 
-        So the bodies that stand for one grain, whose volumes differ a little, are
-        looked at equally often.
+        The bodies that represent one grain differ a little in volume. The rounding gives
+        them the same interval.
         """
-        return rounded(times * self.time_s, digits=1)
+        return round_to_digits(times * self.time_s, digits=1)
 
 
-def rounded(value: float, digits: int) -> float:
-    """Round to a number of significant digits."""
+def round_to_digits(value: float, digits: int) -> float:
+    """Round a value to a number of significant digits."""
     return float(f"{value:.{digits}g}")

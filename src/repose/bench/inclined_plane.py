@@ -33,25 +33,27 @@ if TYPE_CHECKING:
     from repose.grain.particle import Particle
 
 NAME = "inclined_plane"
-# What lies on the plane: first the sled, then the grain that can roll.
+# The bodies that lie on the plane: first the sled, then the grain that can roll.
 SLED = "sled"
 GRAIN = "berry"
-# Time between two looks at a body, in units of `GrainScale.time_s`: while it is laid
-# down, and while the plane tilts.
-LAY_TIMES = 0.27
-TILT_TIMES = 0.135
-# Fewest looks in a tilting.
+# Time between two checks of a body, in units of `GrainScale.time_s`: while it comes to
+# rest on the level plane, and while the plane tilts.
+REST_CHECK_TIMES = 0.27
+TILT_CHECK_TIMES = 0.135
+# Fewest checks of a mean grain while the plane tilts.
 FEWEST_CHECKS = 100
-# A body has moved when it is this share of its shortest axis away.
+# A body has moved when its centre is this share of its shortest axis away.
 MOVED_SHARE = 0.25
-# The line goes through speeds above this share of the last speed, in the root.
-FROM_SHARE = 0.3
-# Fewest speeds for a line.
+# The line of `fit_onset_angle_deg` goes through the square roots of speeds that are at
+# least this share of the last root.
+SMALLEST_ROOT_SHARE = 0.3
+# Fewest speeds from the last small one on. The line goes through those after it.
 FEWEST_SPEEDS = 3
-# A grain slides, and does not roll, if its lowest point is faster than this share of
-# its speed.
+# A grain slides instead of rolling if its lowest point is faster than this share of its
+# speed.
 SLIDING_SHARE = 0.5
-# Distance of the grains of a glued layer, over that at which they touch.
+# Distance between the grains of a glued layer, over that at which they touch. Grains that
+# touched exactly could overlap by rounding errors.
 LAYER_SPACING = 1.0001
 # Radius of a glued layer in bounding radii of a grain.
 LAYER_RADIUS = 3.5
@@ -115,113 +117,120 @@ class InclinedPlaneSettings(Section):
 
 
 class Layer(NamedTuple):
-    """A layer of grains on the plane, all in one orientation."""
+    """A layer of grains on the plane, all in the same orientation."""
 
     centres_m: np.ndarray  # (N, 3), at the height 0
     quaternion: np.ndarray  # (4,)
-    depth_m: float  # of the plane below the centres
+    depth_m: float  # depth of the plane below the centres
 
 
 NO_LAYER = Layer(np.empty((0, 3)), np.array([1.0, 0.0, 0.0, 0.0]), 0.0)
 
 
-def layer(particle: "Particle", azimuth: float = 0.0) -> Layer:
+def make_layer(particle: "Particle", azimuth: float = 0.0) -> Layer:
     """Make a layer of grains that lie flat and close together on a plane.
 
     The z axis goes through the gap between three neighbouring grains. The layer is the
-    densest layer of spheres, stretched along x and y by the half extents of the grain. If
-    the grains are no ellipsoids, they lie as much farther apart as they need.
+    densest layer of spheres, stretched along x and y by the half extents of the grain.
+    Grains that are not ellipsoids lie farther apart where their shape requires it.
 
     Parameters
     ----------
     particle : Particle
         Body of the grains.
     azimuth : float, optional
-        Angle [rad] by which the layer is turned about z.
+        Angle [rad] by which the layer is rotated about z.
 
     Returns
     -------
     Layer
-        Centres and orientation of the grains, and half of their thickness.
+        Centres and orientation of the grains, and half of their thickness as the depth of
+        the plane.
     """
     from scipy.spatial.transform import Rotation
 
-    # Turn the body so that its longest axis points along x and its shortest axis up.
+    # Rotate the body so that its longest axis points along x and its shortest axis up.
     half_extents = particle.dem_shape("berry").half_extents_m
     longest_first = np.argsort(half_extents)[::-1]
     half_x, half_y, half_z = half_extents[longest_first]
     body_axes = np.eye(3)[longest_first]
-    # A rotation has the determinant +1. If the order of the axes is a reflection, with
-    # the determinant -1, reverse one axis.
+    # The determinant of a rotation is +1. If the order of the axes gives a reflection,
+    # whose determinant is -1, reverse one axis.
     body_axes[2] *= np.linalg.det(body_axes)
 
-    # Stretch a layer of unit spheres, and cut a round piece out of it.
+    # Stretch a layer of unit spheres, and cut a disc out of it.
     stretch = np.array([half_x, half_y, 0.0])
-    spacing = _layer_spacing(particle, body_axes, stretch)
-    centres = spacing * _sphere_layer() * stretch
-    distances = np.hypot(*centres[:, :2].T)
-    round_piece = centres[distances < LAYER_RADIUS * particle.bounding_radius_m]
+    spacing = _compute_layer_spacing(particle, body_axes, stretch)
+    centres = spacing * _make_sphere_layer() * stretch
+    axis_distances = np.hypot(*centres[:, :2].T)
+    disc_centres = centres[axis_distances < LAYER_RADIUS * particle.bounding_radius_m]
 
-    # Turn the whole layer about z.
-    turn = Rotation.from_euler("z", azimuth)
-    orientation = turn * Rotation.from_matrix(body_axes)
+    # Rotate the whole layer about z.
+    layer_rotation = Rotation.from_euler("z", azimuth)
+    orientation = layer_rotation * Rotation.from_matrix(body_axes)
     return Layer(
-        centres_m=turn.apply(round_piece),
+        centres_m=layer_rotation.apply(disc_centres),
         quaternion=orientation.as_quat(scalar_first=True),
         depth_m=float(half_z),
     )
 
 
-def _sphere_layer() -> np.ndarray:
-    """Place spheres of radius 1 in the densest layer, with a gap of three at the origin.
+def _make_sphere_layer() -> np.ndarray:
+    """Place spheres of radius 1 in the densest layer at z = 0.
+
+    The gap between three of the spheres lies at the origin.
 
     Returns
     -------
     array
-        Their centres (N, 3), at z = 0.
+        Centres (N, 3) of the spheres.
     """
-    n = math.ceil(LAYER_RADIUS)
-    numbers = np.arange(-2 * n, 2 * n + 1)
-    places, rows = np.meshgrid(numbers, numbers)
-    place = places.ravel()
-    row = rows.ravel()
-    # Each row is shifted by a radius against the row before. The pocket, which lies
-    # between three spheres, is moved to the origin.
-    x = 2.0 * place + row - 1.0
+    # A stretched layer is cut at a radius. Rows are shifted and grains may be narrow, so
+    # it has twice as many rows and columns as this radius would need for spheres.
+    half_count = math.ceil(LAYER_RADIUS)
+    indices = np.arange(-2 * half_count, 2 * half_count + 1)
+    column_grid, row_grid = np.meshgrid(indices, indices)
+    column = column_grid.ravel()
+    row = row_grid.ravel()
+    # Each row is shifted by one radius relative to the row before. The constants move
+    # the gap between three spheres to the origin.
+    x = 2.0 * column + row - 1.0
     y = math.sqrt(3.0) * row - 1.0 / math.sqrt(3.0)
-    return np.column_stack([x, y, 0.0 * place])
+    return np.column_stack([x, y, 0.0 * column])
 
 
-def _layer_spacing(
+def _compute_layer_spacing(
     particle: "Particle", body_axes: np.ndarray, stretch: np.ndarray
 ) -> float:
-    """Compute the factor that keeps the grains of a stretched layer apart.
+    """Compute the factor by which a stretched layer is spread so that no grains overlap.
 
-    Two ellipsoids of a stretched layer just touch. Other shapes may be wider in the
-    direction in which they would touch, and need as much more room.
+    Neighbouring ellipsoids of a stretched layer just touch. Other bodies may be wider in
+    the direction of the contact. The factor spreads the layer by as much.
 
     Parameters
     ----------
     particle : Particle
         Body of the grains.
     body_axes : array
-        Rotation matrix (3, 3) from the body's frame to that of the layer.
+        Rotation matrix (3, 3) from the frame of the body to that of the layer.
     stretch : array
-        Factors (3,) by which a layer of unit spheres is stretched; that along z does
-        not count.
+        Factors (3,) by which a layer of unit spheres is stretched. The factor along z
+        has no effect.
 
     Returns
     -------
     float
         The factor, at least `LAYER_SPACING`.
     """
-    # Three neighbours of a unit sphere; the other three lie opposite.
+    # Centres of three of the six neighbours of a unit sphere at the origin. The other
+    # three lie opposite to them.
     neighbours = np.array(
         [[2.0, 0.0, 0.0], [1.0, math.sqrt(3.0), 0.0], [1.0, -math.sqrt(3.0), 0.0]]
     )
-    # Normals of the planes in which the stretched spheres touch
+    # Normals, not of unit length, of the planes in which the stretched spheres touch
     normals = np.column_stack([neighbours[:, :2] / stretch[:2], np.zeros(3)])
-    # A body fits if it is no wider along a normal than the distance of its neighbour.
+    # Bodies do not overlap if none is wider along a normal than the distance between
+    # neighbours along it.
     distances = (neighbours * stretch * normals).sum(axis=1)
     body_normals = normals @ body_axes
     widths = particle.support(body_normals) + particle.support(-body_normals)
@@ -232,41 +241,44 @@ def _layer_spacing(
 
 
 class _Motion(NamedTuple):
-    """The motion of the body at an angle of the plane."""
+    """The motion of a body at an angle of the plane."""
 
     angle_deg: float
-    speed_m_s: float  # of its centre
-    slide_m_s: float  # of its lowest point
+    speed_m_s: float  # speed of its centre
+    slide_m_s: float  # speed of its lowest point
 
 
-COLUMNS = _Motion._fields
+MOTION_COLUMNS = _Motion._fields
 
 
 @dataclass(frozen=True)
 class Tilting(Outcome):
-    """Both tiltings of the plane."""
+    """The outcome of both tiltings of the plane."""
 
-    restless: str = ""  # the sled or the grain, if it did not rest before its tilting
+    # The sled or the grain if it did not rest before the plane tilted; else empty
+    restless_body: str = ""
 
 
-def sled_parameters(parameters: Mapping[str, float], surface: str) -> dict[str, float]:
+def make_sled_parameters(
+    parameters: Mapping[str, float], surface: str
+) -> dict[str, float]:
     """Make the contact parameters of a sled: a grain that slides before it can roll.
 
-    Its rolling friction is so high that it would only roll at twice the slope at which
-    it slides.
+    Its coefficient of rolling friction is at least twice that of sliding friction. So the
+    sled slides on a slope on which it does not yet roll.
 
     Parameters
     ----------
     parameters : mapping
         Contact parameters of the grain by name.
     surface : str
-        Kind of the surface, by which the contact is that of a grain with the wall
-        (``gp``) or with another grain (``gg``).
+        Kind of the surface. It decides whether the contact is that of a grain with the
+        wall (``gp``) or with another grain (``gg``).
 
     Returns
     -------
     dict
-        The parameters with another rolling friction of that contact.
+        A copy of the parameters with the rolling friction of the sled.
     """
     pair = "gp" if surface == "wall" else "gg"
     sliding_friction = parameters[f"mus_{pair}"]
@@ -274,8 +286,9 @@ def sled_parameters(parameters: Mapping[str, float], surface: str) -> dict[str, 
     return {**parameters, f"mur_{pair}": rolling_friction}
 
 
-def azimuth_of(seed: int) -> float:
-    """Draw the azimuth of a glued layer [rad] by the seed of a run."""
+def draw_azimuth(seed: int) -> float:
+    """Draw the azimuth of the glued layer [rad] of a run with this seed."""
+    # The seed alone gives the random numbers of the free grain. The 1 gives others.
     rng = np.random.default_rng([seed, 1])
     return float(rng.uniform(0.0, 2.0 * math.pi))
 
@@ -283,31 +296,37 @@ def azimuth_of(seed: int) -> float:
 def _lay_down(trial: Trial, section: InclinedPlaneSettings) -> None:
     """Lay a grain on the level plane and wait until it rests.
 
-    Its long axis is level and points in a random direction.
+    The long axis of the grain is level and points in a random direction.
 
     Parameters
     ----------
     trial : Trial
-        The plane, or the plane with its glued layer; it is advanced.
+        The plane, with its glued layer if it has one. It is advanced in place.
     section : InclinedPlaneSettings
         The section `inclined_plane` of the configuration.
     """
-    settings = trial.scene.simulation
-    # A glued layer is as high above its centres as a grain is thick.
+    simulation_settings = trial.scene.simulation
+    # The top of a glued layer lies above the centres by half of the thickness of a grain.
     height_m = 0.0
     if section.surface == "glued":
         half_extents = trial.scene.particle.dem_shape("berry").half_extents_m
         height_m = float(min(half_extents))
     add_above(trial, "lying", height_m)
     # Let the grain begin to move before its rest is checked.
-    check_interval = max(1, settings.steps(trial.scene.scale.interval_s(LAY_TIMES)))
+    check_interval = max(
+        1, simulation_settings.steps(trial.scene.scale.interval_s(REST_CHECK_TIMES))
+    )
     trial.run_to(check_interval)
-    last_step = settings.steps(section.settle_s)
+    last_step = simulation_settings.steps(section.settle_s)
     trial.wait(partial(_is_at_rest, trial), last_step, check_interval)
 
 
 def _is_at_rest(trial: Trial) -> bool:
-    """Return whether the free grain, the last body, rests."""
+    """Return whether the free grain rests.
+
+    An energy that is not a number counts as rest, so that a wait ends.
+    """
+    # The free grain is added last, after the glued ones.
     energy_j = trial.simulation.kinetic_energies()[-1]
     return not energy_j > trial.scene.simulation.rest_energy_j
 
@@ -315,45 +334,51 @@ def _is_at_rest(trial: Trial) -> bool:
 def _tilt(trial: Trial, section: InclinedPlaneSettings) -> list[_Motion]:
     """Tilt the plane until the grain has moved or the steepest angle is reached.
 
-    The plane of the simulation stays level, and the direction of gravity is turned
-    instead.
+    The plane of the simulation stays level. The direction of gravity is rotated instead.
 
     Parameters
     ----------
     trial : Trial
-        The plane with a grain that rests on it; it is advanced.
+        The plane with a grain that rests on it. It is advanced in place.
     section : InclinedPlaneSettings
         The section `inclined_plane` of the configuration.
 
     Returns
     -------
     list of _Motion
-        The motion of the grain at each check. The list is empty if the grain is not at
+        The motion of the grain at each check. The list is empty if the grain does not
         rest at the beginning.
     """
     if not _is_at_rest(trial):
         return []
     simulation = trial.simulation
-    settings = trial.scene.simulation
-    check_interval = max(1, settings.steps(trial.scene.scale.interval_s(TILT_TIMES)))
+    simulation_settings = trial.scene.simulation
+    check_interval = max(
+        1, simulation_settings.steps(trial.scene.scale.interval_s(TILT_CHECK_TIMES))
+    )
     first_step = simulation.steps
-    first_position = simulation.positions[-1].copy()
-    smallest_motion_m = _smallest_motion_m(simulation)
+    initial_position = simulation.positions[-1].copy()
+    motion_threshold_m = _compute_motion_threshold_m(simulation)
     motions = []
     while True:
         tilting_steps = simulation.steps - first_step
-        angle_deg = section.tilting_deg_s * tilting_steps * settings.time_step_s
+        angle_deg = (
+            section.tilting_deg_s * tilting_steps * simulation_settings.time_step_s
+        )
         motions.append(_read_motion(simulation, angle_deg, section.surface))
-        displacement = simulation.positions[-1] - first_position
-        has_moved = np.hypot(*displacement[:2]) > smallest_motion_m
+        displacement = simulation.positions[-1] - initial_position
+        # Only the motion along the plane counts.
+        has_moved = np.hypot(*displacement[:2]) > motion_threshold_m
         if has_moved or angle_deg >= section.steepest_deg:
             return motions
-        _tilt_gravity(simulation, settings.gravity_m_s2, math.radians(angle_deg))
+        _tilt_gravity(
+            simulation, simulation_settings.gravity_m_s2, math.radians(angle_deg)
+        )
         trial.run_to(simulation.steps + check_interval)
 
 
-def _smallest_motion_m(simulation: "dem.Simulation") -> float:
-    """Compute the distance from which on the free grain counts as moved [m]."""
+def _compute_motion_threshold_m(simulation: "dem.Simulation") -> float:
+    """Compute the distance beyond which the free grain counts as moved [m]."""
     shortest_half_axis_m = float(min(simulation.shapes["berry"].half_extents_m))
     scale = simulation.scales[-1]
     return MOVED_SHARE * 2.0 * shortest_half_axis_m * scale
@@ -362,7 +387,7 @@ def _smallest_motion_m(simulation: "dem.Simulation") -> float:
 def _tilt_gravity(
     simulation: "dem.Simulation", gravity_m_s2: float, angle: float
 ) -> None:
-    """Turn gravity by an angle [rad] from -z towards +x, down the tilted plane."""
+    """Set gravity in place: rotate it by an angle [rad] from -z towards +x."""
     simulation.physics.gravity[:] = (
         gravity_m_s2 * math.sin(angle),
         0.0,
@@ -380,50 +405,51 @@ def _read_motion(
     simulation : repose.dem.Simulation
         The simulation.
     angle_deg : float
-        Present angle of the plane, which is kept with the motion.
+        Present angle of the plane, which is stored with the motion.
     surface : str
         Kind of the surface; ``glued`` stands for a layer of grains.
 
     Returns
     -------
     _Motion
-        The motion. The grain slides at the speed of its lowest point on the plane; on a
-        glued layer there is no such point, and the speed is 0.
+        The motion. The speed of sliding is that of the lowest point of the grain on the
+        plane. A glued layer has no such point, so there the speed of sliding is 0.
     """
     velocity = simulation.velocities[-1]
     speed = float(np.linalg.norm(velocity))
     if surface == "glued":
         return _Motion(angle_deg, speed_m_s=speed, slide_m_s=0.0)
-    # The lowest point lies on the plane z = 0, below the centre, which moves and turns.
+    # The lowest point is taken on the plane z = 0, straight below the centre. Its velocity
+    # is that of the centre plus that of the rotation about the centre.
     height = simulation.positions[-1][2]
     angular_velocity = simulation.angular_velocities[-1]
-    from_centre = (0.0, 0.0, -height)
-    lowest_velocity = velocity + np.cross(angular_velocity, from_centre)
+    offset_from_centre = (0.0, 0.0, -height)
+    lowest_velocity = velocity + np.cross(angular_velocity, offset_from_centre)
     slide_speed = float(np.hypot(*lowest_velocity[:2]))
     return _Motion(angle_deg, speed_m_s=speed, slide_m_s=slide_speed)
 
 
-def tilted_frames(
+def make_tilted_frames(
     frames: Mapping[str, np.ndarray], section: InclinedPlaneSettings, last_deg: float
 ) -> dict[str, np.ndarray]:
-    """Turn the frames of a film so that the plane tilts and gravity points down.
+    """Make the frames of a film in which the plane tilts and gravity points down.
 
     Parameters
     ----------
     frames : mapping
-        Frames of T times in the frame of the plane, the last at the angle `last_deg`.
+        Frames at T times, with positions relative to the plane. They are not changed.
     section : InclinedPlaneSettings
-        The rate of the tilting.
+        The section `inclined_plane`, with the rate at which the plane tilts.
     last_deg : float
-        The last angle of the plane.
+        Angle of the plane in the last frame.
 
     Returns
     -------
     dict
-        The frames, with the angles ``tilt_deg`` (T,).
+        The rotated frames, with the angles ``tilt_deg`` (T,) of the plane.
     """
     time_s = np.asarray(frames["time_s"])
-    # The plane tilts at a constant rate up to the last frame; before, it is level.
+    # The plane is level at first. Then it tilts at a constant rate up to the last frame.
     time_from_end_s = time_s - time_s.max(initial=0.0)
     tilt_deg = last_deg + section.tilting_deg_s * time_from_end_s
     tilt_deg = np.maximum(tilt_deg, 0.0)
@@ -433,7 +459,7 @@ def tilted_frames(
     return {
         **frames,
         "position": _rotate_positions(position, angle),
-        "quaternion": _rotate_bodies(quaternion, angle),
+        "quaternion": _rotate_quaternions(quaternion, angle),
         "planes": _rotate_plane(np.array(frames["planes"], float), angle),
         "tilt_deg": tilt_deg,
     }
@@ -446,14 +472,14 @@ def _rotate_plane(planes: np.ndarray, angle: np.ndarray) -> np.ndarray:
     ----------
     planes : array
         The plane at T times (T, 1, 6 or more): a point, the normal that points into the
-        wall, and other columns, which stay. It is changed in place.
+        wall, and other columns, which stay as they are. The array is changed in place.
     angle : array
         The angles.
 
     Returns
     -------
     array
-        The rotated plane.
+        The same array, with the rotated plane.
     """
     up = np.column_stack([np.sin(angle), np.zeros_like(angle), np.cos(angle)])
     height = planes[:, :1, 2]
@@ -464,36 +490,37 @@ def _rotate_plane(planes: np.ndarray, angle: np.ndarray) -> np.ndarray:
 
 def _rotate_positions(position: np.ndarray, angle: np.ndarray) -> np.ndarray:
     """Rotate positions (T, N, 3) by angles (T,) [rad] about +y, which lowers +x."""
-    # One angle for the N grains of a time
+    # The new axis applies the angle of a time to all N grains.
     cos = np.cos(angle)[:, np.newaxis]
     sin = np.sin(angle)[:, np.newaxis]
     x, y, z = np.moveaxis(position, -1, 0)
     return np.stack([cos * x + sin * z, y, cos * z - sin * x], axis=-1)
 
 
-def _rotate_bodies(quaternion: np.ndarray, angle: np.ndarray) -> np.ndarray:
+def _rotate_quaternions(quaternion: np.ndarray, angle: np.ndarray) -> np.ndarray:
     """Rotate orientations (T, N, 4) by angles (T,) [rad] about +y.
 
     The rotation is the quaternion (cos a/2, 0, sin a/2, 0), multiplied from the left.
     """
-    # One angle for the N grains of a time
-    c = np.cos(angle / 2.0)[:, np.newaxis]
-    s = np.sin(angle / 2.0)[:, np.newaxis]
+    # The new axis applies the angle of a time to all N grains.
+    cos = np.cos(angle / 2.0)[:, np.newaxis]
+    sin = np.sin(angle / 2.0)[:, np.newaxis]
     w, x, y, z = np.moveaxis(quaternion, -1, 0)
     return np.stack(
-        [c * w - s * y, c * x + s * z, c * y + s * w, c * z - s * x], axis=-1
+        [cos * w - sin * y, cos * x + sin * z, cos * y + sin * w, cos * z - sin * x],
+        axis=-1,
     )
 
 
 # --- measure --------------------------------------------------------------------------
 
 
-def beginning_deg(angle_deg: np.ndarray, speed_m_s: np.ndarray) -> float | None:
-    """Find the angle at which a motion began.
+def fit_onset_angle_deg(angle_deg: np.ndarray, speed_m_s: np.ndarray) -> float | None:
+    """Find the angle at which a motion began, by a line through roots of the speed.
 
-    The root of the speed grows in proportion to the angle since the beginning. So a
-    line is fitted to the roots over the angles, and the angle where it meets zero is
-    returned.
+    The square root of the speed grows in proportion to the angle since the beginning of
+    the motion. A line is fitted to the roots over the angles. It is zero at the angle
+    that is returned.
 
     Parameters
     ----------
@@ -503,11 +530,13 @@ def beginning_deg(angle_deg: np.ndarray, speed_m_s: np.ndarray) -> float | None:
     Returns
     -------
     float or None
-        The angle [degrees]; None if the speed does not grow steadily at the end.
+        The angle [degrees]. None if the speed does not grow at the end, or if it has too
+        few values for a line.
     """
     speed_roots = np.sqrt(speed_m_s)
-    # The line goes through all roots after the last small one.
-    small_roots = np.flatnonzero(speed_roots < FROM_SHARE * speed_roots[-1])
+    # The line goes through all roots after the last small one. If there is no small root,
+    # the beginning of the motion is not among the values.
+    small_roots = np.flatnonzero(speed_roots < SMALLEST_ROOT_SHARE * speed_roots[-1])
     if small_roots.size == 0:
         return None
     last_small = small_roots[-1]
@@ -520,41 +549,41 @@ def beginning_deg(angle_deg: np.ndarray, speed_m_s: np.ndarray) -> float | None:
     return float(-offset / slope)
 
 
-def _judge_motion(
+def _find_and_describe_onset(
     arrays: Arrays, body: str, steepest_deg: float
 ) -> tuple[float | None, str]:
-    """Find the angle at which a body began to move as it should, and describe it.
+    """Find the angle at which a body began to slide or roll, and describe its motion.
 
     Parameters
     ----------
     arrays : mapping
         The arrays of the run.
     body : str
-        `SLED` or `GRAIN`.
+        `SLED`, which should slide, or `GRAIN`, which should roll.
     steepest_deg : float
         Angle at which the tilting ends.
 
     Returns
     -------
     angle_deg : float or None
-        The angle; None if the body stays or stops, or if the grain slides.
+        The angle [degrees]. None if the body stays or stops, or if the grain slides.
     text : str
         The motion in words.
     """
     angle_deg, speed_m_s, slide_m_s = (
-        np.asarray(arrays[f"{body}_{column}"], float) for column in COLUMNS
+        np.asarray(arrays[f"{body}_{column}"], float) for column in MOTION_COLUMNS
     )
     last_deg = angle_deg[-1]
     if last_deg >= steepest_deg:
         return None, f"the {body} stays up to {steepest_deg:g} degrees"
-    # A grain that rolls has its lowest point nearly at rest.
+    # The lowest point of a grain that rolls is nearly at rest.
     if body == GRAIN and slide_m_s[-1] > SLIDING_SHARE * speed_m_s[-1]:
         text = f"the grain slides at {last_deg:.1f} degrees and does not roll"
         return None, text
-    first_deg = beginning_deg(angle_deg, speed_m_s)
+    first_deg = fit_onset_angle_deg(angle_deg, speed_m_s)
     if first_deg is None:
         text = (
-            f"the {body} moves and stops, with no steady motion up to "
+            f"the {body} moves and stops, without steady motion up to "
             f"{last_deg:.1f} degrees"
         )
         return None, text
@@ -567,14 +596,14 @@ def _lay_down_and_tilt(trial: Trial, section: InclinedPlaneSettings) -> list[_Mo
     Parameters
     ----------
     trial : Trial
-        The plane without a free grain; it is advanced within its bounds.
+        The plane without a free grain. It is advanced in place, within its bounds.
     section : InclinedPlaneSettings
         The section `inclined_plane` of the configuration.
 
     Returns
     -------
     list of _Motion
-        As of `_tilt`; also empty if a bound is broken.
+        The motions that `_tilt` returns. The list is also empty if a bound is broken.
     """
     motions: list[_Motion] = []
     with trial.bound(4.0 * trial.largest_radius_m).guard():
@@ -586,42 +615,45 @@ def _lay_down_and_tilt(trial: Trial, section: InclinedPlaneSettings) -> list[_Mo
 def _add_to_outcome(
     outcome: Tilting, body: str, trial: Trial, motions: Sequence[_Motion]
 ) -> Tilting:
-    """Add the trial of a body to the outcome of a run.
+    """Combine the outcome of a run with the trial of another body.
 
     Parameters
     ----------
     outcome : Tilting
-        The outcome of the bodies before.
+        The outcome of the bodies before this one. It is not changed.
     body : str
         `SLED` or `GRAIN`.
     trial : Trial
         The trial of the body.
     motions : sequence of _Motion
-        Its motion; none if it did not rest before the tilting.
+        The motion of the body. The sequence is empty if the body did not rest before the
+        plane tilted.
 
     Returns
     -------
     Tilting
-        The outcome of this body alone if it has a fault; else that of all bodies, with
-        their largest overlap.
+        The outcome of this body alone if its trial has a fault. Otherwise the outcome of
+        all bodies, with the largest of their overlaps.
     """
     if trial.broken:
         return Tilting(
-            restless=body,
+            restless_body=body,
             unstable=f"{body}: {trial.broken}",
             overlap_share=trial.overlap_share,
         )
     if not motions:
-        return Tilting(restless=body, overlap_share=trial.overlap_share)
+        return Tilting(restless_body=body, overlap_share=trial.overlap_share)
     overlap_share = max(outcome.overlap_share, trial.overlap_share)
     return replace(outcome, overlap_share=overlap_share)
 
 
-def _motion_arrays(body: str, motions: Sequence[_Motion]) -> dict[str, np.ndarray]:
-    """Make the arrays (T,) of a body's motion, as ``sled_angle_deg``, by name."""
-    columns = np.array(motions).reshape(-1, len(COLUMNS)).T
+def _make_motion_arrays(body: str, motions: Sequence[_Motion]) -> dict[str, np.ndarray]:
+    """Make the arrays (T,) of a body's motion by name, such as ``sled_angle_deg``."""
+    # The new shape gives each column an empty array if there is no motion.
+    columns = np.array(motions).reshape(-1, len(MOTION_COLUMNS)).T
     return {
-        f"{body}_{name}": column for name, column in zip(COLUMNS, columns, strict=True)
+        f"{body}_{name}": column
+        for name, column in zip(MOTION_COLUMNS, columns, strict=True)
     }
 
 
@@ -636,7 +668,7 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
     recorded = Recorded(means=(SLIP.name, ROLL.name), single=(SLIP.name, ROLL.name))
     statuses = ("ok", "unstable", "not_at_rest", "no_slip", "no_roll")
     required_arrays = tuple(
-        f"{body}_{column}" for body in (SLED, GRAIN) for column in COLUMNS
+        f"{body}_{column}" for body in (SLED, GRAIN) for column in MOTION_COLUMNS
     )
     summary = "{motion}"
     example: ClassVar = {
@@ -653,7 +685,7 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
     }
 
     def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
-        """Describe the level plane, as `repose.dem.Simulation` takes it.
+        """Describe the level plane as arguments of `repose.dem.Simulation`.
 
         Parameters
         ----------
@@ -664,22 +696,22 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         """
         surface = self.section(scene.settings).surface
         material = "berry" if surface == "berry" else "wall"
-        glued = self.glued_layer(scene)
-        # Grains that are glued on the plane have their centres at height 0.
+        glued = self.make_glued_layer(scene)
+        # The centres of glued grains lie at the height 0, so the plane lies below it.
         origin = (0.0, 0.0, -glued.depth_m)
-        # Pictures draw the plane as far as the box reaches, also when it is tilted.
-        half = 4.0 * largest_radius_m
+        # The box bounds the part of the plane that pictures show.
+        half_side = 4.0 * largest_radius_m
         return {
             "capacity": len(glued.centres_m) + 1,
             "walls": {"plane": dem.Plane(origin, (0.0, 0.0, 1.0), material)},
-            "lower": (-half, -half, -half),
-            "upper": (half, half, half),
+            "lower": (-half_side, -half_side, -half_side),
+            "upper": (half_side, half_side, half_side),
         }
 
-    def glued_layer(self, scene: Scene, azimuth: float = 0.0) -> Layer:
-        """Make the `layer` on the plane; it has no grain where nothing is glued."""
+    def make_glued_layer(self, scene: Scene, azimuth: float = 0.0) -> Layer:
+        """Make the layer that is glued on the plane; it may have no grains."""
         if self.section(scene.settings).surface == "glued":
-            return layer(scene.particle, azimuth)
+            return make_layer(scene.particle, azimuth)
         return NO_LAYER
 
     def build(
@@ -694,10 +726,10 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         largest_scale : float, optional
             Size of the largest grain as a multiple of the particle.
         azimuth : float, optional
-            Angle [rad] by which the glued layer is turned about z.
+            Angle [rad] by which the glued layer is rotated about z.
         """
         simulation = super().build(scene, largest_scale)
-        glued = self.glued_layer(scene, azimuth)
+        glued = self.make_glued_layer(scene, azimuth)
         for centre in glued.centres_m:
             simulation.glue(simulation.add("berry", centre, glued.quaternion))
         return simulation
@@ -708,55 +740,55 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         interval_s: float | None = None,
         progress: Progress | None = None,
     ) -> Run:
-        """Lay down a sled and tilt the plane; then do so with a grain that can roll.
+        """Tilt the plane under a sled, and then under a grain that can roll.
 
         Parameters
         ----------
         scene : Scene
             What the run depends on.
         interval_s : float, optional
-            Simulated time between the frames of a film, of the grain that can roll and
-            with gravity down; without it none are recorded.
+            Simulated time between the frames of a film of the grain that can roll.
+            Without it none are recorded.
         progress : function, optional
             Called with the simulated time [s] after every advance.
 
         Returns
         -------
         Run
-            The arrays are, for each body, ``BODY_angle_deg`` (T,), ``BODY_speed_m_s``
-            (T,) and ``BODY_slide_m_s`` (T,), the speed of its lowest point.
+            The arrays of each body are ``BODY_angle_deg`` (T,), ``BODY_speed_m_s`` (T,)
+            and ``BODY_slide_m_s`` (T,), the speed of its lowest point.
         """
         section = self.section(scene.settings)
-        build = partial(self.build, azimuth=azimuth_of(scene.seed))
+        build = partial(self.build, azimuth=draw_azimuth(scene.seed))
         sled_scene = replace(
-            scene, parameters=sled_parameters(scene.parameters, section.surface)
+            scene, parameters=make_sled_parameters(scene.parameters, section.surface)
         )
         sled_trial = Trial(build, sled_scene, 1, progress=progress)
         sled_motions = _lay_down_and_tilt(sled_trial, section)
         grain_trial = Trial(build, scene, 1, interval_s, progress)
         grain_motions = _lay_down_and_tilt(grain_trial, section)
 
-        # One outcome stands for both bodies; the last fault counts.
+        # One outcome covers both bodies. If both have a fault, that of the grain counts.
         outcome = Tilting()
         outcome = _add_to_outcome(outcome, SLED, sled_trial, sled_motions)
         outcome = _add_to_outcome(outcome, GRAIN, grain_trial, grain_motions)
         arrays = {
-            **_motion_arrays(SLED, sled_motions),
-            **_motion_arrays(GRAIN, grain_motions),
+            **_make_motion_arrays(SLED, sled_motions),
+            **_make_motion_arrays(GRAIN, grain_motions),
         }
         frames = grain_trial.frames(walls=True)
         if frames is not None:
             last_deg = float(arrays[f"{GRAIN}_angle_deg"].max(initial=0.0))
-            frames = tilted_frames(frames, section, last_deg)
+            frames = make_tilted_frames(frames, section, last_deg)
         return self.make_run(scene, outcome, arrays, frames)
 
     def judge(self, outcome: Tilting, settings: SceneSettings) -> Verdict:
         """Judge a stable run before it is measured."""
-        if outcome.restless:
+        if outcome.restless_body:
             settle_s = self.section(settings).settle_s
             return Verdict(
                 "not_at_rest",
-                f"the {outcome.restless} still moves {settle_s:g} s after it was laid "
+                f"the {outcome.restless_body} still moves {settle_s:g} s after it was laid "
                 "down; give the grain more time by inclined_plane.settle_s",
             )
         return OK
@@ -774,18 +806,18 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         Returns
         -------
         dict
-            The angles, and ``motion``, the motion of both in words. An angle is None if
-            the body stays or stops, or if the grain slides.
+            The angles, and ``motion``, which describes the motion of both bodies. An
+            angle is None if the body stays or stops, or if the grain slides.
         """
         steepest_deg = self.section(scene.settings).steepest_deg
-        slip_deg, sled_text = _judge_motion(arrays, SLED, steepest_deg)
-        roll_deg, grain_text = _judge_motion(arrays, GRAIN, steepest_deg)
+        slip_deg, sled_text = _find_and_describe_onset(arrays, SLED, steepest_deg)
+        roll_deg, grain_text = _find_and_describe_onset(arrays, GRAIN, steepest_deg)
         measured = {
             SLIP.name: slip_deg,
             ROLL.name: roll_deg,
             "motion": f"{sled_text}; {grain_text}",
         }
-        # A target without an angle has the motion of its body as the reason.
+        # If the angle of a target is None, the motion of its body is the reason.
         reasons = {SLIP.name: sled_text, ROLL.name: grain_text}
         fault = self.check_targets(measured, scene.settings, reasons)
         return {**fault, **measured}
@@ -796,7 +828,7 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         return 2.0 * (section.settle_s + section.steepest_deg / section.tilting_deg_s)
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Yield a law under which a sled creeps."""
+        """Yield the rolling law if a sled creeps under it."""
         law = settings.simulation.rolling_law
         if ROLLING_LAWS.entry(law).creeps:
             yield (
@@ -807,13 +839,13 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
     def misfits(
         self, settings: SceneSettings, axes_mm: Sequence[float]
     ) -> Contradictions:
-        """Yield the rate of tilting if it leaves too few looks at the mean grain.
+        """Yield the rate of tilting if it leaves too few checks of the mean grain.
 
         `axes_mm` are the full axes of the mean grain.
         """
         section = self.section(settings)
         scale = GrainScale.of_axes(axes_mm, settings.simulation.gravity_m_s2)
-        interval_s = scale.interval_s(TILT_TIMES)
+        interval_s = scale.interval_s(TILT_CHECK_TIMES)
         fastest_deg_s = section.steepest_deg / (FEWEST_CHECKS * interval_s)
         if section.tilting_deg_s > fastest_deg_s:
             yield (

@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from repose.bench.funnel import PACKING
-from repose.bench.grain_scale import GrainScale, rounded
+from repose.bench.grain_scale import GrainScale, round_to_digits
 from repose.bench.parameters import ALLOWED, LAW_PARAMETERS, PARAMETERS
 from repose.calibrate.parameter_space import find_range
 from repose.calibrate.study_file import choose_split
@@ -246,7 +246,9 @@ def _estimate_duration_s(config: Config, grain: Grain, particle: "Particle") -> 
     fall_s = math.sqrt(2 * fall_m / gravity_m_s2)
 
     # Time until the pile rests.
-    rest_s = rounded(REST_TIME * _make_grain_scale(config, particle).time_s, digits=2)
+    rest_s = round_to_digits(
+        REST_TIME * _make_grain_scale(config, particle).time_s, digits=2
+    )
     duration_s = pour_s + fall_s + rest_s
     # Round up to a tenth of a second.
     return math.ceil(10 * duration_s) / 10
@@ -284,7 +286,9 @@ def _make_grain_scale(config: Config, particle: "Particle") -> GrainScale:
 
 def _choose_rest_energy_j(config: Config, _grain: Grain, particle: "Particle") -> float:
     """Choose a small share of the energy that lifts a grain by its diameter [J]."""
-    return rounded(REST_ENERGY * _make_grain_scale(config, particle).energy_j, digits=2)
+    return round_to_digits(
+        REST_ENERGY * _make_grain_scale(config, particle).energy_j, digits=2
+    )
 
 
 def _choose_rest_motion_mm(
@@ -292,12 +296,14 @@ def _choose_rest_motion_mm(
 ) -> float:
     """Choose a share of the diameter of a grain [mm]."""
     diameter_m = _make_grain_scale(config, particle).diameter_m
-    return rounded(REST_MOTION * 1e3 * diameter_m, digits=2)
+    return round_to_digits(REST_MOTION * 1e3 * diameter_m, digits=2)
 
 
 def _choose_rest_window_s(config: Config, _grain: Grain, particle: "Particle") -> float:
     """Choose a few times in which a grain falls by half of its diameter [s]."""
-    return rounded(REST_WINDOW * _make_grain_scale(config, particle).time_s, digits=2)
+    return round_to_digits(
+        REST_WINDOW * _make_grain_scale(config, particle).time_s, digits=2
+    )
 
 
 def _choose_time_step_s(config: Config, grain: Grain, particle: "Particle") -> float:
