@@ -47,8 +47,8 @@ def test_density_of_a_lattice_is_mass_over_cell(margin_m):
     centres = lattice(2e-3, 0.3)
     masses = np.full(len(centres), 4.8e-6)
     vessel = cylinder.Vessel.of(TEST.section(SceneSettings(config())))
-    counted = vessel.inside(centres, margin_m)
-    assert vessel.density_kg_m3(masses, counted, margin_m) == pytest.approx(
+    counted = vessel.contains(centres, margin_m)
+    assert vessel.compute_density_kg_m3(masses, counted, margin_m) == pytest.approx(
         600.0, rel=0.01
     )
     assert centres[counted, 2].max() < 0.228 - margin_m
@@ -150,17 +150,17 @@ def test_the_core_counts_the_volume_of_layers_that_its_ends_cut(kind):
         "quaternion": quaternions,
         "scale": np.ones(len(centres)),
     }
-    shares = vessel.shares_inside(arrays, ball, margin)
+    shares = vessel.compute_core_shares(arrays, ball, margin)
     known = cap_share(centres[:, 2] + 0.005 - margin, 0.005)
     known = np.minimum(
         known, cap_share(0.228 - margin - (centres[:, 2] - 0.005), 0.005)
     )
     assert np.abs(shares - known).max() < 0.02
     assert np.sqrt(np.mean((shares - known) ** 2)) < 0.005
-    found = vessel.density_kg_m3(np.full(len(centres), 1.0), shares, margin)
-    by_volume = vessel.density_kg_m3(np.full(len(centres), 1.0), known, margin)
-    by_centres = vessel.density_kg_m3(
-        np.full(len(centres), 1.0), vessel.inside(centres, margin), margin
+    found = vessel.compute_density_kg_m3(np.full(len(centres), 1.0), shares, margin)
+    by_volume = vessel.compute_density_kg_m3(np.full(len(centres), 1.0), known, margin)
+    by_centres = vessel.compute_density_kg_m3(
+        np.full(len(centres), 1.0), vessel.contains(centres, margin), margin
     )
     assert found == pytest.approx(by_volume, rel=1e-3)
     assert by_centres > 1.2 * by_volume
@@ -213,7 +213,7 @@ def test_taps_take_their_time_and_are_needed_for_the_tapped_density():
         settings["targets"][0]
         | {"response": "tapped_density_kg_m3", "apparatus": "cylinder"}
     ]
-    needed = [("cylinder.taps", "1 or more, for tapped_density_kg_m3 is a target")]
+    needed = [("cylinder.taps", "1 or more, since tapped_density_kg_m3 is a target")]
     assert list(TEST.contradictions(SceneSettings(settings))) == needed
 
 

@@ -1,17 +1,19 @@
 """The measuring cylinder: bulk density of the grains that fill it to the rim.
 
-Vessel and pouring follow the small container of ISO 17828 (5 litres: 167 mm wide, 228 mm
-high; poured from 200 to 300 mm above the rim, struck off level). The wall goes on above
-the rim as a collar, so that no grain falls beside the cylinder; what lies above the rim
-is struck off when the grains rest. Then the cylinder may be tapped: it falls from a
-height, so that its grains leave the floor with the speed of that fall.
+Vessel and pouring follow the small container of ISO 17828: 5 litres, 167 mm wide and
+228 mm high; the grains are poured from 200 to 300 mm above the rim and struck off level.
+The wall continues above the rim as a collar, so that no grain falls beside the cylinder.
+When the grains rest, those above the rim are struck off. Then the cylinder may be tapped:
+it falls from a height, and its grains leave the floor with the speed of that fall.
 
-A grain belongs to the cylinder if its centre lies below the rim. What protrudes above
-the rim then replaces, on average, what is missing below it, so the density depends on no
-shape. The core lies `core_margin_mm` away from wall, floor and rim, where grains pack
-more loosely than in the middle. Near them grains lie in layers, and a layer whose centres
-lie just inside the core would count too much. So the core has the share of each grain's
-volume that lies in it.
+A grain belongs to the cylinder if its centre lies below the rim. On average, the volume
+that protrudes above the rim replaces the volume that is missing below it. So the density
+does not depend on the shape of the grains.
+
+The core keeps a distance of `core_margin_mm` from wall, floor and rim, near which grains
+pack more loosely than in the middle. There, grains also lie in layers. A layer whose
+centres lie just inside the core would count too much if whole grains were counted. So each
+grain counts by the share of its volume that lies in the core.
 """
 
 import math
@@ -38,32 +40,40 @@ from repose.bench.scene import Scene
 from repose.bench.settings import Poured, SceneSettings
 from repose.bench.trial import Progress, Trial
 from repose.calibrate.responses import Response
+from repose.common.numbers import rounded
 from repose.common.section import Contradictions
 
 if TYPE_CHECKING:
     from repose.grain.particle import Particle
 
 NAME = "cylinder"
-# Height of a tap by default.
+# Default height of the fall in a tap.
 TAP_MM = 3.0
-# Time after a tap until the grains rest, in units of `GrainScale.time_s`; and that of a
-# grain of 14 mm, for the cost of a run, which is estimated without a grain.
+# Time after a tap in which the grains come to rest, in units of `GrainScale.time_s`. The
+# second constant is this time for a grain of 14 mm: the cost of a run is estimated before
+# the grain is known.
 TAP_REST_TIMES = 10.8
 TYPICAL_TAP_REST_S = 0.4
-# Points of a grain over which its share in the core is counted.
-POINTS = 1000
-# Directions in which the surface of a smooth body is looked at.
-N_RAYS = 1000
+# Most points of a body by which the share of a grain in the core is estimated.
+MOST_POINTS = 1000
+# Number of directions in which the extent of a convex body is compared with a point.
+N_DIRECTIONS = 1000
+# The positive root of x^4 = x + 1, for a Kronecker sequence in three dimensions.
+KRONECKER_ROOT = 1.2207440846057596
 
 # --- responses ------------------------------------------------------------------------
 
 VESSEL_KEYS = ("cylinder.diameter_mm", "cylinder.height_mm")
 
 
-def _make_density(
+def _make_density_response(
     kind: str, label: str, symbol: str, keys: tuple[str, ...]
 ) -> Response:
-    """Make the response of a density; keys: of the configuration, besides the vessel's."""
+    """Make the response of a density.
+
+    `keys` are the keys of the configuration that define it, in addition to the
+    `VESSEL_KEYS`.
+    """
     return Response(
         name=f"{kind}_density_kg_m3",
         unit="kg/m3",
@@ -76,11 +86,11 @@ def _make_density(
     )
 
 
-BULK = _make_density("bulk", "bulk density", "bulk density", ())
-CORE = _make_density(
+BULK = _make_density_response("bulk", "bulk density", "bulk density", ())
+CORE = _make_density_response(
     "core", "bulk density of the core", "core density", ("cylinder.core_margin_mm",)
 )
-TAPPED = _make_density(
+TAPPED = _make_density_response(
     "tapped", "tapped density", "tapped density", ("cylinder.taps", "cylinder.tap_mm")
 )
 
@@ -165,47 +175,48 @@ class Vessel:
         """Upper end of the collar, where grains appear [m]."""
         return self.height_m + self.collar_m
 
-    def density_kg_m3(
+    def compute_density_kg_m3(
         self,
         masses_kg: np.ndarray,
         shares: np.ndarray | Sequence[float],
         margin_m: float = 0.0,
     ) -> float:
-        """Compute the density of the grains in the cylinder or in its core.
+        """Compute the bulk density of the grains in the cylinder or in its core [kg/m3].
 
         Parameters
         ----------
         masses_kg : array
             Masses (N,) of the grains.
         shares : array
-            Share (N,) of each grain that lies inside, from 0 to 1.
+            The share (N,) of each grain that counts, from 0 to 1.
         margin_m : float, optional
-            Distance of the core from wall, floor and rim.
+            Distance of the core from wall, floor and rim; 0 for the whole cylinder.
         """
         radius = self.radius_m - margin_m
         height = self.height_m - 2.0 * margin_m
         mass = float(np.asarray(masses_kg) @ np.asarray(shares, float))
         return mass / (math.pi * radius**2 * height)
 
-    def inside(self, points_m: np.ndarray, margin_m: float = 0.0) -> np.ndarray:
-        """Mark points (N, 3) in the cylinder, a margin away from wall, floor and rim."""
+    def contains(self, points_m: np.ndarray, margin_m: float = 0.0) -> np.ndarray:
+        """Mark the points (N, 3) that keep a margin from wall, floor and rim inside."""
         x, y, z = np.asarray(points_m, float).T
         is_between_ends = (z > margin_m) & (z < self.height_m - margin_m)
         return is_between_ends & (np.hypot(x, y) < self.radius_m - margin_m)
 
-    def shares_inside(
+    def compute_core_shares(
         self, arrays: Mapping[str, np.ndarray], particle: "Particle", margin_m: float
     ) -> np.ndarray:
-        """Compute the share of each grain's volume that lies in the core.
+        """Estimate the share of each grain's volume that lies in the core.
 
-        The share is estimated from `POINTS` points of the body. For a grain that the
-        boundary of the core cuts, it has a root mean square error of 0.003. The density
-        of the core has a relative error below 1e-3.
+        The share of a grain is that of up to `MOST_POINTS` points of its body. Its root
+        mean square error is 0.003 for a grain that the boundary of the core cuts. The
+        relative error of the density of the core is below 1e-3.
 
         Parameters
         ----------
         arrays : mapping
-            ``position`` (N, 3), ``quaternion`` (N, 4) and ``scale`` (N,) of a run.
+            Arrays of a run: ``position`` (N, 3) [m], ``quaternion`` (N, 4) and ``scale``
+            (N,).
         particle : Particle
             Body of the grains.
         margin_m : float
@@ -219,24 +230,24 @@ class Vessel:
         centres = np.asarray(arrays["position"], float)
         quaternions = np.asarray(arrays["quaternion"], float)
         scales = arrays["scale"]
-        body_points = points_of(particle)
+        body_points = spread_points(particle)
         shares = np.empty(len(centres))
         for grain, (centre, quaternion, scale) in enumerate(
             zip(centres, quaternions, scales, strict=True)
         ):
-            # Bring the points from the body's frame to that of the cylinder.
+            # Transform the points from the frame of the body to that of the cylinder.
             rotation = dem.rotation_matrix(quaternion)
             points = centre + scale * body_points @ rotation.T
-            shares[grain] = self.inside(points, margin_m).mean()
+            shares[grain] = self.contains(points, margin_m).mean()
         return shares
 
 
-def points_of(particle: "Particle") -> np.ndarray:
-    """Spread points evenly over a body.
+def spread_points(particle: "Particle") -> np.ndarray:
+    """Spread points evenly over the volume of a body.
 
-    The points are those of a Kronecker sequence in the body's box that lie in the body,
-    up to `POINTS` of them. The sequence is always the same, and more even than random
-    points.
+    They are the first `MOST_POINTS` points of a Kronecker sequence in the bounding box
+    of the body that lie in the body. There may be fewer in a body that fills little of
+    its box. The sequence is always the same, and it is more even than random points.
 
     Parameters
     ----------
@@ -246,43 +257,47 @@ def points_of(particle: "Particle") -> np.ndarray:
     Returns
     -------
     array
-        Points (POINTS, 3) [m] in the body's own frame.
+        Points (P, 3) [m] in the frame of the body, with P up to `MOST_POINTS`.
     """
-    # A Kronecker sequence takes equal steps along each axis, and its fractional parts
-    # fill the unit cube. These steps are powers of the root of x^4 = x + 1.
-    steps = 1.2207440846057596 ** -np.arange(1.0, 4.0)
-    # Make four times as many points as needed, so that a body that fills only a quarter
-    # of its box still gets enough.
-    point_numbers = np.arange(1.0, 4 * POINTS)
+    # A Kronecker sequence takes equal steps along each axis. Its fractional parts fill the
+    # unit cube evenly if the steps are these powers of the root.
+    steps = KRONECKER_ROOT ** -np.arange(1.0, 4.0)
+    # Make four times as many points as needed, so that a body which fills only a quarter
+    # of its box still gets enough of them.
+    point_numbers = np.arange(1.0, 4 * MOST_POINTS)
     unit_cube_points = np.outer(point_numbers, steps) % 1.0
 
-    # Stretch the unit cube to the body's box.
+    # Stretch the unit cube to the bounding box of the body.
     lower_corner = -particle.support(-np.eye(3))
     points = lower_corner + particle.axes_m * unit_cube_points
     if particle.is_clump:
-        is_inside = _in_spheres(points, particle.spheres_m)
+        is_inside = _mark_points_in_spheres(points, particle.spheres_m)
     else:
-        is_inside = _in_convex_body(points, particle)
-    return points[is_inside][:POINTS]
+        is_inside = _mark_points_in_convex_body(points, particle)
+    return points[is_inside][:MOST_POINTS]
 
 
-def _in_spheres(points: np.ndarray, spheres_m: np.ndarray) -> np.ndarray:
-    """Mark the points (N, 3) that lie in one of the spheres (M, 4): x, y, z, radius."""
+def _mark_points_in_spheres(points: np.ndarray, spheres_m: np.ndarray) -> np.ndarray:
+    """Mark the points (N, 3) that lie in at least one sphere.
+
+    Each row of `spheres_m` (M, 4) holds the centre and the radius of a sphere.
+    """
     centres = spheres_m[:, :3]
     radii = spheres_m[:, 3]
     distances = np.linalg.norm(points[:, None] - centres, axis=2)
     return (distances < radii).any(axis=1)
 
 
-def _in_convex_body(points: np.ndarray, particle: "Particle") -> np.ndarray:
+def _mark_points_in_convex_body(points: np.ndarray, particle: "Particle") -> np.ndarray:
     """Mark the points (N, 3) that lie in a convex body.
 
-    A point lies inside if its distance along each of `N_RAYS` directions is below the
-    extent of the body along it.
+    A point counts as inside if its distance from the origin along each of `N_DIRECTIONS`
+    directions is below the extent of the body in that direction.
     """
-    # Directions on a spiral over the unit sphere, turned by the golden angle each time
-    azimuth = np.arange(float(N_RAYS)) * math.pi * (3.0 - math.sqrt(5.0))
-    height = np.linspace(-0.999, 0.999, N_RAYS)
+    # The directions lie on a spiral over the unit sphere, which covers it evenly. The
+    # azimuth grows by the golden angle from each direction to the next.
+    azimuth = np.arange(float(N_DIRECTIONS)) * math.pi * (3.0 - math.sqrt(5.0))
+    height = np.linspace(-0.999, 0.999, N_DIRECTIONS)
     ring_radius = np.sqrt(1.0 - height**2)
     x = ring_radius * np.cos(azimuth)
     y = ring_radius * np.sin(azimuth)
@@ -297,41 +312,41 @@ def tap(trial: Trial, height_m: float) -> None:
     """Simulate a tap: the cylinder falls from a height, and the grains come to rest.
 
     In the frame of the cylinder, the stop at the end of the fall throws the grains up to
-    that height. So gravity is changed for one time step, in which it gives all grains the
-    speed of the fall upwards. The trial is advanced in place.
+    the height of the fall. To simulate this, gravity is changed for one time step. In this
+    step it gives all grains the speed of the fall upwards. The trial is advanced in place.
 
     Parameters
     ----------
     trial : Trial
-        The filled cylinder. Afterwards its gravity is as before.
+        The filled cylinder. At the end its gravity is the same as before.
     height_m : float
         Height of the fall [m].
     """
     simulation = trial.simulation
-    settings = trial.scene.simulation
+    simulation_settings = trial.scene.simulation
 
-    # The engine reads this array at each time step.
+    # The engine reads this array at each time step, so new values in it change gravity.
     gravity = simulation.physics.gravity
     usual_gravity = gravity.copy()
-    fall_speed = _fall_speed(settings.gravity_m_s2, height_m)
-    gravity[2] += fall_speed / settings.time_step_s
+    fall_speed = _compute_fall_speed(simulation_settings.gravity_m_s2, height_m)
+    gravity[2] += fall_speed / simulation_settings.time_step_s
     trial.run_to(simulation.steps + 1)
     gravity[:] = usual_gravity
 
-    # Wait until the grains have come down and rest.
-    flight_s = _flight_s(settings.gravity_m_s2, height_m)
+    # Wait until the grains have fallen back and rest.
+    flight_s = _compute_flight_s(simulation_settings.gravity_m_s2, height_m)
     rest_s = trial.scene.scale.interval_s(TAP_REST_TIMES)
-    trial.run_to(simulation.steps + settings.steps(flight_s + rest_s))
+    trial.run_to(simulation.steps + simulation_settings.steps(flight_s + rest_s))
 
 
-def _fall_speed(gravity_m_s2: float, height_m: float) -> float:
-    """Compute the speed of a fall from a height [m/s]."""
+def _compute_fall_speed(gravity_m_s2: float, height_m: float) -> float:
+    """Compute the speed at the end of a fall from a height [m/s]."""
     return math.sqrt(2.0 * gravity_m_s2 * height_m)
 
 
-def _flight_s(gravity_m_s2: float, height_m: float) -> float:
-    """Compute the time of a jump to a height and back [s]."""
-    return 2.0 * _fall_speed(gravity_m_s2, height_m) / gravity_m_s2
+def _compute_flight_s(gravity_m_s2: float, height_m: float) -> float:
+    """Compute the time of a flight up to a height and back [s]."""
+    return 2.0 * _compute_fall_speed(gravity_m_s2, height_m) / gravity_m_s2
 
 
 @dataclass(frozen=True)
@@ -340,12 +355,12 @@ class Filling(Outcome):
 
     centres_m: np.ndarray  # (N, 3)
     energy_j: float  # mean kinetic energy of a grain
-    length_m: float  # longest axis of a grain of the scale 1
-    is_tapped: bool = False
+    length_m: float  # longest axis of a grain with the relative size 1
+    is_tapped: bool = False  # whether the cylinder was tapped
 
 
 def _describe_filling(trial: Trial) -> Filling:
-    """Copy the present state of the grains, by which a run is judged."""
+    """Copy the present state of the grains by which a run is judged."""
     return Filling(
         centres_m=trial.simulation.positions.copy(),
         energy_j=trial.energy_j(),
@@ -355,11 +370,11 @@ def _describe_filling(trial: Trial) -> Filling:
     )
 
 
-def _judge_level(filling: Filling, section: CylinderSettings) -> Verdict | None:
+def _judge_fullness(filling: Filling, section: CylinderSettings) -> Verdict | None:
     """Judge whether the cylinder is full.
 
-    It is full if the grains above the rim would make a layer that is as high as a grain
-    is long. The heap in the collar is nearly level, so such a layer covers the rim
+    The cylinder is full if the grains above the rim could form a layer that is as high as
+    a grain is long. The heap in the collar is nearly level, so such a layer covers the rim
     everywhere.
 
     Parameters
@@ -379,18 +394,21 @@ def _judge_level(filling: Filling, section: CylinderSettings) -> Verdict | None:
     n_below_rim = int(np.count_nonzero(filling.centres_m[:, 2] < height_m))
     n_above_rim = n_poured - n_below_rim
     # The layer is as dense as the filling below the rim.
-    n_layer = math.ceil(n_below_rim * filling.length_m / height_m)
-    if n_above_rim < n_layer:
+    n_in_layer = math.ceil(n_below_rim * filling.length_m / height_m)
+    if n_above_rim < n_in_layer:
         return Verdict(
             "not_full",
             f"{n_poured} of {section.berries} grains poured, {n_below_rim} of them "
-            f"below the rim; a full cylinder has at least {n_layer} above it",
+            f"below the rim; a full cylinder has at least {n_in_layer} grains above it",
         )
     return None
 
 
 def _tap_filling(trial: Trial, section: CylinderSettings) -> Filling:
-    """Tap a filled cylinder as often as configured, and describe the filling."""
+    """Tap a filled cylinder as often as configured, and describe its filling.
+
+    The trial is advanced in place.
+    """
     with trial.bounds.guard():
         for _ in range(section.taps):
             tap(trial, 1e-3 * section.tap_mm)
@@ -435,7 +453,7 @@ class CylinderTest(BenchTest[CylinderSettings]):
     }
 
     def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
-        """Describe the cylinder with its collar, as `repose.dem.Simulation` takes it.
+        """Describe the cylinder with its collar as arguments of `repose.dem.Simulation`.
 
         The collar is the part of the wall above the rim. All lengths are in m.
 
@@ -444,8 +462,8 @@ class CylinderTest(BenchTest[CylinderSettings]):
         scene : Scene
             The settings of the cylinder.
         largest_radius_m : float
-            Bounding radius of the largest grain, which must fit below the end of the
-            collar.
+            Bounding radius of the largest grain. New grains must fit below the upper end
+            of the wall.
 
         Returns
         -------
@@ -474,7 +492,7 @@ class CylinderTest(BenchTest[CylinderSettings]):
         interval_s: float | None = None,
         progress: Progress | None = None,
     ) -> Run:
-        """Fill the cylinder, let the grains rest, and tap it.
+        """Fill the cylinder, let the grains rest, and tap the cylinder if configured.
 
         Parameters
         ----------
@@ -500,7 +518,7 @@ class CylinderTest(BenchTest[CylinderSettings]):
             "berries_poured": len(filling.centres_m),
             "kinetic_energy_J": filling.energy_j,
         }
-        # Only a filling that can be measured is tapped. The last state is judged.
+        # Only a cylinder whose filling is ``ok`` is tapped. The last state is judged.
         outcome = filling
         if section.taps and self.status_of(filling, scene.settings).status == "ok":
             outcome = _tap_filling(trial, section)
@@ -515,17 +533,17 @@ class CylinderTest(BenchTest[CylinderSettings]):
         Parameters
         ----------
         scene, interval_s, progress
-            As of `run`.
+            See `run`.
 
         Returns
         -------
         Trial
-            The cylinder with its grains. It has ended early if a bound is broken.
+            The cylinder with its grains. The trial ends early if a bound is broken.
         """
         section = self.section(scene.settings)
         vessel = Vessel.of(section)
         trial = Trial(self.build, scene, section.berries, interval_s, progress)
-        # Grains appear at the end of the collar, where none touches the wall.
+        # Grains appear at the upper end of the collar, where no new grain touches the wall.
         area = Disc(vessel.radius_m - trial.largest_radius_m, vessel.top_m)
         factory = Factory(
             area, section.berries, section.rate_per_s, speed_m_s=section.speed_m_s
@@ -549,7 +567,7 @@ class CylinderTest(BenchTest[CylinderSettings]):
         Returns
         -------
         Verdict
-            `OK`, or the first fault: a lost grain, motion, a cylinder that is not full.
+            `OK`, or the first fault: a lost grain, motion, or a cylinder that is not full.
         """
         section = self.section(settings)
         vessel = Vessel.of(section)
@@ -560,19 +578,19 @@ class CylinderTest(BenchTest[CylinderSettings]):
 
         advice = "give the grains more time by cylinder.duration_s"
         if outcome.is_tapped:
-            advice = "tap the grains less by cylinder.tap_mm"
+            advice = "tap from a lower height by cylinder.tap_mm"
         motion_verdict = not_at_rest(outcome.energy_j, settings, advice=advice)
         if motion_verdict is not None:
             return motion_verdict
 
-        level_verdict = _judge_level(outcome, section)
-        return OK if level_verdict is None else level_verdict
+        fullness_verdict = _judge_fullness(outcome, section)
+        return OK if fullness_verdict is None else fullness_verdict
 
     def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure the bulk density in the cylinder, in its core, and after the taps.
 
-        A grain counts for the cylinder if its centre lies in it. For the core, which is
-        small, a grain counts by the share of its volume that lies in the core.
+        For the cylinder, a grain counts if its centre lies inside. For the core, which is
+        small, a grain counts by the share of its volume that lies inside.
 
         Parameters
         ----------
@@ -590,17 +608,17 @@ class CylinderTest(BenchTest[CylinderSettings]):
         section = self.section(scene.settings)
         vessel = Vessel.of(section)
         margin_m = 1e-3 * section.core_margin_mm
-        # Mass goes with the cube of the relative size.
+        # Mass is proportional to the cube of the relative size.
         masses = scene.particle.mass_kg * np.asarray(arrays["scale"], float) ** 3
-        is_inside = vessel.inside(np.asarray(arrays["position"], float))
-        core_shares = vessel.shares_inside(arrays, scene.particle, margin_m)
+        is_inside = vessel.contains(np.asarray(arrays["position"], float))
+        core_shares = vessel.compute_core_shares(arrays, scene.particle, margin_m)
         tapped_density = None
         if "tapped" in arrays:
-            is_inside_tapped = vessel.inside(arrays["tapped"])
-            tapped_density = vessel.density_kg_m3(masses, is_inside_tapped)
+            is_inside_tapped = vessel.contains(arrays["tapped"])
+            tapped_density = vessel.compute_density_kg_m3(masses, is_inside_tapped)
         return {
-            BULK.name: vessel.density_kg_m3(masses, is_inside),
-            CORE.name: vessel.density_kg_m3(masses, core_shares, margin_m),
+            BULK.name: vessel.compute_density_kg_m3(masses, is_inside),
+            CORE.name: vessel.compute_density_kg_m3(masses, core_shares, margin_m),
             "berries_in_cylinder": int(is_inside.sum()),
             TAPPED.name: tapped_density,
         }
@@ -609,11 +627,11 @@ class CylinderTest(BenchTest[CylinderSettings]):
         """Return the longest simulated time of a run [s]."""
         section = self.section(settings)
         gravity_m_s2 = settings.simulation.gravity_m_s2
-        flight_s = _flight_s(gravity_m_s2, 1e-3 * section.tap_mm)
+        flight_s = _compute_flight_s(gravity_m_s2, 1e-3 * section.tap_mm)
         return section.duration_s + section.taps * (flight_s + TYPICAL_TAP_REST_S)
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Yield keys of a cylinder that cannot be filled or tapped, or has no core.
+        """Yield keys of a cylinder that cannot be filled, has no core, or lacks taps.
 
         Parameters
         ----------
@@ -640,15 +658,18 @@ class CylinderTest(BenchTest[CylinderSettings]):
             )
         target_names = [target.get("response") for target in settings.targets_of(NAME)]
         if TAPPED.name in target_names and not section.taps:
-            yield "cylinder.taps", "1 or more, for tapped_density_kg_m3 is a target"
+            yield "cylinder.taps", "1 or more, since tapped_density_kg_m3 is a target"
 
     def misfits(
         self, settings: SceneSettings, axes_mm: Sequence[float]
     ) -> Contradictions:
-        """Yield the diameter if a mean grain does not fall in with any orientation."""
+        """Yield the diameter if a mean grain does not fit in every orientation.
+
+        `axes_mm` are the full axes of the mean grain.
+        """
         longest_mm = max(axes_mm)
         if self.section(settings).diameter_mm <= longest_mm:
             yield (
                 "cylinder.diameter_mm",
-                f"above {longest_mm:.4g}, the length of a mean grain",
+                f"above {rounded(longest_mm)}, the length of a mean grain",
             )
