@@ -1,14 +1,16 @@
 """The drop test: a grain falls on a plate, and its rebound gives the restitution.
 
-A camera sees how high the grain rebounds: its centre leaves the plate with
-sqrt(2 g h). A microphone hears it touch the plate twice: between the two sounds it flies
-for T, so it left with g T / 2. Either speed over that of the fall is a restitution. Both
-are of the centre of mass: a grain that is no sphere turns after the hit, which takes some
-of the energy, and touches again in another orientation. So do real ones, and both
-responses scatter with the orientation in which the grain falls.
+There are two ways to measure it. A camera sees the height h to which the grain rebounds:
+its centre left the plate at the speed sqrt(2 g h). A microphone hears the grain hit the
+plate twice: between the two sounds it flies for a time T, so it left at the speed g T / 2.
+The restitution is the ratio of this speed to the speed of the fall.
 
-Real hits last microseconds. Here, where grains may be softened, T is the time of flight,
-without the hits themselves.
+Both speeds are those of the centre of mass. A grain that is not a sphere turns after the
+hit, which takes some of the energy, and hits the plate again in another orientation. So do
+real grains. Both responses scatter with the orientation in which the grain falls.
+
+Real hits last microseconds. In the simulation, where grains may be softer, T is the time
+of the flight alone, without the hits.
 """
 
 import math
@@ -33,22 +35,25 @@ from repose.bench.scene import Scene
 from repose.bench.settings import SceneSettings
 from repose.bench.trial import Progress, Trial
 from repose.calibrate.responses import Response
+from repose.common.numbers import rounded
 from repose.common.section import Contradictions, Section, Seeds
 
 NAME = "drop_test"
-# Longest time between two looks at the flying grain, in units of `GrainScale.time_s`.
+# Longest time between two checks of the flying grain, in units of `GrainScale.time_s`.
 STRIDE_TIMES = 0.027
 # Longest duration of a hit.
 LONGEST_HIT_S = 1.0
-# Time steps of a hit that are all looked at; later looks are 1 / DENSE_STEPS of the hit apart.
+# Each of the first time steps of a hit is checked, up to this number. Later, the interval
+# between two checks is 1 / DENSE_STEPS of the present duration of the hit.
 DENSE_STEPS = 10_000
 # Fewest time steps of a fall.
 FEWEST_STEPS = 100
 
-# Largest restitution that is measured. It may exceed 1: a hit without losses returns up
-# to some percent too much (docs/verification.md), a grain that turned in its flight
-# lands lower than it left, and the sounds are heard to a time step.
-HIGHEST = 1.1
+# Largest restitution that is measured. It may exceed 1 for three reasons: a hit without
+# losses returns up to some percent too much energy (docs/verification.md), a grain that
+# turns in its flight may land lower than it left, and the times of the sounds have the
+# resolution of a time step.
+LARGEST_RESTITUTION = 1.1
 
 # --- responses ------------------------------------------------------------------------
 
@@ -60,7 +65,7 @@ BY_HEIGHT = Response(
     symbol="e, height",
     apparatus=NAME,
     low=0.0,
-    high=HIGHEST,
+    high=LARGEST_RESTITUTION,
     definition=FALL_KEYS,
 )
 BY_SOUND = Response(
@@ -70,7 +75,7 @@ BY_SOUND = Response(
     symbol="e, sound",
     apparatus=NAME,
     low=0.0,
-    high=HIGHEST,
+    high=LARGEST_RESTITUTION,
     definition=FALL_KEYS,
 )
 
@@ -101,14 +106,14 @@ class DropTestSettings(Section):
 
 
 class _Height(NamedTuple):
-    """Height of the grain's centre at a time."""
+    """Height of the grain's centre above the plate at a time."""
 
     time_s: float
     height_m: float
 
 
 class _Tracker:
-    """Advances a grain above a plate: in long strides while it flies, then in steps.
+    """Advances a grain above a plate: in long strides in its flight, in steps in a hit.
 
     Parameters
     ----------
@@ -118,23 +123,24 @@ class _Tracker:
     Attributes
     ----------
     overlap_share : float
-        Largest overlap of the hits so far, over the smallest extent of the grain.
+        Largest overlap of grain and plate so far, over the smallest extent of the grain.
     """
 
     def __init__(self, trial: Trial) -> None:
-        """Prepare to follow the grain; see the class."""
+        """Prepare to follow the grain. The class documents the parameter."""
         self.trial = trial
         self.simulation = trial.simulation
-        self.settings = trial.scene.simulation
+        self.simulation_settings = trial.scene.simulation
         self.longest_stride_s = trial.scene.scale.interval_s(STRIDE_TIMES)
+        # The radius is that of the bounding sphere of this grain.
         scale = float(trial.scales[0])
-        self.radius_m = scale * trial.scene.particle.bounding_radius_m
+        self.bounding_radius_m = scale * trial.scene.particle.bounding_radius_m
         self.overlap_share = 0.0
 
     def check_contact(self) -> bool:
         """Return whether the grain touches the plate.
 
-        If it touches, `overlap_share` grows to its overlap.
+        If the overlap is the largest so far, it is stored in `overlap_share`.
         """
         grains, _walls, overlaps = self.simulation.wall_overlaps()
         scales = self.simulation.scales[grains]
@@ -142,16 +148,16 @@ class _Tracker:
         self.overlap_share = float(shares.max(initial=self.overlap_share))
         return len(grains) > 0
 
-    def fly(self) -> list[_Height]:
-        """Advance until the grain touches the plate; return its heights on the way."""
+    def follow_flight(self) -> list[_Height]:
+        """Advance until the grain touches the plate, and return its heights until then."""
         heights = [self._read_height()]
         while not self.check_contact():
             self.trial.run_to(self.simulation.steps + self._choose_stride())
             heights.append(self._read_height())
         return heights
 
-    def hit(self) -> bool:
-        """Advance until the grain has left the plate.
+    def follow_hit(self) -> bool:
+        """Advance until the grain has left the plate, for at most `LONGEST_HIT_S`.
 
         The number of time steps between two checks grows with the duration of the
         contact.
@@ -159,11 +165,11 @@ class _Tracker:
         Returns
         -------
         bool
-            Whether the grain has left the plate within `LONGEST_HIT_S`.
+            Whether the grain has left the plate in this time.
         """
         simulation = self.simulation
         first_step = simulation.steps
-        last_step = first_step + self.settings.steps(LONGEST_HIT_S)
+        last_step = first_step + self.simulation_settings.steps(LONGEST_HIT_S)
         is_touching = self.check_contact()
         while is_touching and simulation.steps < last_step:
             contact_steps = simulation.steps - first_step
@@ -179,27 +185,27 @@ class _Tracker:
     def _choose_stride(self) -> int:
         """Choose the number of time steps until the next check of the flying grain.
 
-        They take half of the time until the bounding ball of the grain reaches the plate,
-        but at most `longest_stride_s`. If the ball reaches the plate already, the result
-        is one step.
+        The stride lasts for half of the time until the bounding sphere of the grain
+        reaches the plate, but at most for `longest_stride_s`. It is one time step if the
+        sphere already reaches the plate.
         """
-        gap_m = self.simulation.positions[0, 2] - self.radius_m
+        gap_m = self.simulation.positions[0, 2] - self.bounding_radius_m
         if not gap_m > 0.0:
             return 1
-        # The free flight of the ball: gap + up t - g t^2 / 2 = 0
-        gravity = self.settings.gravity_m_s2
+        # The sphere reaches the plate at the time t with gap + up_speed t - g t^2 / 2 = 0.
+        gravity = self.simulation_settings.gravity_m_s2
         up_speed = self.simulation.velocities[0, 2]
         root = math.sqrt(up_speed**2 + 2.0 * gravity * gap_m)
         flight_s = (up_speed + root) / gravity
         stride_s = min(self.longest_stride_s, 0.5 * flight_s)
-        return max(1, self.settings.steps(stride_s))
+        return max(1, self.simulation_settings.steps(stride_s))
 
 
 @dataclass(frozen=True)
 class Rebound(Outcome):
-    """The outcome of a hit."""
+    """The outcome of a run in which a grain hit the plate."""
 
-    has_left: bool  # whether the grain left the plate again
+    has_left: bool  # whether the grain left the plate after the hit
 
 
 @register(NAME)
@@ -278,21 +284,22 @@ class DropTest(BenchTest[DropTestSettings]):
         Returns
         -------
         Run
-            The arrays are ``time_s`` (T,) and ``height_m`` (T,), of its centre, from
-            when the grain leaves the plate until it touches it again; and ``drop_m``
-            (1,), the height of its fall.
+            The arrays are ``time_s`` (T,) and ``height_m`` (T,), the heights of the
+            grain's centre from the moment at which it leaves the plate until it touches
+            the plate again; and ``drop_m`` (1,), the height of its fall.
         """
         section = self.section(scene.settings)
         trial = Trial(self.build, scene, 1, interval_s, progress)
         drop_m = 1e-3 * section.height_mm
         add_above(trial, section.orientation, drop_m)
         tracker = _Tracker(trial)
-        # Heights after the first hit; none if the grain does not leave the plate.
+        # The heights after the first hit. There are none if the grain does not leave the
+        # plate.
         rebound: list[_Height] = []
         with trial.bound(drop_m + 2.0 * trial.largest_radius_m).guard():
-            tracker.fly()
-            if tracker.hit():
-                rebound = tracker.fly()
+            tracker.follow_flight()
+            if tracker.follow_hit():
+                rebound = tracker.follow_flight()
         arrays = {
             "time_s": np.array([height.time_s for height in rebound]),
             "height_m": np.array([height.height_m for height in rebound]),
@@ -310,14 +317,14 @@ class DropTest(BenchTest[DropTestSettings]):
         if not outcome.has_left:
             return Verdict(
                 "no_rebound",
-                f"the grain still touches the plate {LONGEST_HIT_S:g} s after it fell on it",
+                f"the grain still touches the plate {LONGEST_HIT_S:g} s after its fall",
             )
         return OK
 
     def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
-        """Measure the restitution by the rebound's height, and by the time of its flight.
+        """Measure the restitution by the height of the rebound and by the time of flight.
 
-        Both are the ratio of the speed after the contact to that before it.
+        Both are the ratio of the speed after the hit to that before it.
 
         Parameters
         ----------
@@ -335,7 +342,7 @@ class DropTest(BenchTest[DropTestSettings]):
         height_m = np.asarray(arrays["height_m"], float)
         drop_m = float(arrays["drop_m"][0])
         gravity = scene.simulation.gravity_m_s2
-        # A speed goes with the root of the height that it reaches.
+        # A grain reaches a height h with the speed sqrt(2 g h).
         rebound_m = float(height_m.max() - height_m[0])
         # A grain that flies for a time T leaves with the speed g T / 2.
         flight_s = float(time_s[-1] - time_s[0])
@@ -350,7 +357,7 @@ class DropTest(BenchTest[DropTestSettings]):
     def duration_s(self, settings: SceneSettings) -> float:
         """Return the longest simulated time of a run [s].
 
-        It has the fall, the hit, and a rebound to the height of the fall.
+        It consists of the fall, the hit, and a rebound up to the height of the fall.
         """
         height_mm = self.section(settings).height_mm
         fall_s = math.sqrt(2e-3 * height_mm / settings.simulation.gravity_m_s2)
@@ -364,6 +371,6 @@ class DropTest(BenchTest[DropTestSettings]):
         if self.section(settings).height_mm < lowest_mm:
             yield (
                 "drop_test.height_mm",
-                f"at least {lowest_mm:.3g}, or the fall takes fewer than "
+                f"at least {rounded(lowest_mm, 3)}, or the fall takes fewer than "
                 f"{FEWEST_STEPS} time steps",
             )
