@@ -129,13 +129,13 @@ def box_picture(
 
     slot = box.half_slot
     half = box.half_width
-    lower = box.half_lower
+    lower = box.half_lower_width
     t = box.thickness
     high = math.tan(math.radians(above_deg)) * (half - slot)
     for side in (-1, 1):
         for x, z in (
-            ((lower, lower + t), (-t, box.gate)),
-            ((half, half + t), (box.gate, box.top)),
+            ((lower, lower + t), (-t, box.gate_height)),
+            ((half, half + t), (box.gate_height, box.top_height)),
         ):
             draw(
                 [
@@ -147,13 +147,17 @@ def box_picture(
                 WALL,
             )
         corners = [
-            (slot, box.gate),
-            (half + t, box.gate),
-            (half + t, box.floor),
-            (slot, box.floor),
+            (slot, box.gate_height),
+            (half + t, box.gate_height),
+            (half + t, box.floor_height),
+            (slot, box.floor_height),
         ]
         draw([(side * x, z) for x, z in corners], WALL)
-        wedge = [(slot, box.floor), (half, box.floor), (half, box.floor + high)]
+        wedge = [
+            (slot, box.floor_height),
+            (half, box.floor_height),
+            (half, box.floor_height + high),
+        ]
         draw([(side * x, z) for x, z in wedge], BED)
     draw([(-lower - t, 0.0), (lower + t, 0.0), (lower + t, -t), (-lower - t, -t)], WALL)
     foot = 0.7 * lower

@@ -26,8 +26,8 @@ SMALL = {
     "lower_width_mm": 360.0,
     "drop_mm": 120.0,
 }
-GOOD = drawdown.Drained(
-    n_filled=600, n_early=0, holds_all=True, n_over_slot=0, energy_j=1e-12
+GOOD = drawdown.DrainedBox(
+    n_filled=600, n_early=0, all_inside=True, n_over_slot=0, energy_j=1e-12
 )
 config = partial(example, "drawdown")
 
@@ -38,7 +38,7 @@ def test_a_run_of_a_box_is_judged_and_both_of_its_slopes_are_measured():
         ("unstable", {"unstable": "why"}),
         ("not_filled", {"n_filled": 599}),
         ("lost", {"n_early": 1}),
-        ("lost", {"holds_all": False}),
+        ("lost", {"all_inside": False}),
         ("not_at_rest", {"energy_j": 1e-6}),
         ("not_at_rest", {"energy_j": math.nan}),
         ("jammed", {"n_over_slot": 1}),
@@ -78,7 +78,7 @@ def slopes(above_deg, below_deg):
     wedge = (beyond_slot > 0) & (z < math.tan(math.radians(above_deg)) * beyond_slot)
     pile = z < 0.04 - math.tan(math.radians(below_deg)) * np.abs(x)
     xs = np.concatenate([x[wedge], x[pile]])
-    zs = np.concatenate([z[wedge] + box.floor, z[pile]])
+    zs = np.concatenate([z[wedge] + box.floor_height, z[pile]])
     stays = np.arange(len(xs)) < wedge.sum()
     return {
         "position": np.column_stack([xs, np.zeros_like(xs), zs]),

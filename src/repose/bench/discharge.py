@@ -20,7 +20,7 @@ from repose.bench.bench_test import (
     register,
 )
 from repose.bench.factory import Disc, Factory, fill_and_rest, too_early
-from repose.bench.hopper import Funnel, impossible_surfaces, narrow_openings
+from repose.bench.hopper import Funnel, find_impossible_surfaces, find_narrow_openings
 from repose.bench.scene import Scene
 from repose.bench.settings import Hopper, SceneSettings
 from repose.bench.trial import Progress, Trial
@@ -28,13 +28,14 @@ from repose.calibrate.responses import Response
 from repose.common.section import Contradictions
 
 NAME = "discharge"
-# Speed of the lid when it is taken away.
-LID_M_S = 3.0
-# A grain below this height is gone.
+# Speed at which the lid moves down when it is removed.
+LID_SPEED_M_S = 3.0
+# A grain below this height is removed from the simulation.
 FLOOR_M = -0.1
-# Shares of the mass between whose exits the rate is measured.
-FROM_SHARE = 0.2
-TO_SHARE = 0.8
+# The rate is measured from the time at which the first share of the mass has left the
+# funnel to the time at which the last share has left.
+FIRST_MASS_SHARE = 0.2
+LAST_MASS_SHARE = 0.8
 
 # --- responses ------------------------------------------------------------------------
 
@@ -110,24 +111,24 @@ class DischargeSettings(Hopper):
 
 @dataclass(frozen=True)
 class Discharge(Outcome):
-    """A funnel that was opened."""
+    """The outcome of a run in which a funnel was filled and opened."""
 
     n_filled: int  # grains that found room in the funnel
-    rest_energy_j: float  # mean of a grain when the lid was taken away
-    n_early: int  # grains that were below the outlet before that
-    n_late: int  # grains that have left after that
+    rest_energy_j: float  # mean energy of a grain when the lid was removed
+    n_early: int  # grains that left the funnel before the lid was removed
+    n_late: int  # grains that left the funnel after that
 
 
 class _Opening(NamedTuple):
-    """The closed funnel at the moment in which its lid is taken away."""
+    """The closed funnel at the moment at which its lid is removed."""
 
     time_s: float  # since the beginning of the run
     energy_j: float  # mean kinetic energy of a grain
-    n_early: int  # grains below the outlet
+    n_early: int  # grains that have left the funnel already
     grains: dict[str, np.ndarray]  # arrays of `Trial.grains`
 
     @classmethod
-    def of(cls, trial: Trial) -> Self:
+    def from_trial(cls, trial: Trial) -> Self:
         """Describe the present state of the funnel."""
         simulation = trial.simulation
         return cls(
@@ -139,14 +140,14 @@ class _Opening(NamedTuple):
 
     @classmethod
     def missing(cls, trial: Trial) -> Self:
-        """Stand for the opening of a funnel that was never opened."""
+        """Make the entry for a funnel that was never opened: without time and energy."""
         return cls(time_s=math.nan, energy_j=math.nan, n_early=0, grains=trial.grains())
 
 
 def _make_factory(section: DischargeSettings, grain_radius_m: float) -> Factory:
     """Make the factory at the upper end of the collar.
 
-    Grains appear where none of the bounding radius `grain_radius_m` touches the wall.
+    A new grain with the bounding radius `grain_radius_m` does not touch the wall.
     """
     radius_m = 0.5 * section.funnel.inlet_diameter_m - grain_radius_m
     return Factory(
@@ -157,10 +158,10 @@ def _make_factory(section: DischargeSettings, grain_radius_m: float) -> Factory:
     )
 
 
-def rate_kg_s(exit_s: np.ndarray, mass_kg: np.ndarray) -> float:
+def compute_mass_flow_kg_s(exit_s: np.ndarray, mass_kg: np.ndarray) -> float:
     """Compute the mass flow in the middle of a discharge.
 
-    The beginning and the end are left out, where the flow is not steady.
+    The beginning and the end are left out because the flow is not steady there.
 
     Parameters
     ----------
@@ -170,16 +171,16 @@ def rate_kg_s(exit_s: np.ndarray, mass_kg: np.ndarray) -> float:
     Returns
     -------
     float
-        The mean flow [kg/s] between the times at which the shares `FROM_SHARE` and
-        `TO_SHARE` of the mass have left. It is NaN if both times are the same.
+        The mean flow [kg/s] between the times at which the shares `FIRST_MASS_SHARE` and
+        `LAST_MASS_SHARE` of the mass have left. It is NaN if both times are the same.
     """
     order = np.argsort(exit_s, kind="stable")
     sorted_exit_s = exit_s[order]
-    # The mass that has left with each grain and those before it
+    # The mass of each grain and of all grains that left before it
     mass_out_kg = np.cumsum(mass_kg[order])
     total_kg = mass_out_kg[-1]
-    # The grains with which these masses are reached
-    limits_kg = [FROM_SHARE * total_kg, TO_SHARE * total_kg]
+    # The first grains with which these masses have left
+    limits_kg = [FIRST_MASS_SHARE * total_kg, LAST_MASS_SHARE * total_kg]
     first, last = np.searchsorted(mass_out_kg, limits_kg)
     duration_s = sorted_exit_s[last] - sorted_exit_s[first]
     if not duration_s > 0.0:
@@ -217,9 +218,9 @@ class DischargeTest(BenchTest[DischargeSettings]):
     }
 
     def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
-        """Describe the closed funnel, as `repose.dem.Simulation` takes it.
+        """Describe the closed funnel as arguments of `repose.dem.Simulation`.
 
-        The outlet lies at z = 0, and all lengths are in m.
+        The outlet lies at z = 0. All lengths are in m.
 
         Parameters
         ----------
@@ -231,8 +232,9 @@ class DischargeTest(BenchTest[DischargeSettings]):
         Returns
         -------
         dict
-            Capacity in grains, walls with lid and collar by name, corners of the box,
-            and the heights at which grains leave the funnel and vanish.
+            Capacity in grains, walls by name, lower and upper corner of the box, the
+            height at which a grain leaves the funnel, the height above which walls are
+            curved, and the height below which a grain vanishes.
         """
         section = self.section(scene.settings)
         funnel = section.funnel
@@ -240,7 +242,8 @@ class DischargeTest(BenchTest[DischargeSettings]):
         outlet = (0.0, 0.0, 0.0)
         lid = dem.Plane(outlet, up, "wall", 0.5 * funnel.outlet_diameter_m)
 
-        # A grain that has just appeared at the top must fit below the end of the walls.
+        # The collar is longer than configured, so that a grain that has just appeared at
+        # its top lies below the end of the wall.
         inlet = (0.0, 0.0, funnel.inlet_height_m)
         inlet_radius = 0.5 * funnel.inlet_diameter_m
         grain_room = 2.0 * largest_radius_m
@@ -276,45 +279,50 @@ class DischargeTest(BenchTest[DischargeSettings]):
         Returns
         -------
         Run
-            The arrays are ``exit_s`` (N,), the time at which each grain left after the
-            opening [s], NaN for a grain that did not leave; the relative sizes ``scale``
-            (N,); and ``position`` (N, 3) [m] and ``quaternion`` (N, 4) at the opening.
+            The arrays are ``exit_s`` (N,), the time from the opening until each grain
+            left [s], which is NaN for a grain that did not leave; the relative sizes
+            ``scale`` (N,); and ``position`` (N, 3) [m] and ``quaternion`` (N, 4) at the
+            opening.
         """
         section = self.section(scene.settings)
-        settings = scene.simulation
+        simulation_settings = scene.simulation
         trial = Trial(self.build, scene, section.berries, interval_s, progress)
         simulation = trial.simulation
         factory = _make_factory(section, trial.largest_radius_m)
 
         def is_empty() -> bool:
+            # A grain in the funnel has no finite exit time.
             return bool(np.isfinite(simulation.exit_times_s).all())
 
-        check_interval = max(1, settings.steps(scene.scale.interval_s()))
-        fastest_m_s = max(LID_M_S, section.speed_m_s)
+        check_interval = max(1, simulation_settings.steps(scene.scale.interval_s()))
+        fastest_m_s = max(LID_SPEED_M_S, section.speed_m_s)
         opening = None
         with trial.bound(section.top_m, fastest_m_s).guard():
             fill_and_rest(trial, factory, section.open_from_s, check_interval)
-            opening = _Opening.of(trial)
-            simulation.set_motion("lid", dem.Motion(velocity_m_s=(0.0, 0.0, -LID_M_S)))
-            last_step = simulation.steps + settings.steps(section.longest_s)
+            opening = _Opening.from_trial(trial)
+            simulation.set_motion(
+                "lid", dem.Motion(velocity_m_s=(0.0, 0.0, -LID_SPEED_M_S))
+            )
+            last_step = simulation.steps + simulation_settings.steps(section.longest_s)
             trial.wait(is_empty, last_step, check_interval)
         if opening is None:
-            # The run broke a bound before the opening, and is not measured.
+            # The run broke a bound before the opening. It is not measured.
             opening = _Opening.missing(trial)
         return self._collect_run(trial, opening)
 
     def _collect_run(self, trial: Trial, opening: _Opening) -> Run:
-        """Make the run of a trial that has ended.
+        """Collect the outcome and the arrays of a trial that has ended.
 
         Parameters
         ----------
         trial : Trial
             The trial.
         opening : _Opening
-            The funnel when its lid was taken away.
+            The funnel when its lid was removed.
         """
         simulation = trial.simulation
-        # Exit times count from the opening; they are not finite for other grains.
+        # Exit times count from the opening. That of a grain that did not leave is not
+        # finite.
         exit_s = simulation.exit_times_s - opening.time_s
         has_left = np.isfinite(exit_s)
         outcome = Discharge(
@@ -352,13 +360,13 @@ class DischargeTest(BenchTest[DischargeSettings]):
         -------
         Verdict
             `OK`, or the first fault: grains without room, grains that left the closed
-            funnel, motion before the opening, grains that stay in the funnel.
+            funnel, motion before the opening, or grains that stay in the funnel.
         """
         section = self.section(settings)
         if outcome.n_filled < section.berries:
             return Verdict(
                 "not_filled",
-                f"only {outcome.n_filled} of {section.berries} grains find room in the "
+                f"only {outcome.n_filled} of {section.berries} grains found room in the "
                 "funnel",
             )
         if outcome.n_early:
@@ -366,8 +374,8 @@ class DischargeTest(BenchTest[DischargeSettings]):
         motion_verdict = not_at_rest(
             outcome.rest_energy_j,
             settings,
-            advice="take the lid away later by discharge.open_from_s",
-            when=" when the lid was taken away",
+            advice="remove the lid later by discharge.open_from_s",
+            when=" when the lid was removed",
         )
         if motion_verdict is not None:
             return motion_verdict
@@ -381,10 +389,11 @@ class DischargeTest(BenchTest[DischargeSettings]):
         return OK
 
     def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
-        """Measure the time to empty and the rate; None for a rate that is not known."""
+        """Measure the time to empty and the rate; an unknown rate is None."""
         exit_s = np.asarray(arrays["exit_s"], float)
+        # Mass is proportional to the cube of the relative size.
         masses = scene.particle.mass_kg * np.asarray(arrays["scale"], float) ** 3
-        rate = rate_kg_s(exit_s, masses)
+        rate = compute_mass_flow_kg_s(exit_s, masses)
         return {
             EMPTYING.name: float(exit_s.max()),
             FLOW.name: None if math.isnan(rate) else 1e3 * rate,
@@ -398,7 +407,7 @@ class DischargeTest(BenchTest[DischargeSettings]):
     def contradictions(self, settings: SceneSettings) -> Contradictions:
         """Yield keys of a funnel that cannot be built or filled."""
         section = self.section(settings)
-        yield from impossible_surfaces(section, NAME)
+        yield from find_impossible_surfaces(section, NAME)
         yield from too_early(section, NAME, "open_from_s")
 
     def misfits(
@@ -406,11 +415,12 @@ class DischargeTest(BenchTest[DischargeSettings]):
     ) -> Contradictions:
         """Yield keys of openings that are too narrow for the mean grain.
 
-        A grain passes the outlet along its longest axis, and appears in any orientation.
+        `axes_mm` are the full axes of the mean grain, the longest first. A grain can
+        pass the outlet along its longest axis, but appears in any orientation.
         """
         longest_mm, _, shortest_mm = axes_mm
         sizes_mm = {
             "outlet_diameter_mm": shortest_mm,
             "inlet_diameter_mm": longest_mm,
         }
-        return narrow_openings(self.section(settings), NAME, sizes_mm)
+        return find_narrow_openings(self.section(settings), NAME, sizes_mm)

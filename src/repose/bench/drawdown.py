@@ -1,4 +1,4 @@
-"""Bench test of the drawdown box: a chamber drains through a slot into one below."""
+"""Bench test of the drawdown box: an upper chamber drains through a slot into a lower."""
 
 import itertools
 from collections.abc import Sequence
@@ -19,10 +19,10 @@ from repose.bench.bench_test import (
     not_at_rest,
     register,
 )
-from repose.bench.discharge import LID_M_S, rate_kg_s
+from repose.bench.discharge import LID_SPEED_M_S, compute_mass_flow_kg_s
 from repose.bench.factory import Factory, Strip, fill_and_rest, too_early
 from repose.bench.funnel import ANGLE_KEYS
-from repose.bench.hopper import narrow_openings
+from repose.bench.hopper import find_narrow_openings
 from repose.bench.scene import Scene
 from repose.bench.settings import Poured, SceneSettings
 from repose.bench.trial import Progress, Trial
@@ -37,7 +37,8 @@ if TYPE_CHECKING:
     from repose.measure.silhouette import Grains
 
 NAME = "drawdown"
-# Corners of the six faces of a block, counter-clockwise from outside; see `_make_block`.
+# Indices of the four corners of each face of a block, counter-clockwise from outside.
+# `_make_block` defines the order of the corners.
 FACES = (
     (0, 1, 3, 2),
     (4, 6, 7, 5),
@@ -162,15 +163,18 @@ class DrawdownSettings(Poured):
 
 @dataclass(frozen=True)
 class Box:
-    """The box: x across the slot, y along it, z up from the lower floor; lengths in m."""
+    """Sizes of the box: x across the slot, y along it, z up from the lower floor.
 
-    half_width: float  # of the upper chamber
-    half_depth: float
-    half_slot: float
-    half_lower: float  # half of the lower chamber's width
-    floor: float  # height of the upper floor's upper side
-    thickness: float  # of the upper floor, its walls and the gate
-    top: float  # of the upper chamber
+    All lengths are in m.
+    """
+
+    half_width: float  # half of the width of the upper chamber
+    half_depth: float  # half of the depth of both chambers
+    half_slot: float  # half of the width of the slot
+    half_lower_width: float  # half of the width of the lower chamber
+    floor_height: float  # height of the upper side of the upper floor
+    thickness: float  # thickness of the upper floor, its walls and the gate
+    top_height: float  # height of the upper end of the upper chamber
 
     @classmethod
     def of(cls, section: DrawdownSettings) -> "Box":
@@ -179,78 +183,82 @@ class Box:
             half_width=0.5e-3 * section.width_mm,
             half_depth=0.5e-3 * section.depth_mm,
             half_slot=0.5e-3 * section.slot_mm,
-            half_lower=0.5e-3 * section.lower_width_mm,
-            floor=1e-3 * section.drop_mm,
+            half_lower_width=0.5e-3 * section.lower_width_mm,
+            floor_height=1e-3 * section.drop_mm,
             thickness=1e-3 * section.floor_mm,
-            top=1e-3 * section.drop_mm + 1e-3 * section.height_mm,
+            top_height=1e-3 * section.drop_mm + 1e-3 * section.height_mm,
         )
 
     @property
-    def gate(self) -> float:
-        """Height of the gate's upper side, which is the lower side of the floor."""
-        return self.floor - self.thickness
+    def gate_height(self) -> float:
+        """Height of the upper side of the gate and of the lower side of the floor."""
+        return self.floor_height - self.thickness
 
     def walls(
         self, edge_radius_m: float, room_m: float
     ) -> "dict[str, dem.Plane | dem.Mesh]":
         """Make all walls of the box by name, with the gate closed.
 
-        The lower chamber has a floor, a front, a back and two sides, all planes. The
-        upper chamber has the same front and back; its walls, the two halves of its floor
-        beside the slot, and the gate are blocks with rounded edges.
+        The floor, the front, the back and both sides of the lower chamber are planes. The
+        upper chamber has the same front and back. Its side walls, the two halves of its
+        floor beside the slot, and the gate are blocks with rounded edges.
 
         Parameters
         ----------
         edge_radius_m : float
             Radius of the edges of the blocks.
         room_m : float
-            Additional height of the upper walls above the chamber.
+            Height by which the upper walls are higher than the chamber.
 
         Returns
         -------
         dict
-            Planes and meshes by name. The engine visits the walls in this order, on which
-            the last bits of a run depend.
+            Planes and meshes by name. The engine visits the walls in this order. The last
+            bits of a run depend on it.
         """
         walls: dict[str, dem.Plane | dem.Mesh] = {
             "lower_floor": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall"),
             "front": dem.Plane((0.0, -self.half_depth, 0.0), (0.0, 1.0, 0.0), "wall"),
             "back": dem.Plane((0.0, self.half_depth, 0.0), (0.0, -1.0, 0.0), "wall"),
         }
-        # Blocks reach beyond front and back, so that no grain meets their ends.
+        # The blocks extend beyond front and back, so that no grain touches their ends.
         half_length = self.half_depth + 2.0 * self.thickness
         block_y = (-half_length, half_length)
         outer_side = self.half_width + self.thickness
-        # Both sides are mirror images; the sign is that of their x.
+        # Both sides are mirror images of each other. The sign is that of their x.
         for side, sign in (("left", -1.0), ("right", 1.0)):
-            lower_side = (sign * self.half_lower, 0.0, 0.0)
+            lower_side = (sign * self.half_lower_width, 0.0, 0.0)
             inwards = (-sign, 0.0, 0.0)
             walls[f"lower_{side}"] = dem.Plane(lower_side, inwards, "wall")
             walls[f"{side}_floor"] = _make_block(
                 x=(sign * self.half_slot, sign * outer_side),
                 y=block_y,
-                z=(self.gate, self.floor),
+                z=(self.gate_height, self.floor_height),
                 edge_radius_m=edge_radius_m,
             )
             walls[f"{side}_wall"] = _make_block(
                 x=(sign * self.half_width, sign * outer_side),
                 y=block_y,
-                z=(self.gate, self.top + room_m),
+                z=(self.gate_height, self.top_height + room_m),
                 edge_radius_m=edge_radius_m,
             )
-        # The gate closes the slot from below, and is wider than it.
+        # The gate closes the slot from below. It is wider than the slot.
         walls["gate"] = _make_block(
             x=(-self.half_slot - self.thickness, self.half_slot + self.thickness),
             y=block_y,
-            z=(self.gate - self.thickness, self.gate),
+            z=(self.gate_height - self.thickness, self.gate_height),
             edge_radius_m=edge_radius_m,
         )
         return walls
 
-    def holds(self, centres_m: np.ndarray) -> np.ndarray:
+    def contains(self, centres_m: np.ndarray) -> np.ndarray:
         """Mark the grains (N,) whose centres (N, 3) lie inside the box."""
         x, y, z = centres_m.T
-        return (np.abs(x) < self.half_lower) & (np.abs(y) < self.half_depth) & (z > 0.0)
+        return (
+            (np.abs(x) < self.half_lower_width)
+            & (np.abs(y) < self.half_depth)
+            & (z > 0.0)
+        )
 
 
 def _make_block(
@@ -261,11 +269,11 @@ def _make_block(
     Parameters
     ----------
     x, y, z : sequence of float
-        Its two ends along each axis [m], in any order.
+        The two ends of the block along each axis [m], in any order.
     edge_radius_m : float
-        Radius of its edges.
+        Radius of its rounded edges.
     """
-    # `FACES` names the eight corners by their place in this order.
+    # `FACES` holds indices of the eight corners in this order.
     corners = list(itertools.product(sorted(x), sorted(y), sorted(z)))
     triangles = []
     for first, second, third, fourth in FACES:
@@ -274,10 +282,11 @@ def _make_block(
     return dem.Mesh(np.array(corners), np.array(triangles), "wall", edge_radius_m)
 
 
-def back_to_back(centres_m: np.ndarray, box: Box) -> np.ndarray:
+def move_wedges_back_to_back(centres_m: np.ndarray, box: Box) -> np.ndarray:
     """Move the grains of both wedges so that together they have the shape of a pile.
 
-    Their outer walls come to x = 0, and the floor to z = 0.
+    The side walls, at which the wedges are highest, move to x = 0. The floor moves to
+    z = 0.
 
     Parameters
     ----------
@@ -291,7 +300,7 @@ def back_to_back(centres_m: np.ndarray, box: Box) -> np.ndarray:
     array
         The moved centres (N, 3).
     """
-    moved_m = centres_m - (0.0, 0.0, box.floor)
+    moved_m = centres_m - (0.0, 0.0, box.floor_height)
     # The left wedge moves to the right, the right one to the left.
     moved_m[:, 0] -= np.sign(moved_m[:, 0]) * box.half_width
     return moved_m
@@ -301,25 +310,25 @@ def back_to_back(centres_m: np.ndarray, box: Box) -> np.ndarray:
 
 
 @dataclass(frozen=True)
-class Drained(Outcome):
-    """A box that was drained."""
+class DrainedBox(Outcome):
+    """The outcome of a run in which a box was filled and drained."""
 
     n_filled: int  # grains that found room in the upper chamber
     n_early: int  # grains that were below the gate before it was opened
-    holds_all: bool  # whether all grains are inside the box
+    all_inside: bool  # whether all grains are inside the box
     n_over_slot: int  # grains that rest above the middle of the slot
-    energy_j: float  # mean of a grain at the end
+    energy_j: float  # mean kinetic energy of a grain at the end
 
 
 class _Opening(NamedTuple):
-    """The upper chamber at the moment in which its gate is opened."""
+    """The upper chamber at the moment at which its gate is opened."""
 
     time_s: float  # since the beginning of the run
     n_filled: int  # grains in the box
-    n_early: int  # those that were below the gate already
+    n_early: int  # grains that were below the gate already
 
     @classmethod
-    def of(cls, simulation: "dem.Simulation") -> Self:
+    def from_simulation(cls, simulation: "dem.Simulation") -> Self:
         """Describe the present state of the box."""
         return cls(
             time_s=simulation.time_s,
@@ -328,7 +337,7 @@ class _Opening(NamedTuple):
         )
 
 
-# Stands for the opening of a run that broke a bound before it.
+# Entry for a run that broke a bound before its gate was opened.
 _NEVER_OPENED = _Opening(time_s=np.nan, n_filled=0, n_early=0)
 
 
@@ -337,27 +346,30 @@ def _make_factory(
 ) -> Factory:
     """Make the factory above the upper chamber.
 
-    Grains appear where none of the bounding radius `grain_radius_m` touches a wall.
+    A new grain with the bounding radius `grain_radius_m` does not touch a wall.
     """
     area = Strip(
         half_x_m=box.half_width - grain_radius_m,
         half_y_m=box.half_depth - grain_radius_m,
-        height_m=box.top + grain_radius_m,
+        height_m=box.top_height + grain_radius_m,
     )
     return Factory(area, section.berries, section.rate_per_s)
 
 
 def _open_gate(trial: Trial, box: Box) -> None:
-    """Move the gate down until it lies below the lower floor, and stop it there."""
+    """Move the gate down until it lies below the lower floor, and stop it there.
+
+    The trial is advanced in place.
+    """
     simulation = trial.simulation
-    simulation.set_motion("gate", dem.Motion(velocity_m_s=(0.0, 0.0, -LID_M_S)))
-    opening_steps = trial.scene.simulation.steps(box.floor / LID_M_S)
+    simulation.set_motion("gate", dem.Motion(velocity_m_s=(0.0, 0.0, -LID_SPEED_M_S)))
+    opening_steps = trial.scene.simulation.steps(box.floor_height / LID_SPEED_M_S)
     trial.run_to(simulation.steps + opening_steps)
     simulation.set_motion("gate", dem.Motion())
 
 
-def _describe_end(trial: Trial, box: Box, opening: _Opening) -> Drained:
-    """Collect the numbers by which a run is judged at its end.
+def _describe_final_state(trial: Trial, box: Box, opening: _Opening) -> DrainedBox:
+    """Describe the end of a run by the numbers by which it is judged.
 
     Parameters
     ----------
@@ -366,18 +378,18 @@ def _describe_end(trial: Trial, box: Box, opening: _Opening) -> Drained:
     box : Box
         Sizes of the box.
     opening : _Opening
-        The box when its gate was opened.
+        The state of the box when its gate was opened.
     """
     simulation = trial.simulation
     centres = simulation.positions
-    is_above = centres[:, 2] > box.gate
-    # The middle of the slot is half as wide as the slot.
+    is_above = centres[:, 2] > box.gate_height
+    # The middle of the slot is defined as half of its width.
     is_over_slot = is_above & (np.abs(centres[:, 0]) < 0.5 * box.half_slot)
-    holds_all = simulation.present.all() and box.holds(centres).all()
-    return Drained(
+    all_inside = simulation.present.all() and box.contains(centres).all()
+    return DrainedBox(
         n_filled=opening.n_filled,
         n_early=opening.n_early,
-        holds_all=bool(holds_all),
+        all_inside=bool(all_inside),
         n_over_slot=int(np.sum(is_over_slot)),
         energy_j=trial.energy_j(),
         unstable=trial.broken,
@@ -440,15 +452,15 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
     }
 
     def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
-        """Describe the box with its gate closed, as `repose.dem.Simulation` takes it.
+        """Describe the box with a closed gate as arguments of `repose.dem.Simulation`.
 
         Parameters
         ----------
         scene : Scene
             The settings of the box.
         largest_radius_m : float
-            Bounding radius of the largest grain, which must fit below the upper end of
-            the walls.
+            Bounding radius of the largest grain. New grains must fit below the upper end
+            of the walls.
         """
         section = self.section(scene.settings)
         box = Box.of(section)
@@ -456,9 +468,9 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         return {
             "capacity": section.berries,
             "walls": box.walls(1e-3 * section.edge_radius_mm, room_m),
-            "lower": (-box.half_lower, -box.half_depth, 0.0),
-            "upper": (box.half_lower, box.half_depth, box.top + room_m),
-            "exit_height_m": box.gate,
+            "lower": (-box.half_lower_width, -box.half_depth, 0.0),
+            "upper": (box.half_lower_width, box.half_depth, box.top_height + room_m),
+            "exit_height_m": box.gate_height,
         }
 
     def run(
@@ -482,26 +494,26 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         -------
         Run
             The arrays are ``position`` (N, 3) [m], ``quaternion`` (N, 4) and ``scale``
-            (N,) at the end; ``exit_s`` (N,), when each grain left the slot after the
-            opening [s], NaN where it stayed; and ``in_pile`` (N,), the mask of the
-            largest cluster below.
+            (N,) at the end; ``exit_s`` (N,), the time from the opening until each grain
+            left the slot [s], which is not finite for a grain that stayed above; and
+            ``in_pile`` (N,), the mask of the largest cluster below.
         """
         section = self.section(scene.settings)
-        settings = scene.simulation
+        simulation_settings = scene.simulation
         box = Box.of(section)
         trial = Trial(self.build, scene, section.berries, interval_s, progress)
         simulation = trial.simulation
         factory = _make_factory(section, box, trial.largest_radius_m)
 
-        check_interval = max(1, settings.steps(scene.scale.interval_s()))
+        check_interval = max(1, simulation_settings.steps(scene.scale.interval_s()))
         opening = _NEVER_OPENED
-        with trial.bound(factory.area.height_m, LID_M_S).guard():
+        with trial.bound(factory.area.height_m, LID_SPEED_M_S).guard():
             fill_and_rest(trial, factory, section.open_from_s, check_interval)
-            opening = _Opening.of(simulation)
+            opening = _Opening.from_simulation(simulation)
             _open_gate(trial, box)
             # Let the grains begin to fall before their rest is checked.
             trial.run_to(simulation.steps + check_interval)
-            last_step = simulation.steps + settings.steps(section.longest_s)
+            last_step = simulation.steps + simulation_settings.steps(section.longest_s)
             trial.wait(trial.is_at_rest, last_step, check_interval)
 
         arrays = trial.grains()
@@ -510,15 +522,15 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         arrays["in_pile"] = largest_cluster(
             simulation.contacts(), np.isfinite(exit_times_s)
         )
-        outcome = _describe_end(trial, box, opening)
+        outcome = _describe_final_state(trial, box, opening)
         return self.make_run(scene, outcome, arrays, trial.frames(walls=True))
 
-    def judge(self, outcome: Drained, settings: SceneSettings) -> Verdict:
+    def judge(self, outcome: DrainedBox, settings: SceneSettings) -> Verdict:
         """Judge a stable run before it is measured.
 
         Parameters
         ----------
-        outcome : Drained
+        outcome : DrainedBox
             The grains at the end of the run.
         settings : SceneSettings
             Sections of the configuration.
@@ -526,19 +538,19 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         Returns
         -------
         Verdict
-            `OK`, or the first fault: grains without room, lost grains, motion, grains
+            `OK`, or the first fault: grains without room, lost grains, motion, or grains
             that rest above the slot.
         """
         section = self.section(settings)
         if outcome.n_filled < section.berries:
             return Verdict(
                 "not_filled",
-                f"only {outcome.n_filled} of {section.berries} grains find room above "
+                f"only {outcome.n_filled} of {section.berries} grains found room above "
                 "the gate",
             )
-        if outcome.n_early or not outcome.holds_all:
+        if outcome.n_early or not outcome.all_inside:
             return Verdict(
-                "lost", "a grain lies outside the box, or left the closed chamber"
+                "lost", "a grain lies outside the box or left the closed chamber"
             )
         motion_verdict = not_at_rest(
             outcome.energy_j,
@@ -556,7 +568,7 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         return OK
 
     def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
-        """Measure the angles above and below, and mass and rate of what drained.
+        """Measure the angles above and below, and mass and rate of the drained grains.
 
         A grain with an exit time passed the slot and lies below. The other grains stayed
         above.
@@ -571,12 +583,12 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         Returns
         -------
         dict
-            The responses and numbers; an angle that cannot be measured is None. If it
-            is a target, status and reason say so.
+            The responses and numbers. An angle that cannot be measured is None. If the
+            angle is a target, there are also ``status`` and ``reason``.
         """
         box = Box.of(self.section(scene.settings))
-        # Both angles are measured in one view, that along the slot. The two wedges above
-        # are one pile to the measurement, though they need not touch.
+        # Both angles are measured in one view, along the slot. The two wedges above are
+        # measured as one pile, although they may not touch each other.
         pile_settings = scene.measure.model_copy(update={"views": 1})
         wedge_settings = pile_settings.model_copy(update={"largest_pile_only": False})
         wedges = _select_wedges(arrays, scene.particle, box)
@@ -589,7 +601,7 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
             (BELOW.name, pile, pile_settings),
         ):
             try:
-                measured[name] = _angle_of_repose(grains, settings)
+                measured[name] = _measure_angle_of_repose(grains, settings)
             except NoFlankError as error:
                 reasons[name] = error.reason
         measured |= _measure_flow(arrays, scene.particle)
@@ -618,7 +630,7 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         yield from too_early(section, NAME, "open_from_s")
         if section.slot_mm >= section.width_mm:
             yield "drawdown.slot_mm", f"below drawdown.width_mm, {section.width_mm:g}"
-        # The blocks are as thick as the floor, and the gate lies below the floor.
+        # All blocks are as thick as the floor. The gate lies below the floor.
         thickness_mm = section.floor_mm
         if 4 * section.edge_radius_mm > thickness_mm:
             yield (
@@ -637,18 +649,22 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
     def misfits(
         self, settings: SceneSettings, axes_mm: Sequence[float]
     ) -> Contradictions:
-        """Yield keys of a box that is too narrow for the mean grain."""
+        """Yield keys of a box that is too narrow for the mean grain.
+
+        `axes_mm` are the full axes of the mean grain, the longest first. A grain can
+        pass the slot along its longest axis.
+        """
         sizes_mm = {
             "slot_mm": axes_mm[2],
             "depth_mm": axes_mm[0],
             "width_mm": axes_mm[0],
             "height_mm": axes_mm[0],
         }
-        return narrow_openings(self.section(settings), NAME, sizes_mm)
+        return find_narrow_openings(self.section(settings), NAME, sizes_mm)
 
 
 def _select_wedges(arrays: Arrays, particle: "Particle", box: Box) -> "Grains":
-    """Select the grains that stayed above, with both wedges moved back to back.
+    """Select the grains that stayed above, and move both wedges back to back.
 
     Parameters
     ----------
@@ -664,7 +680,7 @@ def _select_wedges(arrays: Arrays, particle: "Particle", box: Box) -> "Grains":
     is_above = ~np.isfinite(arrays["exit_s"])
     centres = np.asarray(arrays["position"], float)
     scales = np.asarray(arrays["scale"], float)
-    wedge_centres = back_to_back(centres, box)
+    wedge_centres = move_wedges_back_to_back(centres, box)
     return Grains(wedge_centres, arrays["quaternion"], particle, scales)[is_above]
 
 
@@ -680,8 +696,8 @@ def _select_pile(
     particle : Particle
         Body of the grains.
     settings : MeasureSettings
-        By its `largest_pile_only` the pile is the largest cluster of the grains below,
-        or all of them.
+        Settings of the measurement. Its `largest_pile_only` decides whether the pile is
+        the largest cluster of the grains below, or all of them.
     """
     from repose.measure.silhouette import Grains
 
@@ -708,15 +724,17 @@ def _measure_flow(arrays: Arrays, particle: "Particle") -> dict[str, Any]:
     Returns
     -------
     dict
-        The numbers by name. The rate is None if too few grains drained, or all at once.
+        The numbers by name. The rate is None if no grain drained, or if all grains of the
+        middle of the flow drained at once.
     """
     scales = np.asarray(arrays["scale"], float)
     exit_s = np.asarray(arrays["exit_s"], float)
     masses = particle.mass_kg * scales**3
     is_below = np.isfinite(exit_s)
+    # The rate stays unknown if no grain drained.
     rate = np.nan
     if is_below.any():
-        rate = rate_kg_s(exit_s[is_below], masses[is_below])
+        rate = compute_mass_flow_kg_s(exit_s[is_below], masses[is_below])
     return {
         MASS.name: 1e3 * float(masses[is_below].sum()),
         FLOW.name: 1e3 * rate if np.isfinite(rate) else None,
@@ -724,8 +742,13 @@ def _measure_flow(arrays: Arrays, particle: "Particle") -> dict[str, Any]:
     }
 
 
-def _angle_of_repose(grains: "Grains", settings: "MeasureSettings") -> float | None:
-    """Measure the angle of repose of a pile [degrees]; NoFlankError if it has none."""
+def _measure_angle_of_repose(
+    grains: "Grains", settings: "MeasureSettings"
+) -> float | None:
+    """Measure the angle of repose of a pile [degrees].
+
+    Raises NoFlankError if the pile has no angle.
+    """
     from repose.measure.pile import measure_pile
 
     return measure_pile(grains, settings).record()["aor_deg"]

@@ -22,12 +22,13 @@ from repose.bench.bench_test import (
     register,
 )
 from repose.bench.factory import Disc, Factory, fill, last_berry_s
-from repose.bench.hopper import Funnel, impossible_surfaces, narrow_openings
+from repose.bench.hopper import Funnel, find_impossible_surfaces, find_narrow_openings
 from repose.bench.scene import Scene
 from repose.bench.settings import Hopper, SceneSettings
 from repose.bench.trial import Progress, Trial, grain_arrays
 from repose.calibrate.responses import Response
 from repose.calibrate.runs import Recorded
+from repose.common.numbers import rounded
 from repose.common.section import OF_OTHERS, Contradictions, OrAuto
 from repose.measure.angles import MEAN_KEYS, VIEW_KEYS
 from repose.measure.clusters import largest_cluster
@@ -35,20 +36,21 @@ from repose.measure.clusters import largest_cluster
 NAME = "funnel"
 # Largest share of the grains that may roll over the edge of the plate.
 LARGEST_LOSS = 0.1
-# Smallest share of the grains on the plate that touch each other in a pile; in 2810
-# pours of the article's study and ours it was 0.86 or more.
+# Smallest share of the grains on the plate that touch each other in a pile. In 2810 pours
+# of the article's study and ours, this share was 0.86 or more.
 SMALLEST_PILE = 0.5
 FEWEST_IN_PILE = 10
-# Share of a pile's volume that grains fill, as poured.
+# Share of the volume of a poured pile that grains fill.
 PACKING = 0.6
 # A grain below this height has left the plate and is gone.
 FLOOR_M = -0.05
-# Checks per `rest_window_s` whether the pile rests, so that the pour may end.
+# How often in a `rest_window_s` the pour checks whether the pile rests.
 CHECKS_PER_WINDOW = 4
-# Share of `rest_motion_mm` that a grain at rest would move in a window at its speed.
+# Largest share of `rest_motion_mm` that a grain at rest would move in another window at
+# its present speed.
 STANDSTILL_SHARE = 0.01
-# What brings a moving pile to rest.
-MORE_TIME = "give the grains more time by funnel.duration_s"
+# Advice for a pour whose pile still moves at the end.
+MORE_TIME_ADVICE = "give the grains more time by funnel.duration_s"
 
 # --- responses ------------------------------------------------------------------------
 
@@ -63,8 +65,10 @@ ANGLE_KEYS = (*LINE_KEYS, *WINDOW_KEYS, "measure.response")
 PLATE_KEYS = ("funnel.plate_diameter_mm",)
 
 
-def _make_angle(definition: str, label: str, keys: tuple[str, ...]) -> Response:
-    """Make the response of the pile's angle by one definition."""
+def _make_angle_response(
+    definition: str, label: str, keys: tuple[str, ...]
+) -> Response:
+    """Make the response of the angle of the pile by one of its definitions."""
     return Response(
         name=f"aor_{definition}_deg",
         unit="deg",
@@ -77,7 +81,7 @@ def _make_angle(definition: str, label: str, keys: tuple[str, ...]) -> Response:
     )
 
 
-def _make_flank(part: str) -> Response:
+def _make_flank_response(part: str) -> Response:
     """Make the response of the slope of the lower or upper part of the flank."""
     return Response(
         name=f"{part}_deg",
@@ -112,11 +116,11 @@ RESPONSES = (
         high=2000.0,
         definition=SILHOUETTE_KEYS,
     ),
-    _make_angle("flank", "angle, flank", LINE_KEYS),
-    _make_angle("secant", "angle, secant", (GRAIN_HEIGHT_KEY,)),
-    _make_angle("steepest", "angle, steepest", LINE_KEYS),
-    _make_angle("whole", "angle, whole side", ()),
-    _make_angle("straightest", "angle, straightest window", WINDOW_KEYS),
+    _make_angle_response("flank", "angle, flank", LINE_KEYS),
+    _make_angle_response("secant", "angle, secant", (GRAIN_HEIGHT_KEY,)),
+    _make_angle_response("steepest", "angle, steepest", LINE_KEYS),
+    _make_angle_response("whole", "angle, whole side", ()),
+    _make_angle_response("straightest", "angle, straightest window", WINDOW_KEYS),
     Response(
         name="base_radius_mm",
         unit="mm",
@@ -127,8 +131,8 @@ RESPONSES = (
         high=1e4,
         definition=(*SILHOUETTE_KEYS, GRAIN_HEIGHT_KEY),
     ),
-    _make_flank("lower"),
-    _make_flank("upper"),
+    _make_flank_response("lower"),
+    _make_flank_response("upper"),
     Response(
         name="packing_percent",
         unit="%",
@@ -292,7 +296,7 @@ class Pour(Outcome):
     frames: dict[str, np.ndarray] | None
 
 
-def _is_over(
+def _is_pour_over(
     simulation: "dem.Simulation",
     section: FunnelSettings,
     position_history: Sequence[np.ndarray],
@@ -306,8 +310,9 @@ def _is_over(
     section : FunnelSettings
         The section `funnel` of the configuration.
     position_history : sequence of array
-        Positions (N, 3) [m] of the grains at the checks of the last rest window, the
-        present ones last. The window is complete with `CHECKS_PER_WINDOW` + 1 checks.
+        Positions (N, 3) [m] of the grains at the checks of the last rest window. The
+        last entry is the present state. A complete window has `CHECKS_PER_WINDOW` + 1
+        checks.
     """
     present = simulation.present
     all_poured = simulation.n_bodies >= section.berries and present.any()
@@ -320,10 +325,10 @@ def _is_over(
     motion_m = np.linalg.norm(position_history[-1] - position_history[0], axis=1)
     has_stayed = motion_m[present].max() <= largest_motion_m
 
-    # At its present speed, no grain would move far in another window. The speed includes
-    # that of the rotation, at the surface of the grain.
-    spin = np.linalg.norm(simulation.angular_velocities, axis=1)
-    surface_speed = spin * simulation.radius
+    # At its present speed, no grain would move far in another window. The rotation of a
+    # grain adds the speed of its surface.
+    angular_speed = np.linalg.norm(simulation.angular_velocities, axis=1)
+    surface_speed = angular_speed * simulation.radius
     speed = np.linalg.norm(simulation.velocities, axis=1) + surface_speed
     next_motion_m = speed[present].max() * section.rest_window_s
     stands_still = next_motion_m <= STANDSTILL_SHARE * largest_motion_m
@@ -367,8 +372,8 @@ def _describe_final_state(
 ) -> Pour:
     """Describe the end of a pour: where each grain is, and how the grains move.
 
-    A grain hangs in the funnel, lies on the plate, or has fallen off the plate. The
-    largest group of grains on the plate that touch each other is the pile.
+    Each grain is in the funnel, on the plate or off the plate. The pile is the largest
+    group of grains on the plate that touch each other.
 
     Parameters
     ----------
@@ -377,17 +382,17 @@ def _describe_final_state(
     outlet_height_m : float
         Height of the funnel's outlet.
     window_start_centres : array or None
-        Centres (N, 3) [m] of the grains at the beginning of the last rest window; None
-        if the pour ended before its first check for rest. The motion is then unknown, and
-        the largest motion is recorded as 0.
+        Centres (N, 3) [m] of the grains at the beginning of the last rest window. None
+        means that the pour ended before its first check for rest. The motion is then
+        unknown, and the largest motion is recorded as 0.
     wall_time : _WallTime
-        How long the pour took on the clock.
+        Wall time of the whole pour, and per time step.
     """
     simulation = trial.simulation
     centres = simulation.positions.copy()
     present = simulation.present
 
-    # A grain that hangs in the outlet has its centre a little below the rim.
+    # A grain that is stuck in the outlet may have its centre a little below the rim.
     is_in_funnel = present & (centres[:, 2] > outlet_height_m - simulation.radius)
     is_on_plate = present & (centres[:, 2] > 0.0) & ~is_in_funnel
     is_in_pile = largest_cluster(simulation.contacts(), is_on_plate)
@@ -410,7 +415,7 @@ def _describe_final_state(
         off_plate=len(centres) - n_in_funnel - n_on_plate,
         kinetic_energy_j=float(pile_energies.sum()),
         largest_motion_m=largest_motion_m,
-        discharge_s=_discharge_s(simulation.exit_times_s),
+        discharge_s=_compute_discharge_s(simulation.exit_times_s),
         wall_s=wall_time.wall_s,
         us_per_step=wall_time.us_per_step,
         frames=trial.frames(),
@@ -419,11 +424,11 @@ def _describe_final_state(
     )
 
 
-def _discharge_s(exit_times_s: np.ndarray) -> float:
+def _compute_discharge_s(exit_times_s: np.ndarray) -> float:
     """Compute the time from the first to the last grain that left the funnel [s].
 
-    `exit_times_s` (N,) is not finite for a grain that has not left. The result is NaN
-    if no grain has left.
+    The exit time (N,) of a grain that has not left is not finite. The result is NaN if
+    no grain has left.
     """
     known_times_s = exit_times_s[np.isfinite(exit_times_s)]
     if not len(known_times_s):
@@ -432,15 +437,15 @@ def _discharge_s(exit_times_s: np.ndarray) -> float:
 
 
 def _make_factory(section: FunnelSettings, grain_radius_m: float) -> Factory:
-    """Make the factory of a pour: a disc above the inlet in which grains appear.
+    """Make the factory of a pour, which adds grains in a disc above the inlet.
 
     Parameters
     ----------
     section : FunnelSettings
         The section `funnel` of the configuration.
     grain_radius_m : float
-        Bounding radius of the largest grain. The centre of a grain stays that far from
-        the disc's edge.
+        Bounding radius of the largest grain. Centres of new grains keep this distance
+        from the edge of the configured disc.
     """
     height_m = section.funnel.inlet_height_m + 1e-3 * section.factory_height_mm
     radius_m = 0.5e-3 * section.factory_diameter_mm - grain_radius_m
@@ -492,9 +497,9 @@ class FunnelTest(BenchTest[FunnelSettings]):
     }
 
     def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
-        """Describe funnel and plate, as `repose.dem.Simulation` takes them.
+        """Describe the funnel and the plate as arguments of `repose.dem.Simulation`.
 
-        The plate lies at z = 0, and all lengths are in m.
+        The plate lies at z = 0. All lengths are in m.
 
         Parameters
         ----------
@@ -506,8 +511,9 @@ class FunnelTest(BenchTest[FunnelSettings]):
         Returns
         -------
         dict
-            Capacity in grains, walls by name, corners of the box, and the heights at
-            which grains leave the funnel and vanish.
+            Capacity in grains, walls by name, lower and upper corner of the box, the
+            height at which a grain leaves the funnel, the height above which walls are
+            curved, and the height below which a grain vanishes.
         """
         section = self.section(scene.settings)
         funnel = section.funnel
@@ -544,8 +550,8 @@ class FunnelTest(BenchTest[FunnelSettings]):
         progress : function, optional
             Called with the simulated time [s] after every advance.
         until_rest : bool, optional
-            Whether the pour ends when the grains rest, at most after `duration_s`;
-            otherwise it takes all of that time.
+            Whether the pour ends as soon as the grains rest. Without a rest, or with
+            False, it lasts for `funnel.duration_s`.
 
         Returns
         -------
@@ -554,27 +560,32 @@ class FunnelTest(BenchTest[FunnelSettings]):
         """
         start_s = time.perf_counter()
         section = self.section(scene.settings)
-        settings = scene.simulation
+        simulation_settings = scene.simulation
         trial = Trial(self.build, scene, section.berries, interval_s, progress)
         simulation = trial.simulation
         factory = _make_factory(section, trial.largest_radius_m)
 
-        last_step = settings.steps(section.duration_s)
-        window_steps = settings.steps(section.rest_window_s)
-        # The time of a step is measured over the last second of the pour.
-        timing_step = last_step - settings.steps(1.0)
+        last_step = simulation_settings.steps(section.duration_s)
+        window_steps = simulation_settings.steps(section.rest_window_s)
+        # The wall time of a step is measured over the last second of the pour.
+        timing_start_step = last_step - simulation_settings.steps(1.0)
         timer = _StepTimer()
-        # Positions at the checks of the last rest window; older ones drop out.
+        # Positions at the checks of the last rest window. The deque drops older ones.
         position_history: deque[np.ndarray] = deque(maxlen=CHECKS_PER_WINDOW + 1)
+        # A broken bound ends this block. The state at that moment is then described.
         with trial.bound(factory.area.height_m).guard():
+            # The last grain must appear a whole rest window before the end.
             fill(trial, factory, last_step - window_steps)
             timer.start(simulation.steps)
-            for step in _check_steps(simulation.steps, last_step, window_steps):
+            for step in _generate_check_steps(
+                simulation.steps, last_step, window_steps
+            ):
                 trial.run_to(step)
-                if step <= timing_step:
+                # Until the last second begins, each check starts the timer anew.
+                if step <= timing_start_step:
                     timer.start(step)
                 position_history.append(simulation.positions.copy())
-                if until_rest and _is_over(simulation, section, position_history):
+                if until_rest and _is_pour_over(simulation, section, position_history):
                     break
 
         wall_time = _WallTime(
@@ -601,7 +612,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
         Returns
         -------
         Verdict
-            `OK`, or the first of these faults: grains in the funnel, too many beside
+            `OK`, or the first of these faults: grains in the funnel, too many grains off
             the plate, grains in motion, no pile.
         """
         section = self.section(settings)
@@ -611,8 +622,8 @@ class FunnelTest(BenchTest[FunnelSettings]):
         if outcome.in_funnel or n_waiting > 0:
             return Verdict(
                 "jammed",
-                f"{outcome.in_funnel} grains in the funnel and {n_waiting} not yet "
-                "poured at the end",
+                f"{outcome.in_funnel} grains are still in the funnel and {n_waiting} are "
+                "not poured at the end",
             )
         if outcome.off_plate > LARGEST_LOSS * n_grains:
             return Verdict(
@@ -623,20 +634,20 @@ class FunnelTest(BenchTest[FunnelSettings]):
         if motion_verdict is not None:
             return motion_verdict
 
-        # Grains that lie apart are no pile.
+        # Grains that do not touch each other form no pile.
         n_in_pile = int(outcome.in_pile.sum())
         n_on_plate = int(outcome.on_plate.sum())
         if n_in_pile < max(FEWEST_IN_PILE, SMALLEST_PILE * n_on_plate):
             return Verdict(
                 "no_flank",
                 f"{n_in_pile} of {n_on_plate} grains touch each other in the largest "
-                f"pile; a pile has at least {FEWEST_IN_PILE} and "
-                f"{100 * SMALLEST_PILE:g} % of them",
+                f"pile; a pile needs at least {FEWEST_IN_PILE} grains and "
+                f"{100 * SMALLEST_PILE:g} % of those on the plate",
             )
         return OK
 
     def _judge_motion(self, outcome: Pour, settings: SceneSettings) -> Verdict | None:
-        """Judge whether the pile rests: by its energy, and by the motion of each grain.
+        """Judge by the energy and by the motion of the grains whether the pile rests.
 
         Parameters
         ----------
@@ -653,16 +664,17 @@ class FunnelTest(BenchTest[FunnelSettings]):
         section = self.section(settings)
         n_in_pile = int(outcome.in_pile.sum())
         mean_energy_j = outcome.kinetic_energy_j / max(1, n_in_pile)
-        energy_verdict = not_at_rest(mean_energy_j, settings, advice=MORE_TIME)
+        energy_verdict = not_at_rest(mean_energy_j, settings, advice=MORE_TIME_ADVICE)
         if energy_verdict is not None:
             return energy_verdict
         motion_mm = 1e3 * outcome.largest_motion_m
         if motion_mm > section.rest_motion_mm:
             return Verdict(
                 "not_at_rest",
-                f"a grain moved {motion_mm:.2f} mm in the last "
-                f"{section.rest_window_s:g} s, more than {section.rest_motion_mm:g}; "
-                f"{MORE_TIME}",
+                f"a grain moved by {rounded(motion_mm, 3)} mm in the last "
+                f"{rounded(section.rest_window_s)} s, more than "
+                f"{rounded(section.rest_motion_mm)} mm; "
+                f"{MORE_TIME_ADVICE}",
             )
         return None
 
@@ -677,13 +689,13 @@ class FunnelTest(BenchTest[FunnelSettings]):
         Parameters
         ----------
         scene, interval_s, progress
-            As of `pour`.
+            See `pour`.
 
         Returns
         -------
         Run
             The arrays are ``position`` (N, 3) [m], ``quaternion`` (N, 4), ``scale``
-            (N,) and ``in_pile`` (N,), the mask of the pile.
+            (N,) and ``in_pile`` (N,), the mask of the grains in the pile.
         """
         pour = self.pour(scene, interval_s, progress)
         arrays = grain_arrays(
@@ -711,7 +723,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
         record : mapping
             The record of the pour: seed, status, reason and numbers.
         arrays : mapping
-            Its arrays by name, as from `run`.
+            The arrays of the pour by name, as `run` returns them.
         scene : Scene
             What the pour depends on.
 
@@ -719,15 +731,16 @@ class FunnelTest(BenchTest[FunnelSettings]):
         -------
         dict
             The record with the `BASIC_NUMBERS` and all other responses that are
-            targets. They are None in a pour that is not ``ok``. A pour whose pile has
-            no number for a target gets another status, and a reason.
+            targets. They are None in a pour that is not ``ok``. If the number of a
+            target cannot be measured, the pour gets another status and a reason.
         """
         settings = scene.settings
         targets = self.target_responses(settings.config)
         computed_targets = [target for target in targets if target.computed_from]
         extra_names = _list_extra_numbers(targets, record)
 
-        # The columns of a table: the verdict first, then responses, then other numbers.
+        # The order of the keys is that of the columns in a table: first the verdict, then
+        # the responses, then the other numbers.
         verdict = {key: record[key] for key in ("seed", "status", "reason")}
         responses: dict[str, Any] = dict.fromkeys((*BASIC_NUMBERS, *extra_names))
         for target in computed_targets:
@@ -740,18 +753,18 @@ class FunnelTest(BenchTest[FunnelSettings]):
 
         pile_numbers, reasons = self._measure_pile(arrays, scene, extra_names)
         responses |= pile_numbers
-        # A computed response follows from numbers of the record and of the pile.
+        # A computed response needs numbers of the record and of the pile.
         known_numbers = {**record, **responses}
         for target in computed_targets:
             responses[target.name] = target.of(known_numbers)
-        # A pour that lacks the number of a target is no longer ok.
+        # A pour without the number of a target does not stay ``ok``.
         verdict |= self.check_targets({**record, **responses}, settings, reasons)
         return verdict | responses | other_numbers
 
     def _measure_pile(
         self, arrays: Arrays, scene: Scene, extra_names: Sequence[str]
     ) -> tuple[dict[str, Any], dict[str, str]]:
-        """Measure the silhouette of a pile and the places of its grains.
+        """Measure the silhouette of a pile and the positions of its grains.
 
         Parameters
         ----------
@@ -760,14 +773,14 @@ class FunnelTest(BenchTest[FunnelSettings]):
         scene : Scene
             What the pour depends on.
         extra_names : sequence of str
-            Numbers that are measured besides the `BASIC_NUMBERS`.
+            Names of numbers to measure in addition to the `BASIC_NUMBERS`.
 
         Returns
         -------
         numbers : dict
             The numbers by name; None where one cannot be measured.
         reasons : dict
-            Why numbers could not be measured, by name.
+            The reason why a number cannot be measured, by its name.
         """
         from repose.measure.saved_piles import pile_responses
 
@@ -795,15 +808,15 @@ class FunnelTest(BenchTest[FunnelSettings]):
         """
         section = self.section(settings)
         window_s = section.rest_window_s
-        # Rest is checked several times in a window, at different time steps.
+        # The checks for rest in a window need different time steps.
         if settings.simulation.time_step_s > window_s / 2:
             yield (
                 "simulation.time_step_s",
                 f"at most half of funnel.rest_window_s, {window_s:g}",
             )
 
-        # The surfaces: grains appear over the inlet, and fall on the plate.
-        yield from impossible_surfaces(section, NAME)
+        # The grains must appear above the inlet and fall onto the plate.
+        yield from find_impossible_surfaces(section, NAME)
         if section.factory_diameter_mm > section.inlet_diameter_mm:
             yield (
                 "funnel.factory_diameter_mm",
@@ -815,7 +828,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
                 f"at least funnel.outlet_diameter_mm, {section.outlet_diameter_mm:g}",
             )
 
-        # The times: a whole window follows the last grain.
+        # A whole rest window must follow the appearance of the last grain.
         if window_s >= section.duration_s:
             yield (
                 "funnel.rest_window_s",
@@ -834,14 +847,15 @@ class FunnelTest(BenchTest[FunnelSettings]):
     ) -> Contradictions:
         """Yield keys of openings that are too narrow for the mean grain.
 
-        A grain passes the outlet along its longest axis, and appears in any orientation.
+        `axes_mm` are the full axes of the mean grain, the longest first. A grain can
+        pass the outlet along its longest axis, but appears in any orientation.
         """
         longest_mm, _, shortest_mm = axes_mm
         sizes_mm = {
             "outlet_diameter_mm": shortest_mm,
             "factory_diameter_mm": longest_mm,
         }
-        return narrow_openings(self.section(settings), NAME, sizes_mm)
+        return find_narrow_openings(self.section(settings), NAME, sizes_mm)
 
 
 def _list_extra_numbers(
@@ -852,19 +866,19 @@ def _list_extra_numbers(
     Parameters
     ----------
     targets : sequence of Response
-        Responses that are targets. A computed one needs the numbers it is computed
-        from.
+        Responses that are targets. A computed response needs the numbers from which it
+        is computed.
     record : mapping
-        The record of the run; numbers that it has already need no measurement.
+        The record of the run. Its numbers need no measurement.
 
     Returns
     -------
     list of str
-        Each number once, in the order of the targets.
+        The name of each number once, in the order of the targets.
     """
     extra_names: list[str] = []
     for target in targets:
-        # A target that is not computed is measured under its own name.
+        # A target that is not computed is itself a measured number.
         needed_names = target.computed_from or (target.name,)
         for name in needed_names:
             if name in BASIC_NUMBERS or name in record or name in extra_names:
@@ -873,17 +887,20 @@ def _list_extra_numbers(
     return extra_names
 
 
-def _check_steps(first_step: int, last_step: int, window_steps: int) -> Iterator[int]:
+def _generate_check_steps(
+    first_step: int, last_step: int, window_steps: int
+) -> Iterator[int]:
     """Yield the time steps at which rest is checked, up to the last time step.
 
     Parameters
     ----------
     first_step, last_step : int
-        Time steps between which the checks lie. The last check is at `last_step`, the
-        first at most one interval after `first_step`.
+        Time steps between which the checks lie. The last check is at `last_step`. The
+        first check is less than one interval after `first_step`.
     window_steps : int
-        Time steps of a rest window, in which there are `CHECKS_PER_WINDOW` checks.
+        Number of time steps in a rest window, which has `CHECKS_PER_WINDOW` checks.
     """
     interval = max(1, window_steps // CHECKS_PER_WINDOW)
+    # The checks are counted back from the last time step, at which one must lie.
     n_intervals = (last_step - first_step) // interval
     yield from range(last_step - n_intervals * interval, last_step + 1, interval)

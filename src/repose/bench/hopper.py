@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from repose import dem
 from repose.bench.settings import Hopper
+from repose.common.numbers import rounded
 from repose.common.section import Contradictions, Section
 
 if TYPE_CHECKING:
@@ -16,9 +17,9 @@ if TYPE_CHECKING:
 class ConeLine(NamedTuple):
     """The line of a cone in the half plane (r, z), as `repose.dem.Cone` takes it.
 
-    A point (r, z) of the line fulfils normal . (r, z) = offset. Places along the line
-    are distances from its point nearest to the origin, in the direction `up`. All
-    lengths are in m.
+    The line consists of the points (r, z) with normal . (r, z) = offset. The place of a
+    point is its distance along the line from the point nearest to the origin, positive in
+    the direction `up`. All lengths are in m.
     """
 
     normal_r: float  # unit vector from the inside into the wall
@@ -32,9 +33,9 @@ class ConeLine(NamedTuple):
 
 @dataclass(frozen=True)
 class Funnel:
-    """Inner surfaces of a funnel about the z axis, all of its edges rounded.
+    """Inner surfaces of a funnel about the z axis: a cone, and a tube below it.
 
-    A tube may follow the cone.
+    All edges are rounded. A funnel may have no tube.
     """
 
     inlet_diameter_m: float  # of the upper circle
@@ -67,7 +68,7 @@ class Funnel:
     @property
     def inlet_height_m(self) -> float:
         """Height of the inlet's circle above the plate [m]."""
-        _, foot_z = self._foot
+        _, foot_z = self._foot_point
         return self.cone_line().last * math.sin(self._slope) + foot_z
 
     @property
@@ -81,39 +82,39 @@ class Funnel:
         return math.radians(self.cone_angle_deg)
 
     @property
-    def _core_m(self) -> float:
-        """Radius of the circle about which all edges are rounded [m]."""
+    def _edge_circle_radius_m(self) -> float:
+        """Radius [m] of the circle that is the centre line of all rounded edges."""
         return 0.5 * self.outlet_diameter_m + self.rim_radius_m
 
     @property
     def _offset(self) -> float:
-        """Offset of the cone's line [m], which is tangent to the rounded edge below."""
+        """Offset [m] of the cone's line, which is tangent to the rounded edge below it."""
         return (
-            math.sin(self._slope) * self._core_m
+            math.sin(self._slope) * self._edge_circle_radius_m
             - math.cos(self._slope) * self.neck_height_m
             - self.rim_radius_m
         )
 
     @property
-    def _foot(self) -> tuple[float, float]:
+    def _foot_point(self) -> tuple[float, float]:
         """The point (r, z) [m] of the cone's line that is nearest to the origin.
 
-        Distances along the line are measured from it.
+        Distances along the line are measured from this point.
         """
         r = self._offset * math.sin(self._slope)
         z = -self._offset * math.cos(self._slope)
         return r, z
 
     def cone_line(self) -> ConeLine:
-        """Compute the cone's line, from the rounded edge up to the inlet."""
+        """Compute the line of the cone, from the rounded edge below it up to the inlet."""
         sin = math.sin(self._slope)
         cos = math.cos(self._slope)
-        foot_r, foot_z = self._foot
+        foot_r, foot_z = self._foot_point
         # Places are distances along the line. The line begins where it touches the
-        # rounded edge.
-        first = cos * self._core_m + sin * self.neck_height_m
-        # It ends at the radius of the inlet. The place of the foot itself is 0 except for
-        # rounding errors.
+        # rounded edge: at the projection of the edge's centre onto its direction.
+        first = cos * self._edge_circle_radius_m + sin * self.neck_height_m
+        # The line ends at the radius of the inlet. The place of the foot point is 0 except
+        # for rounding errors. It stays in the sum because the last bits depend on it.
         inlet_radius = 0.5 * self.inlet_diameter_m
         foot_place = cos * foot_r + sin * foot_z
         last = (inlet_radius - foot_r) / cos + foot_place
@@ -143,7 +144,8 @@ class Funnel:
         dict
             ``cone``, ``outlet`` and, with a tube, ``tube`` and ``neck``.
         """
-        # Directions (r, z) of the walls that meet at an edge; zeros stand for no wall.
+        # Directions (r, z) from an edge along the walls that meet there. Zeros stand for no
+        # wall.
         along_cone = (math.cos(self._slope), math.sin(self._slope))
         up_tube = (0.0, 1.0)
         down_tube = (0.0, -1.0)
@@ -152,9 +154,13 @@ class Funnel:
         def make_edge(
             above: tuple[float, float], below: tuple[float, float], height_m: float
         ) -> "RingEdge":
-            """Make the rounded edge at a height, between the walls above and below."""
+            """Make the rounded edge at a height between the walls above and below it."""
             return dem.RingEdge(
-                self._core_m, self.rim_radius_m, material, (above, below), height_m
+                self._edge_circle_radius_m,
+                self.rim_radius_m,
+                material,
+                (above, below),
+                height_m,
             )
 
         cone = dem.Cone(self.cone_line(), material)
@@ -179,7 +185,7 @@ class Funnel:
         }
 
 
-def impossible_surfaces(hopper: Hopper, name: str) -> Contradictions:
+def find_impossible_surfaces(hopper: Hopper, name: str) -> Contradictions:
     """Yield keys of a funnel that cannot be built.
 
     Parameters
@@ -201,7 +207,8 @@ def impossible_surfaces(hopper: Hopper, name: str) -> Contradictions:
             f"{name}.outlet_diameter_mm",
             f"below {name}.inlet_diameter_mm, {inlet_mm:g}",
         )
-    # On each side, twice the radius of the edge must fit between outlet and inlet.
+    # On each side of the axis, twice the radius of the edge must fit between the outlet
+    # and the inlet.
     largest_rim_mm = (inlet_mm - outlet_mm) / 4
     if hopper.rim_radius_mm > largest_rim_mm:
         yield (
@@ -210,7 +217,7 @@ def impossible_surfaces(hopper: Hopper, name: str) -> Contradictions:
         )
 
 
-def narrow_openings(
+def find_narrow_openings(
     section: Section, name: str, sizes_mm: Mapping[str, float]
 ) -> Contradictions:
     """Yield keys of openings that are no wider than a grain.
@@ -222,7 +229,8 @@ def narrow_openings(
     name : str
         Name of the section.
     sizes_mm : mapping
-        Size of the mean grain that must pass an opening, by the key of the opening.
+        The size of the mean grain that must pass each opening, by the key of the
+        opening.
 
     Yields
     ------
@@ -233,5 +241,5 @@ def narrow_openings(
         if getattr(section, key) <= grain_size_mm:
             yield (
                 f"{name}.{key}",
-                f"above {grain_size_mm:.4g}, the size of a mean grain",
+                f"above {rounded(grain_size_mm)}, the size of a mean grain",
             )

@@ -1,4 +1,4 @@
-"""Bench test of the lifted cylinder: a tube is filled, lifted, and leaves a pile."""
+"""Bench test of the lifted cylinder: a tube is filled and lifted, and leaves a pile."""
 
 import math
 from collections.abc import Sequence
@@ -35,12 +35,13 @@ from repose.bench.funnel import (
     SILHOUETTE_KEYS,
     SMALLEST_PILE,
 )
-from repose.bench.hopper import narrow_openings
+from repose.bench.hopper import find_narrow_openings
 from repose.bench.scene import Scene
 from repose.bench.settings import Poured, SceneSettings
 from repose.bench.trial import Progress, Trial
 from repose.calibrate.responses import Response
 from repose.calibrate.runs import Recorded
+from repose.common.numbers import rounded
 from repose.common.section import ABSENT, MOST_BERRIES, Berries, Contradictions
 from repose.measure.clusters import largest_cluster
 
@@ -48,9 +49,9 @@ if TYPE_CHECKING:
     from repose.grain.particle import Particle
 
 NAME = "lifted_cylinder"
-# Walls that are lifted.
-TUBE = ("tube", "rim")
-# A grain below this height has left the plate and is gone.
+# Names of the walls that are lifted.
+TUBE_WALLS = ("tube", "rim")
+# A grain below this height has left the plate and is removed from the simulation.
 FLOOR_M = -0.05
 
 # --- responses ------------------------------------------------------------------------
@@ -101,7 +102,7 @@ LOOSE = Response(
     high=1e2,
     definition=(*LIFTING_KEYS, "lifted_cylinder.plate_diameter_mm"),
 )
-# Names of the same numbers in the measurement of a pile.
+# Names of the same numbers in the measurement of a pile, by the name of the response.
 PILE_NAMES = {
     ANGLE.name: "aor_deg",
     HEIGHT.name: "height_mm",
@@ -164,7 +165,7 @@ class LiftedCylinderSettings(Poured):
     )
 
     def contradictions(self) -> Contradictions:
-        """Yield the filling height if none or both of the filling's two keys are given."""
+        """Yield the filling height if neither or both keys of the filling are given."""
         has_number = self.berries is not ABSENT
         has_level = self.filling_height_mm is not ABSENT
         if not has_number and not has_level:
@@ -175,10 +176,11 @@ class LiftedCylinderSettings(Poured):
         if has_number and has_level:
             yield "filling_height_mm", "nothing: berries gives the level already"
 
-    def n_solid(self, grain_m3: float) -> float:
-        """Compute how many grains fill the tube to the filling height without gaps.
+    def compute_gapless_count(self, grain_m3: float) -> float:
+        """Compute the number of grains whose volume fills the tube to the filling height.
 
-        `grain_m3` is the volume of a grain.
+        `grain_m3` is the volume of a grain. The number has no gaps between the grains, and
+        it is not rounded.
         """
         radius = 0.5e-3 * self.diameter_mm
         height = 1e-3 * self.filling_height_mm
@@ -187,10 +189,10 @@ class LiftedCylinderSettings(Poured):
     def capacity(self, particle: "Particle") -> int:
         """Return the largest number of grains that a run may add.
 
-        It is `berries` where that is given. For a filling height it is the number
-        without gaps between the grains, which is more than the height needs.
+        It is `berries` if that is given. For a filling height it is the number without
+        gaps between the grains, which is more than this height needs.
         """
-        return self.berries or math.ceil(self.n_solid(particle.volume_m3))
+        return self.berries or math.ceil(self.compute_gapless_count(particle.volume_m3))
 
 
 # --- run ------------------------------------------------------------------------------
@@ -198,37 +200,39 @@ class LiftedCylinderSettings(Poured):
 
 @dataclass(frozen=True)
 class Lifting(Outcome):
-    """A pile below a tube that was lifted."""
+    """The outcome of a run in which a tube was filled and lifted."""
 
     n_filled: int  # grains that found room in the tube
     filling_height_mm: float  # level of the bed before the lifting
-    n_in_tube: int  # grains above the tube's lower edge at the end
-    n_off_plate: int
-    n_in_pile: int
-    energy_j: float  # mean of a grain on the plate at the end
+    n_in_tube: int  # grains above the lower edge of the tube at the end
+    n_off_plate: int  # grains that have left the plate
+    n_in_pile: int  # grains in the largest cluster on the plate
+    energy_j: float  # mean kinetic energy of a grain on the plate at the end
     grain_mm: float  # length of a mean grain
 
 
 class _Tube:
-    """The tube of a trial: it is filled, lifted and stopped.
+    """Fills, lifts and stops the tube of a trial.
+
+    The methods advance the trial in place.
 
     Attributes
     ----------
     lifted_m : float
-        Height of its lower edge above the plate.
+        Height of the lower edge of the tube above the plate.
     n_filled : int
-        Grains in the tube when it was filled.
+        Number of grains in the filled tube; 0 before.
     filling_height_mm : float
-        Level of the bed when the tube was filled; NaN before.
+        Level of the bed in the filled tube; NaN before.
     """
 
     def __init__(self, trial: Trial, section: LiftedCylinderSettings) -> None:
         self.trial = trial
         self.simulation = trial.simulation
-        self.settings = trial.scene.simulation
+        self.simulation_settings = trial.scene.simulation
         self.section = section
         self.check_interval = max(
-            1, self.settings.steps(trial.scene.scale.interval_s())
+            1, self.simulation_settings.steps(trial.scene.scale.interval_s())
         )
         self.lifted_m = 0.0
         self.n_filled = 0
@@ -237,8 +241,7 @@ class _Tube:
     def fill(self, factory: Factory) -> None:
         """Fill the tube with grains, and let them rest.
 
-        The filling ends with the number of grains, or with the level of the bed,
-        whichever the configuration gives.
+        The configuration gives either the number of grains or the level of the bed.
         """
         if self.section.filling_height_mm is ABSENT:
             fill_and_rest(
@@ -266,46 +269,49 @@ class _Tube:
         start_s = simulation.time_s
         lifting_m_s = 1e-3 * self.section.lifting_mm_s
         length_m = 1e-3 * self.section.length_mm
-        last_step = simulation.steps + self.settings.steps(length_m / lifting_m_s)
+        last_step = simulation.steps + self.simulation_settings.steps(
+            length_m / lifting_m_s
+        )
         _move_tube(simulation, lifting_m_s)
-        while self.find_grains().any() and simulation.steps < last_step:
+        while self.mark_grains_inside().any() and simulation.steps < last_step:
             next_check = simulation.steps + self.check_interval
             self.trial.run_to(min(last_step, next_check))
             self.lifted_m = lifting_m_s * (simulation.time_s - start_s)
         _move_tube(simulation, 0.0)
 
     def wait_for_rest(self) -> None:
-        """Wait until the pile rests, at most for the time `settle_s`."""
-        settle_steps = self.settings.steps(self.section.settle_s)
+        """Wait until the pile rests, at most for `lifted_cylinder.settle_s`."""
+        settle_steps = self.simulation_settings.steps(self.section.settle_s)
         last_step = self.simulation.steps + settle_steps
         self.trial.wait(self.is_at_rest, last_step, self.check_interval)
 
-    def find_grains(self) -> np.ndarray:
-        """Mark the grains (N,) whose centres lie above the tube's lower edge."""
+    def mark_grains_inside(self) -> np.ndarray:
+        """Mark the grains (N,) whose centres lie above the lower edge of the tube."""
         heights = self.simulation.positions[:, 2]
         return self.simulation.present & (heights > self.lifted_m)
 
     def is_at_rest(self) -> bool:
-        """Return whether the grains that are on the plate or in the tube rest."""
+        """Return whether the grains on the plate and in the tube rest on average."""
         energies = self.simulation.kinetic_energies()[self.simulation.present]
-        return bool(energies.mean() <= self.settings.rest_energy_j)
+        return bool(energies.mean() <= self.simulation_settings.rest_energy_j)
 
 
 def _move_tube(simulation: "dem.Simulation", speed_m_s: float) -> None:
-    """Let the tube rise at a speed; at 0 it stands still."""
-    for wall in TUBE:
+    """Set the speed at which the tube rises; at 0 the tube stands still."""
+    for wall in TUBE_WALLS:
         simulation.set_motion(wall, dem.Motion(velocity_m_s=(0.0, 0.0, speed_m_s)))
 
 
 def _judge_filling(outcome: Lifting, section: LiftedCylinderSettings) -> Verdict | None:
-    """Judge the filling of the tube: the number of its grains, and their level.
+    """Judge the filling of the tube: the number of its grains and the level of the bed.
 
     Parameters
     ----------
     outcome : Lifting
         The numbers of the run.
     section : LiftedCylinderSettings
-        The section `lifted_cylinder`, which gives either the number or the level.
+        The section `lifted_cylinder` of the configuration. It gives either the number or
+        the level.
 
     Returns
     -------
@@ -315,29 +321,29 @@ def _judge_filling(outcome: Lifting, section: LiftedCylinderSettings) -> Verdict
     if section.berries is not ABSENT and outcome.n_filled < section.berries:
         return Verdict(
             "not_filled",
-            f"only {outcome.n_filled} of {section.berries} grains find room in the tube",
+            f"only {outcome.n_filled} of {section.berries} grains found room in the tube",
         )
-    # Without a configured filling height any level is right. A level that is not a
-    # number is wrong.
+    # Any level is right if no filling height is configured, except one that is not a
+    # number.
     level_mm = outcome.filling_height_mm
     wanted_mm = section.filling_height_mm or level_mm
     if not abs(level_mm - wanted_mm) <= outcome.grain_mm:
         return Verdict(
             "not_filled",
-            f"the bed rests at {level_mm:.4g} mm, not at {wanted_mm:g} mm",
+            f"the bed rests at {rounded(level_mm)} mm, not at {wanted_mm:g} mm",
         )
     return None
 
 
-def _sort_grains(trial: Trial, tube: _Tube) -> tuple[Lifting, np.ndarray]:
-    """Sort the grains at the end of a run: in the tube, on the plate, in the pile.
+def _describe_final_state(trial: Trial, tube: _Tube) -> tuple[Lifting, np.ndarray]:
+    """Count the grains in the tube, on the plate and in the pile at the end of a run.
 
     Parameters
     ----------
     trial : Trial
         The trial.
     tube : _Tube
-        The tube at its end.
+        The tube of the trial at the end.
 
     Returns
     -------
@@ -347,13 +353,14 @@ def _sort_grains(trial: Trial, tube: _Tube) -> tuple[Lifting, np.ndarray]:
         Mask (N,) of the grains in the pile.
     """
     simulation = trial.simulation
-    is_in_tube = tube.find_grains()
+    is_in_tube = tube.mark_grains_inside()
     is_above_plate = simulation.present & (simulation.positions[:, 2] > 0.0)
     is_on_plate = is_above_plate & ~is_in_tube
     is_in_pile = largest_cluster(simulation.contacts(), is_on_plate)
     n_in_tube = int(is_in_tube.sum())
     n_on_plate = int(is_on_plate.sum())
 
+    # The mean energy is unknown if no grain lies on the plate.
     mean_energy_j = math.nan
     if n_on_plate:
         mean_energy_j = float(simulation.kinetic_energies()[is_on_plate].mean())
@@ -373,7 +380,7 @@ def _sort_grains(trial: Trial, tube: _Tube) -> tuple[Lifting, np.ndarray]:
 
 @register(NAME)
 class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
-    """A pile of what flows out of a tube that is lifted."""
+    """A pile of the grains that flow out of a tube while it is lifted."""
 
     settings = LiftedCylinderSettings
     responses = (ANGLE, HEIGHT, FOOT, LOOSE)
@@ -421,7 +428,7 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
     }
 
     def world(self, scene: Scene, largest_radius_m: float) -> dict[str, Any]:
-        """Describe the tube on its plate, as `repose.dem.Simulation` takes it.
+        """Describe the tube on its plate as arguments of `repose.dem.Simulation`.
 
         All lengths are in m.
 
@@ -435,8 +442,8 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         Returns
         -------
         dict
-            Capacity in grains, walls by name, corners of the box, and the height at
-            which grains vanish.
+            Capacity in grains, walls by name, lower and upper corner of the box, and the
+            height below which a grain vanishes.
         """
         section = self.section(scene.settings)
         radius = 1e-3 * (0.5 * section.diameter_mm)
@@ -445,13 +452,13 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         plate_radius = 1e-3 * (0.5 * section.plate_diameter_mm)
         up = (0.0, 0.0, 1.0)
         plate = dem.Plane((0.0, 0.0, 0.0), up, "wall", plate_radius)
-        # The wall of the tube begins above its rim. It is longer than the tube, so that
-        # grains that appear at its upper end stay inside.
+        # The wall of the tube begins above its rim. It is longer than configured, so that
+        # grains that appear at the upper end of the tube stay inside.
         wall_foot = (0.0, 0.0, rim_radius)
         wall_height = length + 2.0 * largest_radius_m
         tube = dem.Cylinder(wall_foot, up, wall_height, radius, "wall")
-        # The rim is rounded and touches the plate. In the half plane (r, z) the tube
-        # goes on above it, and nothing below.
+        # The rim is rounded and touches the plate. In the half plane (r, z), the wall of
+        # the tube continues above the rim, and nothing continues below it.
         wall_above = (0.0, 1.0)
         no_wall = (0.0, 0.0)
         rim = dem.RingEdge(
@@ -472,7 +479,7 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         interval_s: float | None = None,
         progress: Progress | None = None,
     ) -> Run:
-        """Fill the tube, let the grains rest, lift it until it is empty, and wait.
+        """Fill the tube, let the grains rest, lift the tube, and let the pile rest.
 
         Parameters
         ----------
@@ -487,28 +494,28 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         -------
         Run
             The arrays are ``position`` (N, 3) [m], ``quaternion`` (N, 4), ``scale``
-            (N,) and ``in_pile`` (N,), as of a pour of the funnel.
+            (N,) and ``in_pile`` (N,), the mask of the grains in the pile.
         """
         section = self.section(scene.settings)
         capacity = section.capacity(scene.particle)
         trial = Trial(self.build, scene, capacity, interval_s, progress)
         tube = _Tube(trial, section)
         length_m = 1e-3 * section.length_mm
-        # Grains appear at the upper end of the tube, where none touches its wall.
+        # Grains appear at the upper end of the tube, where no new grain touches its wall.
         area = Disc(
             0.5e-3 * section.diameter_mm - trial.largest_radius_m,
             length_m + trial.largest_radius_m,
         )
         factory = Factory(area, capacity, section.rate_per_s)
 
-        # Grains that hang in the tube are lifted with it.
+        # Grains that are stuck in the tube are lifted with it.
         highest_m = area.height_m + length_m
         with trial.bound(highest_m, 1e-3 * section.lifting_mm_s).guard():
             tube.fill(factory)
             tube.lift()
             tube.wait_for_rest()
 
-        outcome, in_pile = _sort_grains(trial, tube)
+        outcome, in_pile = _describe_final_state(trial, tube)
         return self.make_run(
             scene,
             outcome,
@@ -534,8 +541,8 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         Returns
         -------
         Verdict
-            `OK`, or the first fault: a wrong filling, grains in the tube, too many
-            beside the plate, motion, no pile.
+            `OK`, or the first fault: a wrong filling, grains in the tube, too many grains
+            off the plate, motion, or no pile.
         """
         section = self.section(settings)
         filling_verdict = _judge_filling(outcome, section)
@@ -545,8 +552,8 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         if outcome.n_in_tube:
             return Verdict(
                 "jammed",
-                f"{outcome.n_in_tube} grains hang in the tube, which was lifted by its "
-                "own length",
+                f"{outcome.n_in_tube} grains are still in the tube after it was lifted by "
+                "its own length",
             )
         if outcome.n_off_plate > LARGEST_LOSS * n_grains:
             return Verdict(
@@ -571,7 +578,7 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         return OK
 
     def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
-        """Measure the pile as every pile, and give the numbers the names of this test.
+        """Measure the pile, and give the numbers the names of this bench test.
 
         Parameters
         ----------
@@ -583,13 +590,13 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         Returns
         -------
         dict
-            The responses; one that cannot be measured is None. If it is a target, there
-            are also ``status`` and ``reason``.
+            The responses. A response that cannot be measured is None. If the response is
+            a target, there are also ``status`` and ``reason``.
         """
         from repose.measure.saved_piles import pile_responses
 
         plate_mm = self.section(scene.settings).plate_diameter_mm
-        # Foot and loose grains are not measured on every pile.
+        # The foot and the loose grains are measured only on request.
         extra_names = (PILE_NAMES[FOOT.name], PILE_NAMES[LOOSE.name])
         pile_numbers, pile_reasons = pile_responses(
             arrays, scene.particle, scene.measure, plate_mm, extra_names
@@ -610,7 +617,7 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         return 2.0 * section.lift_from_s + lifting_s + section.settle_s
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Yield keys of a tube that is lifted too early, or as wide as its plate."""
+        """Yield keys of a tube that is lifted too early or is as wide as its plate."""
         section = self.section(settings)
         if section.berries is not None:
             yield from too_early(section, NAME, "lift_from_s")
@@ -624,7 +631,7 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
     def misfits(
         self, settings: SceneSettings, axes_mm: Sequence[float]
     ) -> Contradictions:
-        """Yield keys of a tube that is too narrow or short, or takes too many grains.
+        """Yield keys of a tube that is too narrow or short, or needs too many grains.
 
         Parameters
         ----------
@@ -641,35 +648,35 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         section = self.section(settings)
         grain_length_mm = axes_mm[0]
         sizes_mm = {"diameter_mm": grain_length_mm, "length_mm": grain_length_mm}
-        yield from narrow_openings(section, NAME, sizes_mm)
+        yield from find_narrow_openings(section, NAME, sizes_mm)
         level_mm = section.filling_height_mm
         if level_mm is ABSENT:
-            # The number of grains is configured, whatever their level.
+            # The number of grains is configured, so their level may be any.
             return
 
-        # A grain must still find room above the bed.
+        # A grain must still fit above the bed.
         shortest_mm = level_mm + grain_length_mm
         if section.length_mm < shortest_mm:
             yield (
                 "lifted_cylinder.length_mm",
-                f"at least {shortest_mm:.4g}, the filling height and the length of a "
+                f"at least {rounded(shortest_mm)}, the filling height plus the length of a "
                 "mean grain",
             )
 
-        # The filling must not take too many grains, nor too much time. Only their
-        # likely number is known before it.
+        # The filling must not need too many grains or too much time. Before it, only the
+        # likely number of grains is known.
         grain_m3 = math.pi / 6 * 1e-9 * math.prod(axes_mm)
-        n_likely = LIKELY_PACKING * section.n_solid(grain_m3)
+        n_likely = LIKELY_PACKING * section.compute_gapless_count(grain_m3)
         last_grain_s = n_likely / section.rate_per_s
         if n_likely > MOST_BERRIES:
             highest_mm = level_mm * MOST_BERRIES / n_likely
             yield (
                 "lifted_cylinder.filling_height_mm",
-                f"below {highest_mm:.4g}, which takes some {MOST_BERRIES} grains",
+                f"below {rounded(highest_mm)}, which needs some {MOST_BERRIES} grains",
             )
         elif last_grain_s >= section.lift_from_s:
             yield (
                 "lifted_cylinder.lift_from_s",
-                f"above {last_grain_s:.4g}, when the last of some {n_likely:.0f} grains "
-                "appears",
+                f"above {rounded(last_grain_s)}, when the last of some {n_likely:.0f} "
+                "grains appears",
             )

@@ -373,7 +373,7 @@ class _BoxPhotograph:
         """
         self.image = image
         self.left_corner_px, right_corner_px = corners_px
-        self.half_width_m = box.half_lower  # of the lower chamber
+        self.half_width_m = box.half_lower_width  # of the lower chamber
         # The line between the corners is the base of the lower chamber. It gives the
         # direction and the scale of the box.
         base_px = right_corner_px - self.left_corner_px
@@ -450,8 +450,10 @@ def measure_box(
     """
     box = Box.of(section)
     photograph = _BoxPhotograph(image, corners_px, box)
-    half_width_m = box.half_lower * (1 - MARGIN_SHARE)
-    below = photograph.redraw_part((-half_width_m, half_width_m), (0.0, box.gate))
+    half_width_m = box.half_lower_width * (1 - MARGIN_SHARE)
+    below = photograph.redraw_part(
+        (-half_width_m, half_width_m), (0.0, box.gate_height)
+    )
     above = _join_wedges(photograph, box)
 
     # A gap may divide the two wedges, so all parts belong to the pile, not only the
@@ -500,7 +502,7 @@ def _measure_slope(view_image: np.ndarray, settings: MeasureSettings) -> Measure
 def _join_wedges(photograph: _BoxPhotograph, box: Box) -> View:
     """Redraw the two wedges in the upper chamber, and put them back to back.
 
-    Together they have the shape of a pile, see `drawdown.back_to_back`.
+    Together they have the shape of a pile, see `drawdown.move_wedges_back_to_back`.
 
     Parameters
     ----------
@@ -515,7 +517,7 @@ def _join_wedges(photograph: _BoxPhotograph, box: Box) -> View:
         The right half of the chamber, and to the right of it the left half.
     """
     # The photograph need not show the whole upper chamber.
-    heights_m = (box.floor, min(box.top, photograph.top_m))
+    heights_m = (box.floor_height, min(box.top_height, photograph.top_m))
     half_width_m = box.half_width * (1 - MARGIN_SHARE)
     left = photograph.redraw_part((-half_width_m, 0.0), heights_m)
     right = photograph.redraw_part((0.0, half_width_m), heights_m)
