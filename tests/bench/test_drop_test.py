@@ -132,9 +132,9 @@ def test_a_berry_that_sticks_is_no_rebound_and_is_not_looked_at_in_every_step(
     law, monkeypatch
 ):
     looks = []
-    check_contact = drop_test._Tracker.check_contact
+    check_contact = drop_test._GrainTracker.check_contact
     monkeypatch.setattr(
-        drop_test._Tracker,
+        drop_test._GrainTracker,
         "check_contact",
         lambda self: looks.append(1) or check_contact(self),
     )

@@ -139,8 +139,8 @@ class _Opening(NamedTuple):
         )
 
     @classmethod
-    def missing(cls, trial: Trial) -> Self:
-        """Make the entry for a funnel that was never opened: without time and energy."""
+    def never_opened(cls, trial: Trial) -> Self:
+        """Describe a funnel that was never opened: time and energy are NaN."""
         return cls(time_s=math.nan, energy_j=math.nan, n_early=0, grains=trial.grains())
 
 
@@ -307,7 +307,7 @@ class DischargeTest(BenchTest[DischargeSettings]):
             trial.wait(is_empty, last_step, check_interval)
         if opening is None:
             # The run broke a bound before the opening. It is not measured.
-            opening = _Opening.missing(trial)
+            opening = _Opening.never_opened(trial)
         return self._collect_run(trial, opening)
 
     def _collect_run(self, trial: Trial, opening: _Opening) -> Run:
@@ -321,8 +321,8 @@ class DischargeTest(BenchTest[DischargeSettings]):
             The funnel when its lid was removed.
         """
         simulation = trial.simulation
-        # Exit times count from the opening. That of a grain that did not leave is not
-        # finite.
+        # Exit times count from the opening. Grains that left before it have a negative time.
+        # The time of grains that did not leave is not finite.
         exit_s = simulation.exit_times_s - opening.time_s
         has_left = np.isfinite(exit_s)
         outcome = Discharge(

@@ -112,7 +112,7 @@ class _Height(NamedTuple):
     height_m: float
 
 
-class _Tracker:
+class _GrainTracker:
     """Advances a grain above a plate: in long strides in its flight, in steps in a hit.
 
     Parameters
@@ -195,8 +195,8 @@ class _Tracker:
         # The sphere reaches the plate at the time t with gap + up_speed t - g t^2 / 2 = 0.
         gravity = self.simulation_settings.gravity_m_s2
         up_speed = self.simulation.velocities[0, 2]
-        root = math.sqrt(up_speed**2 + 2.0 * gravity * gap_m)
-        flight_s = (up_speed + root) / gravity
+        impact_speed = math.sqrt(up_speed**2 + 2.0 * gravity * gap_m)
+        flight_s = (up_speed + impact_speed) / gravity
         stride_s = min(self.longest_stride_s, 0.5 * flight_s)
         return max(1, self.simulation_settings.steps(stride_s))
 
@@ -292,7 +292,7 @@ class DropTest(BenchTest[DropTestSettings]):
         trial = Trial(self.build, scene, 1, interval_s, progress)
         drop_m = 1e-3 * section.height_mm
         add_above(trial, section.orientation, drop_m)
-        tracker = _Tracker(trial)
+        tracker = _GrainTracker(trial)
         # The heights after the first hit. There are none if the grain does not leave the
         # plate.
         rebound: list[_Height] = []

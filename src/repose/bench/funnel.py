@@ -320,10 +320,10 @@ def _is_pour_over(
     if not (all_poured and is_window_complete):
         return False
 
-    # No grain has moved far since the beginning of the window.
+    # No grain has moved far since the beginning of the rest window.
     largest_motion_m = 1e-3 * section.rest_motion_mm
     motion_m = np.linalg.norm(position_history[-1] - position_history[0], axis=1)
-    has_stayed = motion_m[present].max() <= largest_motion_m
+    stayed_in_place = motion_m[present].max() <= largest_motion_m
 
     # At its present speed, no grain would move far in another window. The rotation of a
     # grain adds the speed of its surface.
@@ -333,10 +333,10 @@ def _is_pour_over(
     next_motion_m = speed[present].max() * section.rest_window_s
     stands_still = next_motion_m <= STANDSTILL_SHARE * largest_motion_m
 
-    # No grain hangs in the funnel.
+    # No grain is left in the funnel.
     highest_m = position_history[-1][present, 2].max()
     is_below_outlet = highest_m <= section.funnel.outlet_height_m - simulation.radius
-    return bool(has_stayed and stands_still and is_below_outlet)
+    return bool(stayed_in_place and stands_still and is_below_outlet)
 
 
 class _StepTimer:
@@ -577,9 +577,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
             # The last grain must appear a whole rest window before the end.
             fill(trial, factory, last_step - window_steps)
             timer.start(simulation.steps)
-            for step in _generate_check_steps(
-                simulation.steps, last_step, window_steps
-            ):
+            for step in _yield_check_steps(simulation.steps, last_step, window_steps):
                 trial.run_to(step)
                 # Until the last second begins, each check starts the timer anew.
                 if step <= timing_start_step:
@@ -887,7 +885,7 @@ def _list_extra_numbers(
     return extra_names
 
 
-def _generate_check_steps(
+def _yield_check_steps(
     first_step: int, last_step: int, window_steps: int
 ) -> Iterator[int]:
     """Yield the time steps at which rest is checked, up to the last time step.

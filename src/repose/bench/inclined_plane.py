@@ -36,6 +36,8 @@ NAME = "inclined_plane"
 # The bodies that lie on the plane: first the sled, then the grain that can roll.
 SLED = "sled"
 GRAIN = "berry"
+# Their names in messages. The names above are those of arrays and stay as they are.
+BODY_NAMES = {SLED: "sled", GRAIN: "grain"}
 # Time between two checks of a body, in units of `GrainScale.time_s`: while it comes to
 # rest on the level plane, and while the plane tilts.
 REST_CHECK_TIMES = 0.27
@@ -185,8 +187,8 @@ def _make_sphere_layer() -> np.ndarray:
     array
         Centres (N, 3) of the spheres.
     """
-    # A stretched layer is cut at a radius. Rows are shifted and grains may be narrow, so
-    # it has twice as many rows and columns as this radius would need for spheres.
+    # The stretched layer is cut at a radius later. Rows are shifted and grains may be
+    # narrow, so make far more spheres than lie within `LAYER_RADIUS`.
     half_count = math.ceil(LAYER_RADIUS)
     indices = np.arange(-2 * half_count, 2 * half_count + 1)
     column_grid, row_grid = np.meshgrid(indices, indices)
@@ -539,11 +541,12 @@ def fit_onset_angle_deg(angle_deg: np.ndarray, speed_m_s: np.ndarray) -> float |
     small_roots = np.flatnonzero(speed_roots < SMALLEST_ROOT_SHARE * speed_roots[-1])
     if small_roots.size == 0:
         return None
-    last_small = small_roots[-1]
-    if len(speed_roots) - last_small < FEWEST_SPEEDS:
+    last_small_index = small_roots[-1]
+    if len(speed_roots) - last_small_index < FEWEST_SPEEDS:
         return None
-    first = last_small + 1
-    slope, offset = np.polyfit(angle_deg[first:], speed_roots[first:], 1)
+    first_index = last_small_index + 1
+    slope, offset = np.polyfit(angle_deg[first_index:], speed_roots[first_index:], 1)
+    # This condition also refuses a slope that is not a number.
     if not slope > 0.0:
         return None
     return float(-offset / slope)
@@ -573,21 +576,22 @@ def _find_and_describe_onset(
     angle_deg, speed_m_s, slide_m_s = (
         np.asarray(arrays[f"{body}_{column}"], float) for column in MOTION_COLUMNS
     )
+    body_name = BODY_NAMES[body]
     last_deg = angle_deg[-1]
     if last_deg >= steepest_deg:
-        return None, f"the {body} stays up to {steepest_deg:g} degrees"
+        return None, f"the {body_name} stays up to {steepest_deg:g} degrees"
     # The lowest point of a grain that rolls is nearly at rest.
     if body == GRAIN and slide_m_s[-1] > SLIDING_SHARE * speed_m_s[-1]:
         text = f"the grain slides at {last_deg:.1f} degrees and does not roll"
         return None, text
-    first_deg = fit_onset_angle_deg(angle_deg, speed_m_s)
-    if first_deg is None:
+    onset_deg = fit_onset_angle_deg(angle_deg, speed_m_s)
+    if onset_deg is None:
         text = (
-            f"the {body} moves and stops, without steady motion up to "
+            f"the {body_name} moves and stops, without steady motion up to "
             f"{last_deg:.1f} degrees"
         )
         return None, text
-    return first_deg, f"the {body} begins to move at {first_deg:.2f} degrees"
+    return onset_deg, f"the {body_name} begins to move at {onset_deg:.2f} degrees"
 
 
 def _lay_down_and_tilt(trial: Trial, section: InclinedPlaneSettings) -> list[_Motion]:
@@ -638,7 +642,7 @@ def _add_to_outcome(
     if trial.broken:
         return Tilting(
             restless_body=body,
-            unstable=f"{body}: {trial.broken}",
+            unstable=f"{BODY_NAMES[body]}: {trial.broken}",
             overlap_share=trial.overlap_share,
         )
     if not motions:
@@ -785,10 +789,11 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
     def judge(self, outcome: Tilting, settings: SceneSettings) -> Verdict:
         """Judge a stable run before it is measured."""
         if outcome.restless_body:
+            body_name = BODY_NAMES[outcome.restless_body]
             settle_s = self.section(settings).settle_s
             return Verdict(
                 "not_at_rest",
-                f"the {outcome.restless_body} still moves {settle_s:g} s after it was laid "
+                f"the {body_name} still moves {settle_s:g} s after it was laid "
                 "down; give the grain more time by inclined_plane.settle_s",
             )
         return OK

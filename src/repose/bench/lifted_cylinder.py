@@ -621,6 +621,7 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         section = self.section(settings)
         if section.berries is not None:
             yield from too_early(section, NAME, "lift_from_s")
+        # The rounded rim around the tube is twice as wide as its radius on each side.
         outer_mm = section.diameter_mm + 4 * section.rim_radius_mm
         if section.plate_diameter_mm <= outer_mm:
             yield (

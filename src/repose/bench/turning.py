@@ -401,34 +401,36 @@ class TurningTest(RotatingDrum[TurningSettings]):
         section = self.section(scene.settings)
         angle_names = _list_angle_names(section)
         profiles = _select_target_profiles(scene.settings)
-        no_numbers = dict.fromkeys((*angle_names, *profiles))
+        missing_numbers = dict.fromkeys((*angle_names, *profiles))
         if record["status"] != "ok":
-            return {**record, **no_numbers}
+            return {**record, **missing_numbers}
 
         measured: dict[str, float] = {}
         for index, angle_name in enumerate(angle_names):
-            beds = _BedFrames.select_speed(arrays, index)
+            bed_frames = _BedFrames.select_speed(arrays, index)
             angles_deg = self.surface_angles(
-                beds.position, beds.quaternion, beds.scale, scene
+                bed_frames.position, bed_frames.quaternion, bed_frames.scale, scene
             )
             has_surfaces = len(angles_deg) > 0 and np.isfinite(angles_deg).all()
             if not has_surfaces:
                 verdict = make_no_surface_verdict(scene)
                 fault = {"status": verdict.status, "reason": verdict.reason}
-                return {**record, **fault, **no_numbers}
+                return {**record, **fault, **missing_numbers}
             measured[angle_name] = float(angles_deg.mean())
             profiles_at_speed = {
                 score_name: profile
                 for score_name, profile in profiles.items()
                 if find_speed_index(score_name) == index
             }
-            measured |= self._compute_profile_scores(profiles_at_speed, beds, scene)
+            measured |= self._compute_profile_scores(
+                profiles_at_speed, bed_frames, scene
+            )
         return {**record, **measured}
 
     def _compute_profile_scores(
         self,
         profiles: Mapping[str, Mapping[str, Any]],
-        beds: _BedFrames,
+        bed_frames: _BedFrames,
         scene: Scene,
     ) -> dict[str, float]:
         """Compare the mean surface of a flowing bed with the profiles of targets.
@@ -437,7 +439,7 @@ class TurningTest(RotatingDrum[TurningSettings]):
         ----------
         profiles : mapping
             The target profile of each score, by the name of the score.
-        beds : _BedFrames
+        bed_frames : _BedFrames
             Frames of the bed at one speed.
         scene : Scene
             What the run depends on.
@@ -456,12 +458,12 @@ class TurningTest(RotatingDrum[TurningSettings]):
         mm_per_pixel = scene.settings.mm_per_pixel
         # For each pixel, compute the share of the frames in which the bed covers it. The
         # mean surface lies where this share equals that of the target profile.
-        frames = zip(beds.position, beds.quaternion, strict=True)
-        bed_of_frame = (
-            Grains(position, quaternion, scene.particle, beds.scale)
+        frames = zip(bed_frames.position, bed_frames.quaternion, strict=True)
+        beds = (
+            Grains(position, quaternion, scene.particle, bed_frames.scale)
             for position, quaternion in frames
         )
-        covered_share = bed.occupied_share(bed_of_frame, radius_m, mm_per_pixel)
+        covered_share = bed.occupied_share(beds, radius_m, mm_per_pixel)
         scores = {}
         for name, profile in profiles.items():
             x_m = 1e-3 * np.array(profile["x"])
