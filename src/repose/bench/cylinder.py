@@ -58,7 +58,8 @@ TYPICAL_TAP_REST_S = 0.4
 MOST_POINTS = 1000
 # Number of directions in which the extent of a convex body is compared with a point.
 N_DIRECTIONS = 1000
-# The positive root of x^4 = x + 1, for a Kronecker sequence in three dimensions.
+# The positive root of x^4 = x + 1. Its powers make an even Kronecker sequence in three
+# dimensions (M. Roberts 2018, The unreasonable effectiveness of quasirandom sequences).
 KRONECKER_ROOT = 1.2207440846057596
 
 # --- responses ------------------------------------------------------------------------
@@ -198,7 +199,10 @@ class Vessel:
         return mass / (math.pi * radius**2 * height)
 
     def contains(self, points_m: np.ndarray, margin_m: float = 0.0) -> np.ndarray:
-        """Mark the points (N, 3) that keep a margin from wall, floor and rim inside."""
+        """Mark the points (N, 3) in the cylinder, or in its core if there is a margin.
+
+        The core keeps the distance `margin_m` from wall, floor and rim.
+        """
         x, y, z = np.asarray(points_m, float).T
         is_between_ends = (z > margin_m) & (z < self.height_m - margin_m)
         return is_between_ends & (np.hypot(x, y) < self.radius_m - margin_m)

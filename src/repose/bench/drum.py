@@ -876,7 +876,7 @@ class DrumTest(RotatingDrum[DrumSettings]):
             return Verdict(
                 "no_slip",
                 f"the bed's centre of mass never fell by {drop_deg:g} degrees in "
-                f"{last_s:g} s",
+                f"{rounded(last_s)} s",
             )
         return OK
 
@@ -1078,7 +1078,7 @@ class DrumTest(RotatingDrum[DrumSettings]):
         return section.rotate_from_s + section.longest_rotation_s + section.settle_s
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Yield keys of a drum that cannot be filled, or that turns after its report."""
+        """Yield keys of a drum that cannot be filled or that turns after its report."""
         yield from self.find_impossible_filling(settings)
         section = self.section(settings)
         if section.report_s < section.rotate_from_s:
