@@ -198,7 +198,7 @@ def test_a_slip_without_a_surface_is_no_result(small_rotation, monkeypatch):
         for seen in scenes
     ]
     assert [value["status"] for value in measured] == ["ok", "no_surface"]
-    assert "50 mm a pixel (measure.mm_per_pixel)" in measured[1]["reason"]
+    assert "50 mm per pixel (measure.mm_per_pixel)" in measured[1]["reason"]
     _, profile = TEST.measure_with_profile(
         run.record, run.arrays, Scene.of(scenes[0], {}, BERRY, PARTICLE)
     )

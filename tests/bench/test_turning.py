@@ -62,7 +62,7 @@ def test_the_angle_of_a_turning_drum_is_the_mean_of_its_frames():
     coarse = measured(arrays, settings=config() | {"measure": {"mm_per_pixel": 60.0}})
     assert coarse["status"] == "no_surface"
     assert coarse["turning_deg"] is None
-    assert "60 mm a pixel" in coarse["reason"]
+    assert "60 mm per pixel" in coarse["reason"]
 
 
 def test_a_profile_lies_where_a_bed_covers_enough_of_a_column():
