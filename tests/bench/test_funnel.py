@@ -223,7 +223,7 @@ def test_frames_may_be_a_time_step_apart_and_a_pour_that_goes_on_after_its_pile_
 @pytest.mark.parametrize(
     ("keys", "status", "reason"),
     [
-        ({"outlet_diameter_mm": 14.0}, "jammed", "grains in the funnel"),
+        ({"outlet_diameter_mm": 14.0}, "jammed", "grains are still in the funnel"),
         ({"plate_diameter_mm": 40.0}, "left_plate", "left the plate"),
         ({"duration_s": 1.25, "rest_window_s": 0.02}, "not_at_rest", "J a grain"),
         ({"berries": 4}, "no_flank", " "),

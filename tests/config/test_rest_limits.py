@@ -10,7 +10,7 @@ from shared import ROOT
 
 from repose.bench import Scene, bench
 from repose.bench.grain_scale import GrainScale, round_to_digits
-from repose.bench.inclined_plane import Tilting
+from repose.bench.inclined_plane import GRAIN, Tilting
 from repose.bench.settings import SceneSettings
 from repose.config.computed import REST_TIME
 from repose.config.pipeline import PipelineConfig
@@ -204,6 +204,6 @@ def test_a_grain_that_moves_on_the_plane_names_the_key_to_change(monkeypatch):
     settings = SceneSettings(
         {"inclined_plane": bench("inclined_plane").example["inclined_plane"]}
     )
-    verdict = bench("inclined_plane").judge(Tilting(restless="grain"), settings)
+    verdict = bench("inclined_plane").judge(Tilting(restless_body=GRAIN), settings)
     assert verdict.status == "not_at_rest"
     assert verdict.reason.endswith("by inclined_plane.settle_s")
