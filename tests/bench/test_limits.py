@@ -12,7 +12,7 @@ from repose.bench import Scene, bench, names
 from repose.bench.parameters import PARAMETERS
 from repose.bench.scene import longest_time_step
 from repose.common.errors import InputError
-from repose.config import making
+from repose.config import validation
 from repose.config.pipeline import PipelineConfig
 from repose.grain import build, size_distribution
 from repose.grain.settings import GrainSettings
@@ -77,7 +77,7 @@ def refused_by_check(config, particle, berry):
         * (1 + berry["poisson_ratio"])
     }
     return [
-        key for key, _ in making.find_time_step_faults(config, particle, berry)
+        key for key, _ in validation.find_time_step_faults(config, particle, berry)
     ] == ["simulation.time_step_s"]
 
 

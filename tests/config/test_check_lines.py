@@ -7,7 +7,7 @@ import pytest
 from shared import ROOT
 
 from repose.bench import bench
-from repose.common.numbers import rounded
+from repose.common.numbers import format_significant
 from repose.config import check
 from repose.config.pipeline import PipelineConfig
 
@@ -57,9 +57,9 @@ def test_bad_numbers_are_found():
     ],
 )
 def test_a_number_for_people_has_few_digits_and_no_exponent(value, digits, text):
-    assert rounded(value, digits) == text
+    assert format_significant(value, digits) == text
     signed = text if value < 0 else f"+{text}"
-    assert rounded(value, digits, sign="+") == signed
+    assert format_significant(value, digits, sign="+") == signed
 
 
 @pytest.mark.slow

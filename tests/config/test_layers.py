@@ -14,8 +14,8 @@ from repose.calibrate.study import Study
 from repose.common import places, reading
 from repose.config import loader
 from repose.config.loader import find_substitute_crop
-from repose.config.making import ConfigChecks
 from repose.config.pipeline import PipelineConfig
+from repose.config.validation import ConfigChecks
 
 
 @pytest.mark.parametrize(
@@ -107,7 +107,7 @@ def test_files_and_command_line_lie_over_each_other_for_verbs_and_workflow_alike
 
 def test_a_job_of_a_cluster_does_not_check_the_inputs_again(monkeypatch):
     monkeypatch.setattr(
-        "repose.config.making.ConfigChecks._read_files",
+        "repose.config.validation.ConfigChecks._read_files",
         lambda _: pytest.fail("the inputs were checked"),
     )
     assert PipelineConfig.load().config["label"]

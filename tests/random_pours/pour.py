@@ -21,7 +21,7 @@ from repose.bench.bounds import OVERLAP_LIMIT, SPEED_LIMIT, Bounded
 from repose.bench.parameters import PAIRS, PARAMETERS
 from repose.bench.scene import longest_time_step
 from repose.bench.settings import SceneSettings
-from repose.config import making
+from repose.config import validation
 from repose.config.pipeline import PipelineConfig
 from repose.dem.constants import OF_LAWS, TWISTING
 from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
@@ -436,7 +436,7 @@ def poured(number, default, mean, particles, seen):
     mus_gp = parameters["mus_gp"]
     entries["parameters"]["mus_gp"] = [mus_gp, mus_gp + 0.01]
     entries["validation"] = config["validation"] | {"published": None}
-    faults += making.find_time_step_faults(config | entries, particle, berry)
+    faults += validation.find_time_step_faults(config | entries, particle, berry)
     if faults:
         return row | {
             "status": "refused",

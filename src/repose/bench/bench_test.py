@@ -17,7 +17,7 @@ from repose.calibrate.responses import Response
 from repose.calibrate.runs import OVERLAP_SHARE, Recorded
 from repose.calibrate.seeds import UNNAMED
 from repose.common.errors import InputError
-from repose.common.numbers import rounded
+from repose.common.numbers import format_significant
 from repose.common.section import Contradictions
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ def not_at_rest(
     return Verdict(
         "not_at_rest",
         f"kinetic energy {energy_j:.2e} J a grain{when}, more than "
-        f"{rounded(limit_j, 2)}; {advice}",
+        f"{format_significant(limit_j, 2)}; {advice}",
     )
 
 
@@ -371,7 +371,7 @@ class BenchTest(ABC, Generic[S]):
             limits = f"{response.low:g} to {response.high:g} {response.unit}".rstrip()
             return measured | {
                 "status": OUT_OF_BOUNDS,
-                "reason": f"{response.label} is {rounded(value)}, outside {limits}",
+                "reason": f"{response.label} is {format_significant(value)}, outside {limits}",
             }
         return measured
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from repose.common.numbers import rounded
+from repose.common.numbers import format_significant
 
 if TYPE_CHECKING:
     from repose import dem
@@ -194,13 +194,13 @@ class Bounded:
         if speed_m_s <= self.fastest_m_s:
             return
         if math.isfinite(speed_m_s):
-            motion = f"moves at {rounded(speed_m_s, 3)} m/s"
+            motion = f"moves at {format_significant(speed_m_s, 3)} m/s"
         else:
             motion = "has no finite position or speed"
         raise Unstable(
             f"grain {fastest_grain} {motion}, {self._describe_time()}: "
             f"{self._describe_remedy()}; "
-            f"none here can be faster than {rounded(self.fastest_m_s, 3)} m/s"
+            f"none here can be faster than {format_significant(self.fastest_m_s, 3)} m/s"
         )
 
     def _check_energy(self) -> None:
@@ -229,9 +229,9 @@ class Bounded:
         suspect = int(np.flatnonzero(present)[np.argmax(kinetic_j)])
         suspect_j = float(kinetic_j.max())
         raise Unstable(
-            f"grain {suspect} has {rounded(suspect_j, 3)} J, "
+            f"grain {suspect} has {format_significant(suspect_j, 3)} J, "
             f"{self._describe_time()}: {self._describe_remedy()}; all grains together "
-            f"have {rounded(total_j, 3)} J and were given {rounded(given_j, 3)} J"
+            f"have {format_significant(total_j, 3)} J and were given {format_significant(given_j, 3)} J"
         )
 
     def _check_overlaps(self) -> None:
@@ -319,17 +319,17 @@ class Bounded:
     def _make_overlap_error(self, bodies: str, overlap_m: float) -> Unstable:
         """Make the error about two bodies, given in words, that overlap too deeply."""
         return Unstable(
-            f"{bodies} overlap by {rounded(1e3 * overlap_m, 3)} mm, "
+            f"{bodies} overlap by {format_significant(1e3 * overlap_m, 3)} mm, "
             f"{self._describe_time()}: a higher berry.shear_modulus_pa, or a shorter "
-            f"simulation.time_step_s than {rounded(self.simulation.time_step_s, 3)}, "
+            f"simulation.time_step_s than {format_significant(self.simulation.time_step_s, 3)}, "
             f"helps; at most {100 * OVERLAP_LIMIT:g} % of the smallest extent is a contact"
         )
 
     def _describe_time(self) -> str:
         """Write the simulated time of a fault."""
-        return f"after {rounded(self.simulation.time_s, 3)} s"
+        return f"after {format_significant(self.simulation.time_s, 3)} s"
 
     def _describe_remedy(self) -> str:
         """Write the remedy for a time step that is too long."""
         step_s = self.simulation.time_step_s
-        return f"a shorter simulation.time_step_s than {rounded(step_s, 3)} helps"
+        return f"a shorter simulation.time_step_s than {format_significant(step_s, 3)} helps"

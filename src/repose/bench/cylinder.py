@@ -40,7 +40,7 @@ from repose.bench.scene import Scene
 from repose.bench.settings import Poured, SceneSettings
 from repose.bench.trial import Progress, Trial
 from repose.calibrate.responses import Response
-from repose.common.numbers import rounded
+from repose.common.numbers import format_significant
 from repose.common.section import Contradictions
 
 if TYPE_CHECKING:
@@ -675,5 +675,5 @@ class CylinderTest(BenchTest[CylinderSettings]):
         if self.section(settings).diameter_mm <= longest_mm:
             yield (
                 "cylinder.diameter_mm",
-                f"above {rounded(longest_mm)}, the length of a mean grain",
+                f"above {format_significant(longest_mm)}, the length of a mean grain",
             )

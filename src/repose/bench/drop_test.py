@@ -35,7 +35,7 @@ from repose.bench.scene import Scene
 from repose.bench.settings import SceneSettings
 from repose.bench.trial import Progress, Trial
 from repose.calibrate.responses import Response
-from repose.common.numbers import rounded
+from repose.common.numbers import format_significant
 from repose.common.section import Contradictions, Section, Seeds
 
 NAME = "drop_test"
@@ -371,6 +371,6 @@ class DropTest(BenchTest[DropTestSettings]):
         if self.section(settings).height_mm < lowest_mm:
             yield (
                 "drop_test.height_mm",
-                f"at least {rounded(lowest_mm, 3)}, or the fall takes fewer than "
+                f"at least {format_significant(lowest_mm, 3)}, or the fall takes fewer than "
                 f"{FEWEST_STEPS} time steps",
             )

@@ -24,7 +24,7 @@ from repose.bench.scene import Scene
 from repose.bench.settings import Rotating, SceneSettings
 from repose.bench.trial import Progress, Trial
 from repose.calibrate.responses import Response
-from repose.common.numbers import rounded
+from repose.common.numbers import format_significant
 from repose.common.section import Contradictions
 
 if TYPE_CHECKING:
@@ -107,7 +107,7 @@ class Drum:
         if not (abs(height_m) < radius and half_y > 0.0):
             raise ValueError(
                 f"height_m is {height_m!r}; expected a height of less than "
-                f"{rounded(radius)} above or below the axis, in a drum longer than a grain"
+                f"{format_significant(radius)} above or below the axis, in a drum longer than a grain"
             )
         return Strip(math.sqrt(radius**2 - height_m**2), half_y, height_m)
 
@@ -432,7 +432,7 @@ class RotatingDrum(BenchTest[R]):
         if section.length_mm <= grain_length_mm:
             yield (
                 f"{self.name}.length_mm",
-                f"above {rounded(grain_length_mm)}, so that a mean grain fits",
+                f"above {format_significant(grain_length_mm)}, so that a mean grain fits",
             )
         # Where the centre of a grain is higher than this, the grain can touch the shell.
         # The height is negative in a drum that is narrower than a grain.
@@ -440,7 +440,7 @@ class RotatingDrum(BenchTest[R]):
         if abs(section.factory_height_mm) >= highest_mm:
             allowed = "a wider drum, so that a mean grain fits"
             if highest_mm > 0:
-                limit = rounded(highest_mm)
+                limit = format_significant(highest_mm)
                 allowed = f"between -{limit} and {limit}, so that a mean grain fits"
             yield f"{self.name}.factory_height_mm", allowed
 
@@ -876,7 +876,7 @@ class DrumTest(RotatingDrum[DrumSettings]):
             return Verdict(
                 "no_slip",
                 f"the bed's centre of mass never fell by {drop_deg:g} degrees in "
-                f"{rounded(last_s)} s",
+                f"{format_significant(last_s)} s",
             )
         return OK
 

@@ -28,7 +28,7 @@ from repose.bench.settings import Hopper, SceneSettings
 from repose.bench.trial import Progress, Trial, grain_arrays
 from repose.calibrate.responses import Response
 from repose.calibrate.runs import Recorded
-from repose.common.numbers import rounded
+from repose.common.numbers import format_significant
 from repose.common.section import OF_OTHERS, Contradictions, OrAuto
 from repose.measure.angles import MEAN_KEYS, VIEW_KEYS
 from repose.measure.clusters import largest_cluster
@@ -669,9 +669,9 @@ class FunnelTest(BenchTest[FunnelSettings]):
         if motion_mm > section.rest_motion_mm:
             return Verdict(
                 "not_at_rest",
-                f"a grain moved by {rounded(motion_mm, 3)} mm in the last "
-                f"{rounded(section.rest_window_s)} s, more than "
-                f"{rounded(section.rest_motion_mm)} mm; "
+                f"a grain moved by {format_significant(motion_mm, 3)} mm in the last "
+                f"{format_significant(section.rest_window_s)} s, more than "
+                f"{format_significant(section.rest_motion_mm)} mm; "
                 f"{MORE_TIME_ADVICE}",
             )
         return None

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from repose import dem
 from repose.bench.settings import Hopper
-from repose.common.numbers import rounded
+from repose.common.numbers import format_significant
 from repose.common.section import Contradictions, Section
 
 if TYPE_CHECKING:
@@ -241,5 +241,5 @@ def find_narrow_openings(
         if getattr(section, key) <= grain_size_mm:
             yield (
                 f"{name}.{key}",
-                f"above {rounded(grain_size_mm)}, the size of a mean grain",
+                f"above {format_significant(grain_size_mm)}, the size of a mean grain",
             )

@@ -41,7 +41,7 @@ from repose.bench.settings import Poured, SceneSettings
 from repose.bench.trial import Progress, Trial
 from repose.calibrate.responses import Response
 from repose.calibrate.runs import Recorded
-from repose.common.numbers import rounded
+from repose.common.numbers import format_significant
 from repose.common.section import ABSENT, MOST_BERRIES, Berries, Contradictions
 from repose.measure.clusters import largest_cluster
 
@@ -330,7 +330,7 @@ def _judge_filling(outcome: Lifting, section: LiftedCylinderSettings) -> Verdict
     if not abs(level_mm - wanted_mm) <= outcome.grain_mm:
         return Verdict(
             "not_filled",
-            f"the bed rests at {rounded(level_mm)} mm, not at {wanted_mm:g} mm",
+            f"the bed rests at {format_significant(level_mm)} mm, not at {wanted_mm:g} mm",
         )
     return None
 
@@ -660,7 +660,7 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         if section.length_mm < shortest_mm:
             yield (
                 "lifted_cylinder.length_mm",
-                f"at least {rounded(shortest_mm)}, the filling height plus the length of a "
+                f"at least {format_significant(shortest_mm)}, the filling height plus the length of a "
                 "mean grain",
             )
 
@@ -673,11 +673,11 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
             highest_mm = level_mm * MOST_BERRIES / n_likely
             yield (
                 "lifted_cylinder.filling_height_mm",
-                f"below {rounded(highest_mm)}, which needs some {MOST_BERRIES} grains",
+                f"below {format_significant(highest_mm)}, which needs some {MOST_BERRIES} grains",
             )
         elif last_grain_s >= section.lift_from_s:
             yield (
                 "lifted_cylinder.lift_from_s",
-                f"above {rounded(last_grain_s)}, when the last of some {n_likely:.0f} "
+                f"above {format_significant(last_grain_s)}, when the last of some {n_likely:.0f} "
                 "grains appears",
             )

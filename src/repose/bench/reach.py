@@ -14,7 +14,7 @@ from repose.bench.settings import SceneSettings
 from repose.calibrate.targets import Target, Targets
 from repose.common.errors import InputError
 from repose.common.files import read_table
-from repose.common.numbers import rounded
+from repose.common.numbers import format_significant
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.settings import MeasureSettings, line_of
 
@@ -116,7 +116,7 @@ class Reach:
             grain_mm3 = 1e9 * self.pile.particle.volume_m3
             text += (
                 f" By estimate, the mass of {self.pile.n_grains} grains of "
-                f"{rounded(grain_mm3)} mm3 allows at most {self.bound_deg:.1f} deg."
+                f"{format_significant(grain_mm3)} mm3 allows at most {self.bound_deg:.1f} deg."
             )
         if not self.possible:
             text += (

@@ -10,7 +10,7 @@ import numpy as np
 
 from repose.bench.funnel import NAME, FunnelSettings
 from repose.bench.settings import SceneSettings
-from repose.common.numbers import rounded
+from repose.common.numbers import format_significant
 from repose.common.section import AUTO
 
 if TYPE_CHECKING:
@@ -283,7 +283,7 @@ def advise(
     n_grains = poured or funnel.berries
 
     yield (
-        f"grains: the pile is {rounded(height_mm / diameter_mm, 2)} grains high. "
+        f"grains: the pile is {format_significant(height_mm / diameter_mm, 2)} grains high. "
         f"{_describe_half(n_grains, definition)} "
         f"{_describe_enough(n_grains, definition)} "
         "Simulate as many grains as were poured."
@@ -399,9 +399,9 @@ def _describe_scene(scene: SmallerScene, definition: str) -> str:
     else:
         angle = f"changes by {scene.angle_change_deg:+.1f} deg"
     text = (
-        f"{scene.n_fewer} grains take {rounded(scene.time_share, 1)} of the time of "
+        f"{scene.n_fewer} grains take {format_significant(scene.time_share, 1)} of the time of "
         f"{scene.n_grains}; the {definition} angle {angle}, and the Height is "
-        f"{rounded(scene.height_share, 2)} of the target's."
+        f"{format_significant(scene.height_share, 2)} of the target's."
     )
     largest_tabulated = max(list_tabulated_numbers())
     if scene.n_grains > largest_tabulated:

@@ -10,7 +10,7 @@ from typing import Any, Self
 from repose.calibrate.chance import REPORTED_PERCENTS, compute_range_probability
 from repose.calibrate.responses import find_response as known_response
 from repose.calibrate.targets import Target
-from repose.common.numbers import format_with_error, rounded
+from repose.common.numbers import format_significant, format_with_error
 from repose.common.statuses import describe_status
 
 # Advice for an answer whose prediction meets the targets while its simulation does not.
@@ -203,7 +203,9 @@ class Check:
         """Clause with the prediction and its optimism; empty without a prediction."""
         if self.predicted is None:
             return ""
-        text = f"{self.response} {rounded(self.predicted)} {self.unit}".rstrip()
+        text = (
+            f"{self.response} {format_significant(self.predicted)} {self.unit}".rstrip()
+        )
         if not self.optimism_clause:
             return text
         return f"{text} ({self.optimism_clause})"
@@ -302,7 +304,7 @@ class Check:
         if self.simulated is None:
             return f"the {self.label} has no number{self._failure_clause}"
         side = "below" if self.simulated < self.low else "above"
-        distance = f"{rounded(-self.margin, 2)} {self.unit}".rstrip()
+        distance = f"{format_significant(-self.margin, 2)} {self.unit}".rstrip()
         return f"the simulated {self.label} lies {distance} {side} its range"
 
     @property
@@ -324,12 +326,12 @@ class Check:
             value = self.predicted
             kind = "predicted "
         if value is None:
-            return f"{label} without a number (measured {rounded(self.measured)}{line})"
+            return f"{label} without a number (measured {format_significant(self.measured)}{line})"
         # Adding 0.0 turns -0.0, a possible result of rounding, into 0.0.
         percent = 100 * (value - self.measured) / self._hundred_percent
         percent = round(percent, 1) + 0.0
         number = f"{kind}{format_with_error(value, self.standard_error)} {self.unit}".rstrip()
-        measured = f"measured {rounded(self.measured)}, {percent:+.1f} %"
+        measured = f"measured {format_significant(self.measured)}, {percent:+.1f} %"
         return f"{label} {number} ({measured}{line})"
 
     @property
@@ -347,8 +349,8 @@ class Check:
         mean = format_with_error(self.simulated, self.standard_error)
         return (
             f"{self.response}: simulated {mean} {self.unit} (runs: {self.runs}), "
-            f"measured {rounded(self.measured)}; {target}: "
-            f"{self.verdict}, {rounded(abs(self.margin), 2)} {self.unit} {side}"
+            f"measured {format_significant(self.measured)}; {target}: "
+            f"{self.verdict}, {format_significant(abs(self.margin), 2)} {self.unit} {side}"
         )
 
     @property
@@ -572,7 +574,9 @@ class Result:
         else:
             lines = [self.message, "The nearest parameters:"]
         for name, value in self.parameters.items():
-            lines.append(f"  {name:7} {rounded(value)}  {self.labels.get(name, name)}")
+            lines.append(
+                f"  {name:7} {format_significant(value)}  {self.labels.get(name, name)}"
+            )
         if self.near_bounds:
             lines.append(f"{NEAR_BOUNDS_INTRODUCTION}: {'; '.join(self.near_bounds)}.")
         return lines
@@ -699,9 +703,9 @@ def _probability_after(checks: Iterable[Check], further_runs: int) -> float | No
 
 def describe_optimism(optimism: float, error: float | None) -> str:
     """Describe the expected optimism of a prediction in a clause."""
-    text = f"expected optimism {rounded(optimism, 2, sign='+')}"
+    text = f"expected optimism {format_significant(optimism, 2, sign='+')}"
     if error is not None and math.isfinite(error):
-        text += f" +- {rounded(error, 1)}"
+        text += f" +- {format_significant(error, 1)}"
     return text
 
 

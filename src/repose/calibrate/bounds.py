@@ -17,7 +17,7 @@ import numpy as np
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.scales import LINEAR, LOG
 from repose.calibrate.surrogates.base import Predictor
-from repose.common.numbers import rounded
+from repose.common.numbers import format_significant
 
 # Largest standard error of a parameter, as a share of its range. With a larger error, its
 # distance from a bound has no meaning.
@@ -171,10 +171,10 @@ def _compute_rise(
 
 def describe_near_bound(near: Mapping[str, Any]) -> str:
     """Describe in a clause that a parameter is near a bound."""
-    error = rounded(near["standard_error"], 2)
+    error = format_significant(near["standard_error"], 2)
     if "factor" in near:
-        error = f"a factor of {rounded(near['factor'], 2)}"
+        error = f"a factor of {format_significant(near['factor'], 2)}"
     return (
-        f"{near['parameter']} {rounded(near['value'])} is within one standard error of "
+        f"{near['parameter']} {format_significant(near['value'])} is within one standard error of "
         f"the fit ({error}) of its bound {near['bound']:g}"
     )

@@ -37,8 +37,8 @@ from repose.calibrate.uncertainty.posterior import (
 )
 from repose.calibrate.uncertainty.settings import PosteriorSettings
 from repose.common.errors import require
-from repose.common.files import Path_, convert_to_path, write_json, write_table
-from repose.common.numbers import format_with_error, rounded
+from repose.common.files import StrPath, convert_to_path, write_json, write_table
+from repose.common.numbers import format_significant, format_with_error
 
 # Files that `Calibration.save` writes.
 TABLE_FILES = ("samples.csv", "solutions.csv", "posterior.csv", "draws.csv")
@@ -152,7 +152,7 @@ class Calibration(NamedTuple):
         files = strategy(self.study.settings.strategy).files
         return [file for file in files if Path(file).stem in notes]
 
-    def save(self, out_dir: Path_) -> None:
+    def save(self, out_dir: StrPath) -> None:
         """Write tables, summary and material card into a folder.
 
         docs/own_simulator.md lists the files.
@@ -219,8 +219,8 @@ class Calibration(NamedTuple):
         for name, row in self.intervals.items():
             interval = "fixed"
             if row["low"] is not None:
-                interval = f"[{rounded(row['low'])}, {rounded(row['high'])}]"
-            text = f"  {name} {rounded(row['value'])} {interval}"
+                interval = f"[{format_significant(row['low'])}, {format_significant(row['high'])}]"
+            text = f"  {name} {format_significant(row['value'])} {interval}"
             lines.append(cards.add_remark(text, row))
         model_name = self.model.name.replace("_", " ")
         lines.append(f"Predicted by {model_name}, not simulated again:")
@@ -258,7 +258,7 @@ class Calibration(NamedTuple):
         probability = probability.rename(index=lambda name: name.replace("_", " "))
         html = ""
         for table in (parameters, self.prediction, probability):
-            html += table.to_html(float_format=rounded, na_rep="fixed")
+            html += table.to_html(float_format=format_significant, na_rep="fixed")
         message = escape(self.summary["message"])
         return f"{html}<p>{message}</p><p>{escape(self.why)}</p>"
 

@@ -4,12 +4,12 @@ from pathlib import Path
 from typing import Any
 
 from repose.calibrate.responses import Definitions
-from repose.common.files import Path_, read_json
+from repose.common.files import StrPath, read_json
 
 SUMMARY_SUFFIX = "_summary.json"  # follows the stem of a dataset's name
 
 
-def read_summary(dataset_csv: Path_) -> tuple[dict[str, Any], Path]:
+def read_summary(dataset_csv: StrPath) -> tuple[dict[str, Any], Path]:
     """Read the summary beside a dataset, and return it with its path.
 
     The summary is empty if the file does not exist.
@@ -21,7 +21,7 @@ def read_summary(dataset_csv: Path_) -> tuple[dict[str, Any], Path]:
     return read_json(path, what="the summary of a dataset"), path
 
 
-def read_definitions(dataset_csv: Path_) -> tuple[Definitions, Path]:
+def read_definitions(dataset_csv: StrPath) -> tuple[Definitions, Path]:
     """Read the definitions of the responses of a dataset, from the summary beside it.
 
     Return the definitions, which are empty if unknown, and the path of the summary.

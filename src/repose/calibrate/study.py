@@ -15,7 +15,7 @@ from repose.calibrate.settings import CalibrationSettings
 from repose.calibrate.strategies.base import Answer, Batch
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError, require
-from repose.common.files import Path_, convert_to_path, format_json, write_json
+from repose.common.files import StrPath, convert_to_path, format_json, write_json
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -91,7 +91,7 @@ class Study:
         targets: Mapping[str, Any],
         strategy: str = "sequential",
         seed: int = 0,
-        file: Path_ | None = None,
+        file: StrPath | None = None,
         simulator: str = "own simulator",
         label: str = "study",
         **sections: Any,
@@ -127,7 +127,7 @@ class Study:
         for sentence in describe_wide_ranges(config["parameters"]):
             warnings.warn(sentence, stacklevel=2)
 
-    def _set_up(self, config: dict[str, Any], file: Path_ | None) -> None:
+    def _set_up(self, config: dict[str, Any], file: StrPath | None) -> None:
         """Set the attributes from a result of `complete_configuration`."""
         from repose.calibrate.study_file import make_settings, make_targets
 
@@ -140,7 +140,7 @@ class Study:
         self.file = None if file is None else Path(file)
 
     @classmethod
-    def resume(cls, file: Path_) -> Self:
+    def resume(cls, file: StrPath) -> Self:
         """Resume the study that keeps its runs in a file.
 
         Parameters
@@ -164,7 +164,9 @@ class Study:
         return cls.own(settings, file)
 
     @classmethod
-    def own(cls, content: Path_ | Mapping[str, Any], file: Path_ | None = None) -> Self:
+    def own(
+        cls, content: StrPath | Mapping[str, Any], file: StrPath | None = None
+    ) -> Self:
         """Make the study of a configuration that names a simulator.
 
         Parameters
@@ -201,7 +203,7 @@ class Study:
         targets: Targets,
         settings: CalibrationSettings,
         config: dict[str, Any],
-        file: Path_ | None = None,
+        file: StrPath | None = None,
     ) -> Self:
         """Make a study of parameters, targets and settings that were checked.
 
@@ -531,7 +533,7 @@ def _complete_target(entry: Any) -> Any:
     }
 
 
-def _find_settings_file(file: Path_) -> Path:
+def _find_settings_file(file: StrPath) -> Path:
     """Return the file of the settings beside a file of runs."""
     path = convert_to_path("file", file)
     require(
@@ -547,7 +549,7 @@ def _find_settings_file(file: Path_) -> Path:
     return path.with_suffix(".json")
 
 
-def _save_settings(content: Mapping[str, Any], file: Path_) -> None:
+def _save_settings(content: Mapping[str, Any], file: StrPath) -> None:
     """Save the settings next to the file of runs, or compare them with the saved ones.
 
     Parameters

@@ -23,8 +23,8 @@ from repose.calibrate.surrogates.settings import NetworkSettings
 from repose.calibrate.targets import Targets
 from repose.calibrate.variance import estimate_within_covariance
 from repose.common.errors import InputError
-from repose.common.files import Path_, read_table
-from repose.common.numbers import rounded
+from repose.common.files import StrPath, read_table
+from repose.common.numbers import format_significant
 
 SPLITS = ("train", "validation", "test")
 # The split of 12 samples has 8 for training, 1 for validation and 3 for the test. With
@@ -290,7 +290,7 @@ def describe_training(metrics: Mapping[str, Any]) -> str:
     for name, score in metrics["test"].items():
         # A response that never varies has no R2.
         if score["r2"]:
-            error = rounded(score["rmse"], 3)
+            error = format_significant(score["rmse"], 3)
             errors.append(f"{name}: R2 {score['r2']:.3f}, error {error}")
     lines = [f"{metrics['n_test']} samples for the test: {', '.join(errors)}"]
     if metrics["n_fitted"] == metrics["n_samples"]:
@@ -315,7 +315,7 @@ def describe_training(metrics: Mapping[str, Any]) -> str:
 
 
 def restore_surrogate(
-    surrogate_json: Path_, predictions_csv: Path_, dataset_csv: Path_
+    surrogate_json: StrPath, predictions_csv: StrPath, dataset_csv: StrPath
 ) -> Surrogate:
     """Load a trained surrogate, and check that its files belong to one training.
 

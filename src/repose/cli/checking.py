@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from repose.cli.options import require_option
 from repose.cli.registry import CONFIG, Option, list_config_files, load_study, verb
 from repose.common.errors import InputError, InputErrors
-from repose.common.numbers import rounded
+from repose.common.numbers import format_significant
 from repose.config.pipeline import PipelineConfig
 
 if TYPE_CHECKING:
@@ -117,7 +117,7 @@ def check(args: argparse.Namespace, study: PipelineConfig) -> None:
     _print_pours(work["pours"])
     minutes = work["total_s"] / args.cores / 60
     print(
-        f"about {rounded(work['pour_s'], 2)} s per pour, and {rounded(minutes, 2)} min "
+        f"about {format_significant(work['pour_s'], 2)} s per pour, and {format_significant(minutes, 2)} min "
         f"on {args.cores} cores for the study, as fast as this machine is now"
     )
 
@@ -149,7 +149,7 @@ def _describe_external_study(
     n_runs = cost.count_runs(runs)
     hours = n_runs * simulator.time_limit_s * simulator.cores / args.cores / 3600
     print(
-        f"{n_runs} runs, at most {rounded(hours, 3)} h on {args.cores} cores by their "
+        f"{n_runs} runs, at most {format_significant(hours, 3)} h on {args.cores} cores by their "
         "time limit"
     )
     if args.makes_run:
@@ -173,7 +173,7 @@ def _print_computed(files: list[str], study: PipelineConfig) -> None:
     numbers = []
     for setting in computed.find_settings_to_compute(config_of_files):
         value = get_value(study.config, setting.key)
-        text = rounded(value) if isinstance(value, float) else str(value)
+        text = format_significant(value) if isinstance(value, float) else str(value)
         numbers.append(f"{setting.key} {text}")
     if numbers:
         print(f"computed, since they are auto or missing: {', '.join(numbers)}")
@@ -274,7 +274,7 @@ def _print_noise(
         source = f"measured in {runs_csv}"
     for name, percent in zip(study.targets.names, result.noise_percent, strict=True):
         print(
-            f"noise: the {name} of single pours scatters by {rounded(percent, 2)} % of "
+            f"noise: the {name} of single pours scatters by {format_significant(percent, 2)} % of "
             f"the target, {source}"
         )
     for tolerance, n_pours in result.needed.items():

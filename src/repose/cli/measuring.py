@@ -12,7 +12,7 @@ from repose.cli.registry import CONFIG, Option, load_study, verb
 from repose.common.errors import InputError, raise_together
 from repose.common.files import format_json
 from repose.common.keys import require_section
-from repose.common.numbers import rounded
+from repose.common.numbers import format_significant
 from repose.common.provenance import hash_file
 from repose.config.pipeline import PipelineConfig
 
@@ -279,7 +279,7 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
         print(
             f"{row['file']}: {shown} ({line_of(settings)}), Height "
             f"{row['height_mm']:.2f} mm; {row['grains']} grains, up is {row['up']}, "
-            f"the plate at {rounded(row['base'])} {args.unit}"
+            f"the plate at {format_significant(row['base'])} {args.unit}"
         )
     print(f"angles by every line and more: {path}")
 

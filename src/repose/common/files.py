@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
 
-Path_ = str | os.PathLike
+StrPath = str | os.PathLike
 # What the value of a key must be: a type, or one of several.
 Kind = type | tuple[type, ...]
 # Column that only a record of runs has: the number of the proposal to which a run belongs.
@@ -50,7 +50,7 @@ def convert_to_path(name: str, path: Any) -> Path:
     InputError
         If the value is neither a text nor a path, or the system refuses such a path.
     """
-    is_path = isinstance(path, Path_) and bool(str(path))
+    is_path = isinstance(path, StrPath) and bool(str(path))
     require(is_path, "study", name, path, allowed="the path of a file")
     # Ask the system whether it allows such a path. A missing file is no fault here: it is
     # reported when the file is read or written.
@@ -68,12 +68,12 @@ def convert_to_path(name: str, path: Any) -> Path:
 # --- writers --------------------------------------------------------------------------
 
 
-def write_text(path: Path_, text: str) -> None:
+def write_text(path: StrPath, text: str) -> None:
     """Write a text as UTF-8."""
     write_bytes(path, text.encode())
 
 
-def write_bytes(path: Path_, content: bytes) -> None:
+def write_bytes(path: StrPath, content: bytes) -> None:
     """Write bytes, with the record of provenance of the current stage if there is one.
 
     The record goes into a PNG itself. For any other file it is written into a second
@@ -101,7 +101,7 @@ def write_bytes(path: Path_, content: bytes) -> None:
         _write_without_record(f"{path}{attached.SIDECAR_SUFFIX}", text.encode())
 
 
-def write_json(path: Path_, content: Any, indent: int = 1) -> None:
+def write_json(path: StrPath, content: Any, indent: int = 1) -> None:
     """Write content as JSON; numbers of numpy are written as plain numbers."""
     text = format_json(content, indent) + "\n"
     _write_without_record(path, text.encode())
@@ -137,7 +137,7 @@ def format_json(content: Any, indent: int = 1) -> str:
 
 
 def write_table(
-    path: Path_,
+    path: StrPath,
     table: "pd.DataFrame",
     float_format: str | None = None,
     index: bool = False,
@@ -167,7 +167,7 @@ def write_table(
     write_text(path, table.to_csv(index=index, float_format=float_format))
 
 
-def write_npz(path: Path_, arrays: Mapping[str, Any]) -> None:
+def write_npz(path: StrPath, arrays: Mapping[str, Any]) -> None:
     """Write named arrays as a compressed .npz file, with the record of the stage."""
     import numpy as np
 
@@ -178,7 +178,7 @@ def write_npz(path: Path_, arrays: Mapping[str, Any]) -> None:
     write_listed_file(path, lambda handle: np.savez_compressed(handle, **content))
 
 
-def write_image(path: Path_, picture: "np.ndarray") -> None:
+def write_image(path: StrPath, picture: "np.ndarray") -> None:
     """Write a picture in the format of the path's suffix.
 
     Parameters
@@ -206,12 +206,12 @@ def write_image(path: Path_, picture: "np.ndarray") -> None:
     write_bytes(path, content.tobytes())
 
 
-def _write_without_record(path: Path_, content: bytes) -> None:
+def _write_without_record(path: StrPath, content: bytes) -> None:
     """Write bytes atomically, without a record of provenance."""
     write_listed_file(path, lambda handle: handle.write(content))
 
 
-def _is_record_of_runs(path: Path_) -> bool:
+def _is_record_of_runs(path: StrPath) -> bool:
     """Tell from the header of a file whether it is a record of runs."""
     if not Path(path).is_file():
         return False
@@ -230,7 +230,7 @@ def _convert_to_plain(value: Any) -> Any:
 
 
 def read_table(
-    path: Path_, columns: Iterable[str | Column] = (), what: str = tables.TABLE
+    path: StrPath, columns: Iterable[str | Column] = (), what: str = tables.TABLE
 ) -> "pd.DataFrame":
     """Read a CSV file that has at least these columns.
 
@@ -240,7 +240,7 @@ def read_table(
 
 
 def read_json(
-    path: Path_,
+    path: StrPath,
     keys: Iterable[str] | Mapping[str, Kind] = (),
     what: str = "a JSON file",
 ) -> dict[str, Any]:
@@ -304,7 +304,7 @@ def _describe_kind(kind: Kind) -> str:
 
 
 def read_npz(
-    path: Path_, keys: Iterable[str] = (), what: str = "an .npz file"
+    path: StrPath, keys: Iterable[str] = (), what: str = "an .npz file"
 ) -> dict[str, "np.ndarray"]:
     """Read all arrays of an .npz file.
 

@@ -7,7 +7,7 @@ LARGEST_PLAIN = 1e5
 SMALLEST_PLAIN = 1e-4
 
 
-def rounded(value: float, digits: int = 4, sign: str = "") -> str:
+def format_significant(value: float, digits: int = 4, sign: str = "") -> str:
     """Write a number with a limited number of significant digits.
 
     Numbers from 0.0001 to 100,000 have no exponent.
@@ -42,10 +42,10 @@ def format_with_error(mean: float, error: float | None) -> str:
         The standard error, in the unit of the mean.
     """
     if error is None:
-        return rounded(mean)
+        return format_significant(mean)
     has_decimals = SMALLEST_PLAIN <= error < math.inf and math.isfinite(mean)
     if not has_decimals:
-        return f"{rounded(mean)} +- {rounded(error, 2)}"
+        return f"{format_significant(mean)} +- {format_significant(error, 2)}"
     # An error of 9.96 is written as 10, so its power of ten is that of the rounded number.
     rounded_error = float(f"{error:.2g}")
     decimals = max(1 - _power_of_ten(rounded_error), 0)

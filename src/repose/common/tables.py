@@ -20,13 +20,13 @@ import numpy as np
 
 from repose.common.attached import require_plain_file
 from repose.common.errors import InputError, raise_together, require, shown
-from repose.common.numbers import rounded
+from repose.common.numbers import format_significant
 from repose.common.summary_rows import find_summary_row
 
 if TYPE_CHECKING:
     import pandas as pd
 
-Path_ = str | os.PathLike
+StrPath = str | os.PathLike
 # A faulty cell: its row, counted from 0, its column, its value, and the allowed values.
 Fault = tuple[int, str, Any, str]
 
@@ -252,7 +252,7 @@ def _is_row_number(cells: Iterable[str]) -> bool:
 
 
 def read(
-    path: Path_,
+    path: StrPath,
     columns: Iterable[str | Column],
     what: str = TABLE,
     others: Callable[[Iterable[str]], bool] = holds_numbers,
@@ -484,7 +484,7 @@ def describe_columns(columns: Mapping[str, Sequence[Any]]) -> list[str]:
             continue
         numbers = np.array([float(text) for text in texts])
         lines.append(
-            f"{name}: {len(numbers)} numbers, mean {rounded(numbers.mean())}, "
+            f"{name}: {len(numbers)} numbers, mean {format_significant(numbers.mean())}, "
             f"from {_describe_extreme(numbers, numbers.min())} "
             f"to {_describe_extreme(numbers, numbers.max())}"
         )
@@ -504,8 +504,8 @@ def _describe_extreme(numbers: np.ndarray, value: float) -> str:
     _, counts = np.unique(numbers, return_counts=True)
     count = int((numbers == value).sum())
     if count >= FEWEST_REPEATS and np.median(counts) == 1:
-        return f"{rounded(value)} ({count} times)"
-    return rounded(value)
+        return f"{format_significant(value)} ({count} times)"
+    return format_significant(value)
 
 
 def describe_unread(
@@ -571,13 +571,13 @@ def _list_frequent_values(counts: "Counter[str]") -> str:
     return f"{', '.join(texts)}{others}"
 
 
-def print_columns(path: Path_) -> None:
+def print_columns(path: StrPath) -> None:
     """Print the lines of `describe_columns` for a user's table on stderr."""
     for line in describe_columns(read_sheet(path).text):
         print(f"{path}: {line}", file=sys.stderr)
 
 
-def read_sheet(path: Path_, what: str = TABLE) -> Table:
+def read_sheet(path: StrPath, what: str = TABLE) -> Table:
     """Read the cells of a table as text.
 
     The encoding is UTF-8, with or without a byte order mark, or UTF-16 with one. Commas,
@@ -623,7 +623,7 @@ def read_sheet(path: Path_, what: str = TABLE) -> Table:
     return Table(path, cells, comments)
 
 
-def _read_lines_and_comments(path: Path_, what: str) -> tuple[list[str], list[str]]:
+def _read_lines_and_comments(path: StrPath, what: str) -> tuple[list[str], list[str]]:
     """Read the lines of a table, and separate its comments.
 
     Parameters
@@ -655,7 +655,7 @@ def _read_lines_and_comments(path: Path_, what: str) -> tuple[list[str], list[st
 
 
 def read_text_rows(
-    path: Path_, columns: Iterable[Column], what: str = TABLE
+    path: StrPath, columns: Iterable[Column], what: str = TABLE
 ) -> list[dict[str, str]]:
     """Read the cells of a table as text, without importing pandas.
 
@@ -706,7 +706,7 @@ def read_text_rows(
 
 
 def _require_complete_last_row(
-    path: Path_, last_line: str, separator: str, n_columns: int
+    path: StrPath, last_line: str, separator: str, n_columns: int
 ) -> None:
     """Refuse a file that ends within a row.
 
@@ -738,7 +738,7 @@ def _require_complete_last_row(
     require(n_cells >= n_columns, path, "last row", f"{n_cells} cells", allowed)
 
 
-def _read_text(path: Path_, what: str) -> str:
+def _read_text(path: StrPath, what: str) -> str:
     """Read a file as text in UTF-8 or UTF-16.
 
     Parameters
@@ -795,7 +795,7 @@ def _find_separator(header: str) -> str:
     return separator
 
 
-def _split_cells(path: Path_, text: str, separator: str, what: str) -> "pd.DataFrame":
+def _split_cells(path: StrPath, text: str, separator: str, what: str) -> "pd.DataFrame":
     """Split the text of a table into cells.
 
     Parameters
@@ -851,7 +851,7 @@ def _split_cells(path: Path_, text: str, separator: str, what: str) -> "pd.DataF
     return cells
 
 
-def _replace_decimal_commas(path: Path_, cells: "pd.DataFrame") -> "pd.DataFrame":
+def _replace_decimal_commas(path: StrPath, cells: "pd.DataFrame") -> "pd.DataFrame":
     """Replace the decimal commas of numbers by points.
 
     Parameters

@@ -11,7 +11,7 @@ from repose.bench import scene_size
 from repose.bench.funnel import NAME, PACKING, FunnelSettings
 from repose.bench.settings import SceneSettings
 from repose.common.keys import Config
-from repose.common.numbers import rounded
+from repose.common.numbers import format_significant
 from repose.common.statuses import describe_status
 from repose.config.computed import Grain, compute_diameter_mm
 from repose.dem.laws import ROLLING_LAWS
@@ -111,7 +111,7 @@ def give_funnel_hints(
     outlet_mm = funnel.outlet_height_mm
     if height_mm > outlet_mm:
         yield (
-            f"funnel: WARNING: a pile of {rounded(height_mm, 3)} mm reaches the outlet at "
+            f"funnel: WARNING: a pile of {format_significant(height_mm, 3)} mm reaches the outlet at "
             f"{outlet_mm:g} mm and stops the flow"
         )
 
@@ -169,7 +169,7 @@ def _describe_number_of_grains(
     ).angle_deg
     direction = "lower" if change_deg < 0 else "raise"
     text = (
-        f"grains: {beginning} {rounded(height, 2)} grains high; {n_tabulated // 2} "
+        f"grains: {beginning} {format_significant(height, 2)} grains high; {n_tabulated // 2} "
         f"in place of {n_tabulated} would {direction} the {tabulated_angle} angle by "
         f"{abs(change_deg):.1f} deg"
     )
@@ -197,7 +197,7 @@ def _describe_stiffness(
     """
     modulus_pa = grain["shear_modulus_pa"]
     sinking, softest_pa = compute_softening(config, grain)
-    percent = rounded(100 * sinking, 2)
+    percent = format_significant(100 * sinking, 2)
     sentence = f"the pile sinks by {percent} % of its Height under its own weight"
     if softest_pa >= modulus_pa:
         return f"ok, {sentence}; a lower berry.shear_modulus_pa would sink it more"
@@ -206,10 +206,10 @@ def _describe_stiffness(
     step_s = SceneSettings(config).simulation.time_step_s
     longest_s = longest_step_s({**grain, "shear_modulus_pa": softest_pa})
     return (
-        f"{sentence}. With a berry.shear_modulus_pa of {rounded(softest_pa, 3)} instead "
-        f"of {rounded(modulus_pa, 3)} it sinks by {100 * LARGEST_SINKING:.2g} %; then "
+        f"{sentence}. With a berry.shear_modulus_pa of {format_significant(softest_pa, 3)} instead "
+        f"of {format_significant(modulus_pa, 3)} it sinks by {100 * LARGEST_SINKING:.2g} %; then "
         f"simulation.time_step_s may be {longest_s:.2g} s, and a run takes "
-        f"{rounded(100 * step_s / longest_s, 2)} % of the time"
+        f"{format_significant(100 * step_s / longest_s, 2)} % of the time"
     )
 
 
@@ -309,7 +309,9 @@ def compare_volumes(config: Config, grain_m3: float) -> Filling:
     if height_mm is None:
         if angle_deg is None:
             return Filling(poured_text, fits=True)
-        cone_mm = rounded(1e3 * _compute_cone_height_m(volume_m3, angle_deg), 3)
+        cone_mm = format_significant(
+            1e3 * _compute_cone_height_m(volume_m3, angle_deg), 3
+        )
         return Filling(
             f"{poured_text}: a cone of {angle_deg:g} deg and {cone_mm} mm Height",
             fits=True,
@@ -337,7 +339,7 @@ def compare_volumes(config: Config, grain_m3: float) -> Filling:
     if 1 / VOLUME_FACTOR <= volume_m3 / cone_m3 <= VOLUME_FACTOR:
         return Filling(sentence, fits=True)
     return Filling(
-        f"WARNING: {sentence}, {rounded(cone_m3 / volume_m3, 2)} times as much; count the "
+        f"WARNING: {sentence}, {format_significant(cone_m3 / volume_m3, 2)} times as much; count the "
         "grains, and check the scale of the photographs",
         fits=False,
     )
@@ -411,5 +413,5 @@ def _find_pile_targets(config: Config) -> PileTargets:
 def _format_volume(volume_m3: float) -> str:
     """Write a volume in litres, or a small one in millilitres."""
     if volume_m3 >= 1e-3:
-        return f"{rounded(1e3 * volume_m3, 3)} l"
-    return f"{rounded(1e6 * volume_m3, 3)} ml"
+        return f"{format_significant(1e3 * volume_m3, 3)} l"
+    return f"{format_significant(1e6 * volume_m3, 3)} ml"

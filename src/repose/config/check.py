@@ -14,7 +14,7 @@ from repose.calibrate.runs import describe_run
 from repose.calibrate.strategies import cost as strategies
 from repose.calibrate.strategies.base import CheckRuns
 from repose.common.errors import InputError
-from repose.common.numbers import rounded
+from repose.common.numbers import format_significant
 from repose.common.section import MOST_BERRIES
 from repose.config import advice, computed, cost, dependencies, hits, loader
 from repose.config.pipeline import PipelineConfig
@@ -190,7 +190,7 @@ def _describe_grain(study: PipelineConfig) -> Iterator[str]:
     if section.stl is not None and section.mass_g is not None:
         mass_g = 1e3 * particle.mass_kg
         yield (
-            f"mass: WARNING: the mass of berry.stl is used, {rounded(mass_g, 3)} g; "
+            f"mass: WARNING: the mass of berry.stl is used, {format_significant(mass_g, 3)} g; "
             "berry.mass_g is not used"
         )
 
@@ -252,9 +252,9 @@ def _describe_sizes(study: PipelineConfig) -> Iterator[str]:
     excess = volume_mm3 / largest_mm3 - 1
     if excess > LARGEST_EXCESS:
         yield (
-            f"mass: WARNING: berry.mass_g {rounded(section.mass_g)} makes the body "
-            f"{rounded(100 * excess, 2)} % fuller than its mean axes allow, at most "
-            f"{rounded(largest_mm3)} mm3 (equal axes: a sphere); check mass, density and "
+            f"mass: WARNING: berry.mass_g {format_significant(section.mass_g)} makes the body "
+            f"{format_significant(100 * excess, 2)} % fuller than its mean axes allow, at most "
+            f"{format_significant(largest_mm3)} mm3 (equal axes: a sphere); check mass, density and "
             "sizes, or leave out berry.mass_g"
         )
 
@@ -271,8 +271,8 @@ def _describe_groups(groups: "SizeGroups", distribution: str) -> str:
     """
     n_grains = sum(groups.counts)
     parts = [
-        f"{rounded(100 * count / n_grains, 2)} % of the grains have about "
-        f"{rounded(diameter, 3)} mm"
+        f"{format_significant(100 * count / n_grains, 2)} % of the grains have about "
+        f"{format_significant(diameter, 3)} mm"
         for count, diameter in zip(groups.counts, groups.diameters_mm, strict=True)
     ]
     poured = "equal grains of the mean volume are poured"
@@ -298,7 +298,7 @@ def _describe_spread(
     lost_share : float
         Share of the mean volume that a grain with the mean axes lacks.
     """
-    percent = rounded(100 * spread, 2)
+    percent = format_significant(100 * spread, 2)
     text = f"sizes: WARNING: the equivalent diameter scatters by {percent} %"
     if section.size_distribution == "measured":
         text += ", and is drawn from a normal distribution"
@@ -310,7 +310,7 @@ def _describe_spread(
 
     # A scanned grain, and a grain of the mean volume, lose no volume.
     loss = (
-        f"{rounded(100 * lost_share, 2)} % less volume than the measured grains have on "
+        f"{format_significant(100 * lost_share, 2)} % less volume than the measured grains have on "
         "average"
     )
     if section.stl is None and section.mass_g is not None:
@@ -334,13 +334,13 @@ def describe_time_step(step_s: float, limit: "Limit") -> str:
         The longest stable time step, and what limits it.
     """
     maximum_s = computed.round_down(limit.time_step_s, digits=3)
-    text = f"time step: ok, {rounded(step_s)} s; maximum {rounded(maximum_s, 3)} s"
+    text = f"time step: ok, {format_significant(step_s)} s; maximum {format_significant(maximum_s, 3)} s"
     advised_s = computed.advise_time_step_s(limit.time_step_s)
     if advised_s > WORTHWHILE_RATIO * step_s:
         percent = 100 * step_s / advised_s
         text += (
             f": {limit.reason}; with {advised_s:g} s a run takes "
-            f"{rounded(percent, 2)} % of the time"
+            f"{format_significant(percent, 2)} % of the time"
         )
     return text
 
@@ -460,8 +460,8 @@ def _warn_of_trials(
         margin = LARGEST_DISTANCE_FROM_TRIALS * (high - low)
         if not low - margin <= target.value <= high + margin:
             yield (
-                f"{target.name}: WARNING: the target {rounded(target.value)} is far "
-                f"outside the single runs, {rounded(low)} to {rounded(high)}; other "
+                f"{target.name}: WARNING: the target {format_significant(target.value)} is far "
+                f"outside the single runs, {format_significant(low)} to {format_significant(high)}; other "
                 "ranges or another scene may be needed"
             )
 
@@ -555,8 +555,8 @@ def _format_cost_row(
             "strategy": f"*{name}" if name == study.settings.strategy else name,
             "pours to learn": str(n_runs - n_checks),
             "to check": str(n_checks),
-            "core-minutes": rounded(minutes, 3),
-            "disk": f"{rounded(disk_mb, 3)} MB",
+            "core-minutes": format_significant(minutes, 3),
+            "disk": f"{format_significant(disk_mb, 3)} MB",
         }
     )
 
@@ -631,4 +631,4 @@ def _describe_strategy_cost(study: PipelineConfig, strategy: str) -> str:
     pours = cost.list_strategy_pours(study.settings, strategy)
     minutes = cost.estimate_work(study.config, pours=pours)["total_s"] / 60
     n_pours = cost.count_runs(pours or ())
-    return f"at most {n_pours} pours, about {rounded(minutes, 2)} min on one core, by itself"
+    return f"at most {n_pours} pours, about {format_significant(minutes, 2)} min on one core, by itself"

@@ -26,7 +26,7 @@ from repose.calibrate.targets import OWN_BENCH, Targets
 from repose.calibrate.uncertainty.settings import SensitivitySettings
 from repose.common import places, provenance
 from repose.common.errors import InputError, YamlError, raise_together
-from repose.common.files import Path_
+from repose.common.files import StrPath
 from repose.common.keys import Origin, get_value
 from repose.common.section import PathOrNull, Section, refuse
 from repose.common.target_range import compute_target_range
@@ -45,7 +45,7 @@ from repose.stages import simulate
 from repose.stages.settings import SimulatorSettings, ValidationSettings
 
 if TYPE_CHECKING:
-    from repose.config.making import ConfigChecks
+    from repose.config.validation import ConfigChecks
 
 # Sections for which the short form has other bounds than the models of `StudySettings`.
 SECTIONS_WITH_OTHER_BOUNDS = ("sequential", "posterior")
@@ -216,7 +216,7 @@ class ExternalConfig(PipelineConfig):
                 definitions[name] = response.settings(self.config)
         return definitions
 
-    def study(self, file: Path_ | None = None) -> Study:
+    def study(self, file: StrPath | None = None) -> Study:
         """Make a study that asks for the runs of this configuration.
 
         Parameters

@@ -11,8 +11,8 @@ from repose.calibrate.parameter_types import describe_wide_ranges
 from repose.calibrate.strategies import strategy
 from repose.calibrate.study_file import list_unread_keys
 from repose.common.errors import InputError
-from repose.common.files import Path_
-from repose.common.numbers import rounded
+from repose.common.files import StrPath
+from repose.common.numbers import format_significant
 from repose.common.statuses import describe_failure
 from repose.config import loader
 from repose.config.cost import (
@@ -73,7 +73,7 @@ def describe_program(
     )
 
 
-def describe_strategy(study: PipelineConfig, files: Sequence[Path_]) -> Iterator[str]:
+def describe_strategy(study: PipelineConfig, files: Sequence[StrPath]) -> Iterator[str]:
     """Describe the strategy of a study, and list keys in its files that have no effect.
 
     Parameters
@@ -182,13 +182,15 @@ def make_trial_run(
         )
 
     # Compare them with the targets.
-    point = ", ".join(f"{name} {rounded(value)}" for name, value in parameters.items())
+    point = ", ".join(
+        f"{name} {format_significant(value)}" for name, value in parameters.items()
+    )
     yield f"trial run, seed {record['seed']}, {elapsed_s:.1f} s, at {point}:"
     for target in study.targets:
         unit = f" {target.response.unit}".rstrip()
         yield (
-            f"  {target.name} {rounded(run[target.name])}{unit}; the target is "
-            f"{target.value:g}{unit}, {rounded(target.low)} to {rounded(target.high)}"
+            f"  {target.name} {format_significant(run[target.name])}{unit}; the target is "
+            f"{target.value:g}{unit}, {format_significant(target.low)} to {format_significant(target.high)}"
         )
     yield f"its files: {folder / '1'}"
 
@@ -196,5 +198,5 @@ def make_trial_run(
     n_runs = count_runs(list_runs(study.settings))
     hours = n_runs * elapsed_s * simulator.cores / cores / 3600
     yield (
-        f"{n_runs} runs as long as this one: about {rounded(hours, 2)} h on {cores} cores"
+        f"{n_runs} runs as long as this one: about {format_significant(hours, 2)} h on {cores} cores"
     )

@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 
 from repose.bench.parameters import LAW_PARAMETERS, PARAMETERS
 from repose.common import ledger, places
-from repose.common.files import Path_, write_text
+from repose.common.files import StrPath, write_text
 from repose.common.keys import Config, Origin, get_value
 
 # Keys of `berry` that define a crop.
@@ -31,7 +31,7 @@ REPLACED_SECTIONS = {f"parameters.{name}" for name in (*PARAMETERS, *LAW_PARAMET
 # Stands for a value that a file lacks. No file can contain this value.
 MISSING = ...
 
-ReadFunction = Callable[[Path_], dict[str, Any]]
+ReadFunction = Callable[[StrPath], dict[str, Any]]
 
 
 class MergedConfig(NamedTuple):
@@ -64,7 +64,7 @@ class ConfigFile(NamedTuple):
     content: Config
 
 
-def read_file(path: Path_) -> dict[str, Any]:
+def read_file(path: StrPath) -> dict[str, Any]:
     """Read a configuration file, as `repose.common.reading.read_yaml` does.
 
     That module is imported only here, because the jobs of the workflow read no YAML.
@@ -75,7 +75,7 @@ def read_file(path: Path_) -> dict[str, Any]:
 
 
 def merge_with_defaults(
-    files: Sequence[Path_], overrides: Config | None = None
+    files: Sequence[StrPath], overrides: Config | None = None
 ) -> MergedConfig:
     """Merge configuration files over the defaults, and find the file of each key.
 
@@ -112,7 +112,7 @@ def merge_with_defaults(
 
 
 def merge_without_defaults(
-    files: Sequence[Path_], overrides: Config | None = None
+    files: Sequence[StrPath], overrides: Config | None = None
 ) -> MergedConfig:
     """Merge configuration files, without the defaults.
 
@@ -133,7 +133,7 @@ def is_external(config: Config) -> bool:
 
 def locate_workflow_values(
     workflow_config: Config,
-    files: Sequence[Path_] = (),
+    files: Sequence[StrPath] = (),
     default_source: str = COMMAND_LINE,
 ) -> MergedConfig:
     """Find the file of each value in Snakemake's `config`, without adding defaults.
@@ -170,7 +170,7 @@ def locate_workflow_values(
 
 def merge_workflow_values(
     workflow_config: Config,
-    files: Sequence[Path_] = (),
+    files: Sequence[StrPath] = (),
     default_source: str = COMMAND_LINE,
 ) -> MergedConfig:
     """Merge the values in Snakemake's `config` over the defaults.
@@ -198,7 +198,7 @@ def merge_workflow_values(
     study = places.list_default_configs()[-1]
 
     # Choose the default files. If the values define a crop, only the method is needed.
-    default_files: list[Path_] = [method]
+    default_files: list[StrPath] = [method]
     if files or not _defines_crop(workflow_config):
         contents = [*map(read_once, files), workflow_config]
         default_files = list_files_with_defaults((), read_once, contents)
@@ -334,10 +334,10 @@ def _lacks_keys(config: Config) -> bool:
 
 
 def list_files_with_defaults(
-    files: Sequence[Path_],
+    files: Sequence[StrPath],
     read: ReadFunction = read_file,
     other_configs: Iterable[Config] = (),
-) -> list[Path_]:
+) -> list[StrPath]:
     """List the default files and the user's files of a configuration.
 
     Each file overrides those before it. The built-in crop is among the defaults only if
@@ -367,7 +367,7 @@ def list_files_with_defaults(
     return [*defaults, *files]
 
 
-def find_substitute_crop(*files: Path_) -> Path | None:
+def find_substitute_crop(*files: StrPath) -> Path | None:
     """Find out whether the built-in crop replaces a missing configuration.
 
     This is the case if the working folder has no configuration, and the user's files
@@ -420,7 +420,7 @@ def _defines_crop(config: Config) -> bool:
 
 
 def _merge_files(
-    files: Sequence[Path_],
+    files: Sequence[StrPath],
     overrides: Config | None = None,
     read: ReadFunction = read_file,
 ) -> MergedConfig:
@@ -478,7 +478,7 @@ def _resolve_named_files(config: dict[str, Any]) -> dict[str, Any]:
     return config
 
 
-def write_resolved(config: Config, path: Path_) -> None:
+def write_resolved(config: Config, path: StrPath) -> None:
     """Write a configuration as JSON, unless the file has this content already."""
     path = Path(path)
     text = json.dumps(config, indent=1) + "\n"
@@ -486,7 +486,7 @@ def write_resolved(config: Config, path: Path_) -> None:
         write_text(path, text)
 
 
-def is_resolved(*files: Path_) -> bool:
+def is_resolved(*files: StrPath) -> bool:
     """Tell whether the files are one unchanged file of `write_resolved`."""
     if len(files) != 1:
         return False

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 from repose.calibrate.responses import Definitions
 from repose.common import provenance
 from repose.common.errors import InputError
-from repose.common.files import Path_, convert_to_path, read_json
+from repose.common.files import StrPath, convert_to_path, read_json
 from repose.common.keys import Origin, find_source_file
 from repose.config import loader
 from repose.stages.published import find_sibling_table
@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from repose.calibrate.parameter_space import ParameterSpace
     from repose.calibrate.study import Study
     from repose.calibrate.targets import Targets
-    from repose.config.making import ConfigChecks
     from repose.config.models import StudySettings
+    from repose.config.validation import ConfigChecks
     from repose.grain.particle import Particle
     from repose.stages.settings import SimulatorSettings
 
@@ -47,7 +47,7 @@ class PipelineConfig:
     @classmethod
     def load(
         cls,
-        *files: Path_,
+        *files: StrPath,
         overrides: Mapping[str, Any] | None = None,
         inputs: bool = False,
     ) -> "PipelineConfig":
@@ -123,7 +123,7 @@ class PipelineConfig:
         InputError
             As in `load`.
         """
-        from repose.config.making import ConfigChecks
+        from repose.config.validation import ConfigChecks
 
         if not isinstance(config, Mapping):
             words = "a mapping of sections"
@@ -146,7 +146,7 @@ class PipelineConfig:
         return study
 
     @classmethod
-    def of_results(cls, path: Path_) -> "PipelineConfig":
+    def of_results(cls, path: StrPath) -> "PipelineConfig":
         """Load the configuration of a folder of results, for a job.
 
         Parameters
@@ -243,7 +243,7 @@ class PipelineConfig:
                 definitions[target.response] |= {"profile": profile}
         return definitions
 
-    def study(self, file: Path_ | None = None) -> "Study":
+    def study(self, file: StrPath | None = None) -> "Study":
         """Make a study that asks for the runs of this configuration.
 
         The study knows nothing of this simulator. It receives only what a study of any
@@ -361,6 +361,6 @@ class PipelineConfig:
         A configuration that was loaded from a folder of results makes them here, when
         they are needed for the first time.
         """
-        from repose.config.making import ConfigChecks
+        from repose.config.validation import ConfigChecks
 
         return ConfigChecks(self.config, self.source)

@@ -10,7 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from repose.common.errors import InputError
-from repose.common.files import Path_, write_text
+from repose.common.files import StrPath, write_text
 from repose.export import PROGRAMS, check_laws
 from repose.export.job import Job
 
@@ -33,7 +33,7 @@ def write_template(
     *,
     names: Sequence[str],
     program: str,
-    folder: Path_,
+    folder: StrPath,
 ) -> list[Path]:
     """Write the files of a deck, with a template in place of the main file.
 

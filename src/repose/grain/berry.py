@@ -13,7 +13,7 @@ import pandas as pd
 
 from repose.common.errors import InputError, raise_together
 from repose.common.files import read_table, write_json, write_table
-from repose.common.numbers import rounded
+from repose.common.numbers import format_significant
 from repose.common.tables import Column
 from repose.grain import size_distribution
 from repose.grain.berry_files import (
@@ -434,7 +434,7 @@ def _find_force_faults(
         force_n = float(tests.at[row, "force_n"])
         allowed = (
             f"a modulus within a factor of {LARGEST_MODULUS_RATIO:g} of the median, "
-            f"{rounded(median_pa, 3)} Pa: is it in N?"
+            f"{format_significant(median_pa, 3)} Pa: is it in N?"
         )
         fault = InputError(f"{tests_csv}, row {row}", "force_n", force_n, allowed)
         faults.append(fault)
@@ -446,7 +446,7 @@ def _find_force_faults(
         median_n = float(tests["force_n"].median())
         allowed = (
             f"forces that give a modulus from {low:g} to {high:g} Pa, not "
-            f"{rounded(mean_pa, 2)}: are they in N?"
+            f"{format_significant(mean_pa, 2)}: are they in N?"
         )
         faults.append(InputError(tests_csv, "force_n", median_n, allowed))
     return faults

@@ -12,7 +12,7 @@ import trimesh
 
 from repose.common.errors import InputError
 from repose.common.files import write_bytes, write_table
-from repose.common.numbers import rounded
+from repose.common.numbers import format_significant
 from repose.dem.rotations import sphere_directions
 from repose.grain import mesh_from_axes, sphere_packing, support_fit
 from repose.grain.berry_files import SIZE_COLUMNS, read_grain
@@ -438,7 +438,7 @@ def _check_scan_size(
     for name, extent, mean in zip(SIDE_NAMES, extents, sorted(axes_mm), strict=True):
         if not mean / LARGEST_SIDE_RATIO <= extent <= mean * LARGEST_SIDE_RATIO:
             allowed = (
-                f"near {rounded(mean)}, its mean in the table of sizes: are both in "
+                f"near {format_significant(mean)}, its mean in the table of sizes: are both in "
                 "millimetres, and of one crop?"
             )
             length_mm = round(float(extent), 4)

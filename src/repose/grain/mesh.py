@@ -11,7 +11,7 @@ import trimesh
 from numpy.typing import ArrayLike
 
 from repose.common.errors import InputError
-from repose.common.numbers import rounded
+from repose.common.numbers import format_significant
 from repose.grain.berry_files import PLAUSIBLE_LENGTHS_MM
 from repose.grain.particle import MM, Body
 
@@ -303,7 +303,7 @@ def _check_extents(mesh: trimesh.Trimesh, source: object) -> None:
         raise InputError(source, "longest side in mm", longest, allowed)
     if shortest < SMALLEST_SIDE_RATIO * longest:
         allowed = (
-            f"at least {SMALLEST_SIDE_RATIO:g} of the longest, {rounded(longest)} mm: a "
+            f"at least {SMALLEST_SIDE_RATIO:g} of the longest, {format_significant(longest)} mm: a "
             "body, no sheet"
         )
         raise InputError(source, "shortest side in mm", shortest, allowed)

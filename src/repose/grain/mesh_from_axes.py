@@ -9,7 +9,7 @@ import trimesh
 from scipy.optimize import brentq
 
 from repose.common.errors import InputError
-from repose.common.numbers import rounded
+from repose.common.numbers import format_significant
 from repose.grain.particle import MM, check_positive
 
 # Shape numbers of the convex bodies with the smallest and the largest volume
@@ -228,7 +228,7 @@ def make_grain_mesh(
         heaviest_g = largest_volume * MM**3 * density_kg_m3 * 1e3
         box_volume = axes.prod()
         allowed = (
-            f"from {rounded(lightest_g, 3)} to {rounded(heaviest_g, 3)} for these axes "
+            f"from {format_significant(lightest_g, 3)} to {format_significant(heaviest_g, 3)} for these axes "
             f"and {density_kg_m3:g} kg/m3: a share of "
             f"{smallest_volume / box_volume:.2f} to {largest_volume / box_volume:.2f} of "
             f"the box around them (an ellipsoid 0.52), here {volume / box_volume:.2f}"
@@ -279,7 +279,7 @@ def _check_details(details: _Details, axes: np.ndarray, source: object) -> None:
     depth = details.wrinkle_depth_mm
     largest_depth = LARGEST_GROOVE * axes[2] / 2
     if not 0 <= depth <= largest_depth:
-        allowed = f"from 0 to {rounded(largest_depth, 3)}"
+        allowed = f"from 0 to {format_significant(largest_depth, 3)}"
         raise InputError(source, "wrinkle_depth_mm", depth, allowed)
     # Number and depth of the grooves belong together: both are 0, or neither is.
     if not details.wrinkles and not depth:

@@ -25,7 +25,7 @@ import numpy as np
 import pandas as pd
 
 from repose.common.errors import InputError
-from repose.common.files import Path_
+from repose.common.files import StrPath
 from repose.measure import vtk_files
 
 DUMP_ITEM = "ITEM:"  # begins each section of a dump
@@ -87,7 +87,7 @@ class Particles(NamedTuple):
         return bool((self.semi_axes == self.semi_axes[:, :1]).all())
 
 
-def is_particle_file(path: Path_) -> bool:
+def is_particle_file(path: StrPath) -> bool:
     """Tell whether a file may hold particles: a VTK file, or text that is no picture."""
     kind, _ = mimetypes.guess_type(path)
     if kind is not None and kind.startswith("image/"):
@@ -99,7 +99,7 @@ def is_particle_file(path: Path_) -> bool:
     return b"\0" not in start and start.isascii()
 
 
-def read_particles(path: Path_, radius: float | None = None) -> Particles:
+def read_particles(path: StrPath, radius: float | None = None) -> Particles:
     """Read the particles of a file.
 
     Parameters
@@ -219,7 +219,7 @@ def _is_number(text: bytes) -> bool:
     return True
 
 
-def _refuse_sizes(path: Path_, table: pd.DataFrame) -> None:
+def _refuse_sizes(path: StrPath, table: pd.DataFrame) -> None:
     """Raise InputError for a table that has sizes although the user gave a radius."""
     sizes = {"radius", "diameter", *SEMI_AXES, *FULL_AXES}
     columns = _find_columns(table)
@@ -310,7 +310,7 @@ def _find_columns(table: pd.DataFrame) -> dict[str, str]:
 
 
 def _require_columns(
-    path: Path_,
+    path: StrPath,
     table: pd.DataFrame,
     columns: dict[str, str],
     quantities: tuple[str, ...],
@@ -337,7 +337,7 @@ def _require_columns(
             raise InputError(path, f"column {quantity}", "missing", allowed)
 
 
-def _require_unique_ids(path: Path_, table: pd.DataFrame) -> None:
+def _require_unique_ids(path: StrPath, table: pd.DataFrame) -> None:
     """Raise InputError for a table in which two particles have the same number."""
     names = [name for name in table.columns if str(name).strip().lower() == ID_COLUMN]
     for name in names:
@@ -349,7 +349,7 @@ def _require_unique_ids(path: Path_, table: pd.DataFrame) -> None:
 
 
 def _read_numbers(
-    path: Path_,
+    path: StrPath,
     table: pd.DataFrame,
     columns: dict[str, str],
     quantities: tuple[str, ...],
@@ -391,7 +391,7 @@ def _read_numbers(
 
 
 def _read_semi_axes(
-    path: Path_, table: pd.DataFrame, columns: dict[str, str]
+    path: StrPath, table: pd.DataFrame, columns: dict[str, str]
 ) -> np.ndarray:
     """Read the semi-axes of the particles from the columns that give their sizes.
 
@@ -447,7 +447,7 @@ def _read_semi_axes(
     return semi_axes
 
 
-def _normalise(path: Path_, quaternions: np.ndarray) -> np.ndarray:
+def _normalise(path: StrPath, quaternions: np.ndarray) -> np.ndarray:
     """Scale quaternions (N, 4) to length 1; InputError for one of length 0."""
     lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
     if (lengths == 0).any():

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from repose.common.errors import InputError, NoFlankError
-from repose.common.numbers import rounded
+from repose.common.numbers import format_significant
 from repose.common.section import AUTO
 from repose.dem.rotations import rotation_matrices
 from repose.measure import pile
@@ -144,7 +144,7 @@ def measure_particles(
         raise InputError(
             source,
             "radius",
-            f"{rounded(radius)} {unit}",
+            f"{format_significant(radius)} {unit}",
             f"a grain of {low:g} to {high:g} m; is the unit of lengths another one?",
         )
 
@@ -159,7 +159,7 @@ def measure_particles(
     centres = particles.centres @ rotation.T
     highest = centres[:, 2].max()
     if base > highest:
-        allowed = f"a height of the plate below all grains, at most {rounded(highest)}"
+        allowed = f"a height of the plate below all grains, at most {format_significant(highest)}"
         raise InputError(source, "base", base, allowed)
     centres[:, 2] -= base
     grains = _make_grains(

@@ -17,7 +17,7 @@ from repose.calibrate.answer import (
 from repose.calibrate.bounds import describe_near_bound
 from repose.calibrate.targets import Target, Targets
 from repose.common.errors import InputError, require
-from repose.common.files import Path_, read_json
+from repose.common.files import StrPath, read_json
 from repose.common.tables import Column
 from repose.common.tables import read as read_cells
 from repose.measure.settings import MeasureSettings, describe_line_of_response
@@ -47,15 +47,15 @@ CHECK_COLUMNS = (
 
 
 def read_answer(  # noqa: PLR0913  (each describes the study of the answer)
-    summary_json: Path_,
-    check_csv: Path_,
-    solutions_csv: Path_,
+    summary_json: StrPath,
+    check_csv: StrPath,
+    solutions_csv: StrPath,
     *,
     label: str,
     targets: Targets,
     measure: MeasureSettings | None,
     strategy: str,
-    results_dir: Path_,
+    results_dir: StrPath,
     small_run: bool = False,
     parameter_names: Sequence[str] | None = None,
 ) -> Result:
@@ -137,7 +137,7 @@ def read_answer(  # noqa: PLR0913  (each describes the study of the answer)
     )
 
 
-def _read_checks(check_csv: Path_, targets: Targets) -> dict[str, dict[str, Any]]:
+def _read_checks(check_csv: StrPath, targets: Targets) -> dict[str, dict[str, Any]]:
     """Read the table of a check, with a row for each response.
 
     Parameters
@@ -168,7 +168,7 @@ def _read_checks(check_csv: Path_, targets: Targets) -> dict[str, dict[str, Any]
 
 def _read_parameters(
     values: Mapping[str, Any],
-    summary_json: Path_,
+    summary_json: StrPath,
     parameter_names: Sequence[str] | None,
 ) -> dict[str, float]:
     """Read and check the parameters of the answer.

@@ -18,7 +18,7 @@ from repose.calibrate.strategies.base import Answer, strategy
 from repose.calibrate.study import Study
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
-from repose.common.files import Path_, read_json, write_json, write_table
+from repose.common.files import StrPath, read_json, write_json, write_table
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.settings import MeasureSettings
 from repose.stages import validate
@@ -31,8 +31,8 @@ PROPOSAL_KEYS = {"answer": bool, "why": str, "pours": int, "notes": dict}
 def run_propose(
     strategy_name: str,
     study: Study,
-    folders: Sequence[Path_],
-    out_dir: Path_,
+    folders: Sequence[StrPath],
+    out_dir: StrPath,
     *,
     definitions: Definitions,
     parameter_names: Sequence[str] | None = None,
@@ -101,8 +101,8 @@ def run_propose(
 
 def run_conclude(
     strategy_name: str,
-    folders: Sequence[Path_],
-    out_dir: Path_,
+    folders: Sequence[StrPath],
+    out_dir: StrPath,
     *,
     parameters: ParameterSpace,
     targets: Targets,
@@ -164,7 +164,7 @@ def run_conclude(
     return check
 
 
-def _read_proposals(folders: Sequence[Path_]) -> list[dict[str, Any]]:
+def _read_proposals(folders: Sequence[StrPath]) -> list[dict[str, Any]]:
     """Read the proposal of each batch except the first, in order.
 
     Raises
@@ -185,7 +185,7 @@ def _read_proposals(folders: Sequence[Path_]) -> list[dict[str, Any]]:
 def write_answer(
     proposal: Mapping[str, Any],
     answer_runs: pd.DataFrame,
-    out_dir: Path_,
+    out_dir: StrPath,
     *,
     parameters: ParameterSpace,
     targets: Targets,
@@ -426,7 +426,7 @@ def _convert_to_json(value: Any) -> Any:
 
 
 def read_runs_of_batches(
-    folders: Sequence[Path_],
+    folders: Sequence[StrPath],
     targets: Targets,
     parameter_names: Sequence[str] | None = None,
 ) -> pd.DataFrame:
@@ -470,7 +470,7 @@ def read_runs_of_batches(
 
 
 def read_tables(
-    folders: Sequence[Path_],
+    folders: Sequence[StrPath],
     targets: Targets,
     parameter_names: Sequence[str] | None = None,
 ) -> tuple[pd.DataFrame, pd.DataFrame]:

@@ -13,7 +13,7 @@ from pydantic import Field, JsonValue, TypeAdapter, ValidationError
 from repose.bench.parameters import PARAMETERS, PHYSICAL_LIMITS
 from repose.calibrate.answer import Verdict
 from repose.common.errors import InputError, raise_together
-from repose.common.files import Path_, read_json
+from repose.common.files import StrPath, read_json
 from repose.common.section import ABSENT, OneOf, Section
 from repose.grain.settings import Density, ShearModulus
 
@@ -302,7 +302,7 @@ def make_schema() -> dict[str, Any]:
 # --- read and check -------------------------------------------------------------------
 
 
-def read_card(path: Path_) -> dict[str, Any]:
+def read_card(path: StrPath) -> dict[str, Any]:
     """Read a card; raise InputError if the file cannot be read or is not a card."""
     card = read_json(path, (), EXPECTED_CONTENT)
     check_card(card, path)

@@ -22,7 +22,7 @@ from repose.calibrate.responses import Response, name_derived_column
 from repose.calibrate.runs import name_error_column
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError, raise_together, require
-from repose.common.files import Path_, read_table, write_json
+from repose.common.files import StrPath, read_table, write_json
 from repose.grain.berry_files import SIZE_COLUMNS, read_grain
 from repose.grain.settings import GrainSettings
 from repose.measure.settings import MeasureSettings
@@ -117,7 +117,7 @@ class CardStudy(Protocol):
 
 
 def run(
-    study: CardStudy, answer: Result, files: Mapping[str, Any], out: Path_
+    study: CardStudy, answer: Result, files: Mapping[str, Any], out: StrPath
 ) -> dict[str, Any]:
     """Make and write the material card of a finished calibration.
 
@@ -188,7 +188,7 @@ def make_card(
     particle: "Particle",
     feasible: "pd.DataFrame",
     posterior: "PosteriorTables | None" = None,
-    dataset_csv: Path_ | None = None,
+    dataset_csv: StrPath | None = None,
     answer_row: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
     """Make the material card of a calibration.
@@ -511,7 +511,7 @@ def _round_to_six_digits(value: float) -> float:
 # --- compare a card with a configuration ----------------------------------------------
 
 
-def read_repose_card(card_json: Path_) -> dict[str, Any]:
+def read_repose_card(card_json: StrPath) -> dict[str, Any]:
     """Read the card of a study that repose simulated; InputError for another one."""
     content = card.read_card(card_json)
     if "simulator" in content:
@@ -520,7 +520,7 @@ def read_repose_card(card_json: Path_) -> dict[str, Any]:
     return content
 
 
-def find_configuration(card_json: Path_) -> Path | None:
+def find_configuration(card_json: StrPath) -> Path | None:
     """Find the configuration that a run wrote beside its card; None if there is none."""
     path = Path(card_json).with_name(CONFIG_FILE)
     return path if path.is_file() else None
@@ -528,9 +528,9 @@ def find_configuration(card_json: Path_) -> Path | None:
 
 def require_same_study(
     content: Mapping[str, Any],
-    card_json: Path_,
+    card_json: StrPath,
     study: CardStudy,
-    source: Path_,
+    source: StrPath,
     grain: Mapping[str, Any],
 ) -> None:
     """Refuse a card and a configuration that belong to different studies.

@@ -14,7 +14,7 @@ from repose.calibrate.answer import (
     format_verdict_line,
 )
 from repose.calibrate.card import SOLUTION_RANGE, add_remark
-from repose.common.numbers import format_with_error, rounded
+from repose.common.numbers import format_significant, format_with_error
 
 # Absolute correlation from which a pair of parameters is listed.
 STRONG_CORRELATION = 0.5
@@ -121,17 +121,17 @@ def _describe_subject(card: Card) -> Iterator[str]:
         return
 
     grain = card["grain"]
-    axes = " x ".join(rounded(axis) for axis in grain["mean_axes_mm"])
+    axes = " x ".join(format_significant(axis) for axis in grain["mean_axes_mm"])
     sizes = f"mean of {grain['measured']}"
     if grain["measured"] == 1:
         sizes = "mean axes only"
     if grain["relative_spread"]:
-        sizes += f", spread {rounded(100 * grain['relative_spread'], 2)} %"
+        sizes += f", spread {format_significant(100 * grain['relative_spread'], 2)} %"
     yield (
         f"grain: {axes} mm ({sizes}), {grain['shape']}, "
-        f"{rounded(grain['volume_mm3'])} mm3, {rounded(grain['mass_g'])} g"
+        f"{format_significant(grain['volume_mm3'])} mm3, {format_significant(grain['mass_g'])} g"
     )
-    yield f"  density {rounded(grain['density_kg_m3'])} kg/m3, {_format_moduli(grain)}"
+    yield f"  density {format_significant(grain['density_kg_m3'])} kg/m3, {_format_moduli(grain)}"
     yield f"wall: {_format_moduli(card['wall'])}"
     yield "contact laws:"
     for direction, sentence in card["laws"].items():
@@ -168,8 +168,8 @@ def _describe_test(test: Card) -> Iterator[str]:
     if test["simulated"] is not None:
         simulated += f" {test['unit']}"
     yield (
-        f"{test['response']} ({test['apparatus']}): measured {rounded(test['measured'])} "
-        f"(sd {rounded(test['sd'], 2)}, {test['repetitions']} repetitions), "
+        f"{test['response']} ({test['apparatus']}): measured {format_significant(test['measured'])} "
+        f"(sd {format_significant(test['sd'], 2)}, {test['repetitions']} repetitions), "
         f"target {test['low']:g} to {test['high']:g}, "
         f"simulated {simulated} (runs: {test['runs']}): {get_verdict(test)}"
     )
@@ -179,7 +179,7 @@ def _describe_test(test: Card) -> Iterator[str]:
     if check.predicted is not None and check.error_percent is not None:
         optimism = f" ({check.optimism_clause})" if check.optimism_clause else ""
         yield (
-            f"  predicted {rounded(check.predicted)}{optimism}, {check.error_percent:.1f} % "
+            f"  predicted {format_significant(check.predicted)}{optimism}, {check.error_percent:.1f} % "
             "off the simulated"
         )
 
@@ -382,7 +382,7 @@ def _format_means(test: Card | None) -> str:
     mean = _format_mean(test["simulated"], None)
     if test["simulated"] is None and "predicted" in test:
         mean = f"predicted {_format_mean(test.get('predicted'), None)}"
-    return f"{mean}, measured {rounded(test['measured'])} {test['unit']}"
+    return f"{mean}, measured {format_significant(test['measured'])} {test['unit']}"
 
 
 # --- values ---------------------------------------------------------------------------
@@ -411,9 +411,9 @@ def _is_fixed(parameter: Card) -> bool:
 def _format_interval(parameter: Card) -> str:
     """Write a parameter with its interval."""
     if _is_fixed(parameter):
-        return f"{rounded(parameter['value'])} fixed"
-    interval = f"[{rounded(parameter['low'])}, {rounded(parameter['high'])}]"
-    return f"{rounded(parameter['value'])} {interval}"
+        return f"{format_significant(parameter['value'])} fixed"
+    interval = f"[{format_significant(parameter['low'])}, {format_significant(parameter['high'])}]"
+    return f"{format_significant(parameter['value'])} {interval}"
 
 
 def _format_mean(mean: float | None, error: float | None) -> str:
@@ -426,8 +426,8 @@ def _format_mean(mean: float | None, error: float | None) -> str:
 def _format_moduli(material: Card) -> str:
     """Write the moduli of a material."""
     return (
-        f"shear modulus {rounded(material['shear_modulus_pa'])} Pa, "
-        f"Poisson's ratio {rounded(material['poisson_ratio'], 3)}"
+        f"shear modulus {format_significant(material['shear_modulus_pa'])} Pa, "
+        f"Poisson's ratio {format_significant(material['poisson_ratio'], 3)}"
     )
 
 
@@ -446,7 +446,7 @@ def _format_value(value: Any) -> str:
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, int | float):
-        return rounded(value)
+        return format_significant(value)
     if isinstance(value, Sequence) and not isinstance(value, str):
-        return " x ".join(rounded(item) for item in value)
+        return " x ".join(format_significant(item) for item in value)
     return str(value)

@@ -21,7 +21,7 @@ from repose.calibrate.runs import Recorded, summarise_runs
 from repose.calibrate.seeds import UNNAMED
 from repose.calibrate.targets import OWN_BENCH, Target, Targets
 from repose.common.errors import InputError
-from repose.common.files import Path_, read_json, write_json, write_table
+from repose.common.files import StrPath, read_json, write_json, write_table
 from repose.common.statuses import describe_failures
 from repose.measure.angles import CALIBRATED_ANGLE
 from repose.measure.settings import MeasureSettings, line_of
@@ -157,11 +157,11 @@ def describe_counts(samples: Mapping[str, int], runs: Mapping[str, int]) -> str:
 
 
 def run(
-    samples_csv: Path_,
-    paths: Iterable[Path_],
+    samples_csv: StrPath,
+    paths: Iterable[StrPath],
     targets: Targets,
     definitions: Definitions,
-    out: Path_,
+    out: StrPath,
     prefix: str = "",
     parameter_names: Sequence[str] | None = None,
 ) -> dict[str, Any]:
@@ -209,7 +209,7 @@ def run(
 
 
 def read_jobs(
-    paths: Iterable[Path_],
+    paths: Iterable[StrPath],
     samples: pd.DataFrame,
     targets: Targets,
     parameter_names: Sequence[str] | None = None,
@@ -279,7 +279,7 @@ def _check_parameters(job: Job, parameters: pd.Series, path: object) -> None:
             raise InputError(path, f"parameters.{name}", value, allowed)
 
 
-def read_job(path: Path_, targets: Targets) -> tuple[Job, str]:
+def read_job(path: StrPath, targets: Targets) -> tuple[Job, str]:
     """Read the file of a job, and check its runs.
 
     Parameters

@@ -7,11 +7,11 @@ import pandas as pd
 from repose.calibrate.designs.latin_hypercube import make_designs
 from repose.calibrate.designs.settings import DesignSettings
 from repose.calibrate.parameter_space import ParameterSpace
-from repose.common.files import Path_, write_table
+from repose.common.files import StrPath, write_table
 
 
 def run(
-    parameters: ParameterSpace, settings: DesignSettings, out_dir: Path_
+    parameters: ParameterSpace, settings: DesignSettings, out_dir: StrPath
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Make the design and compare it with others; write samples.csv and comparison.csv.
 

@@ -12,21 +12,21 @@ from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.surrogates import load
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
-from repose.common.files import Path_, read_table, write_json, write_table
+from repose.common.files import StrPath, read_table, write_json, write_table
 
 # Columns of the published intervals of the parameters.
 INTERVAL_COLUMNS = ("low", "high", "dispersion_percent")
 
 
 def run(
-    surrogate_json: Path_,
-    out_dir: Path_,
+    surrogate_json: StrPath,
+    out_dir: StrPath,
     *,
     parameters: ParameterSpace,
     targets: Targets,
     definitions: Definitions,
     settings: MigaSettings,
-    table3_csv: Path_ | None = None,
+    table3_csv: StrPath | None = None,
     support: Support | None = None,
     source: object = "configuration",
 ) -> dict[str, Any]:

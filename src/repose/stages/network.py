@@ -9,15 +9,15 @@ from repose.calibrate.responses import Definitions, refuse_other_definitions
 from repose.calibrate.surrogates.settings import NetworkSettings
 from repose.calibrate.targets import Targets
 from repose.calibrate.training import train_surrogate
-from repose.common.files import Path_, write_json, write_table
+from repose.common.files import StrPath, write_json, write_table
 from repose.stages.parameter_sets import list_parameters
 from repose.stages.tables import read_dataset, read_runs
 
 
 def run(  # noqa: PLR0913  (each is part of the study)
-    dataset_csv: Path_,
-    runs_csv: Path_,
-    out_dir: Path_,
+    dataset_csv: StrPath,
+    runs_csv: StrPath,
+    out_dir: StrPath,
     *,
     targets: Targets,
     definitions: Definitions,

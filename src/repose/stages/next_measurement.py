@@ -25,7 +25,7 @@ from repose.calibrate.responses import list_responses
 from repose.calibrate.targets import Targets
 from repose.calibrate.variance import variance_components
 from repose.common.errors import InputError
-from repose.common.files import Path_, read_table, write_table
+from repose.common.files import StrPath, read_table, write_table
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.further_responses import CALIBRATED_ANGLE
 from repose.stages.job import measure_job
@@ -48,7 +48,7 @@ COLUMNS = [
 FEWEST_SETS = 4
 
 
-def draw_plausible_sets(draws_csv: Path_, seed: int, out: Path_) -> pd.DataFrame:
+def draw_plausible_sets(draws_csv: StrPath, seed: int, out: StrPath) -> pd.DataFrame:
     """Draw `N_PLAUSIBLE_SETS` sets from the posterior, and write them as samples.
 
     Parameters
@@ -163,9 +163,9 @@ def list_all_responses() -> list[dict[str, str]]:
 
 
 def run(
-    pours: Iterable[Path_],
+    pours: Iterable[StrPath],
     scene: Scene,
-    out_dir: Path_,
+    out_dir: StrPath,
     *,
     targets: Targets,
     discrepancy_percent: float,

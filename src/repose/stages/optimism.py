@@ -19,7 +19,7 @@ from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.surrogates import Surrogate, load
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
-from repose.common.files import Path_, write_table
+from repose.common.files import StrPath, write_table
 from repose.stages.tables import read_dataset, read_runs
 from repose.stages.validate import select_for_validation
 
@@ -64,10 +64,10 @@ def make_repeated_search(
 
 
 def run(
-    surrogate_json: Path_,
-    dataset_csv: Path_,
-    runs_csv: Path_,
-    out_csv: Path_,
+    surrogate_json: StrPath,
+    dataset_csv: StrPath,
+    runs_csv: StrPath,
+    out_csv: StrPath,
     *,
     parameters: ParameterSpace,
     targets: Targets,

@@ -9,7 +9,7 @@ from repose.bench.parameters import PARAMETERS
 from repose.calibrate.responses import Response
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
-from repose.common.files import Path_, read_table
+from repose.common.files import StrPath, read_table
 from repose.common.tables import Column, holds_numbers, read, read_text_rows
 from repose.measure.definitions import CALIBRATED_ANGLE, MEAN_KEYS
 from repose.stages.parameter_sets import PARAMETER_COLUMNS
@@ -44,7 +44,7 @@ STALE_WARNING = (
 )
 
 
-def find_sibling_table(path: Path_ | None, table: str) -> Path | None:
+def find_sibling_table(path: StrPath | None, table: str) -> Path | None:
     """Find a table next to the published solutions; None if there is none.
 
     Such a table is table1.csv (sizes) or table3.csv (intervals).
@@ -55,7 +55,7 @@ def find_sibling_table(path: Path_ | None, table: str) -> Path | None:
     return sibling if sibling.is_file() else None
 
 
-def list_tables(path: Path_ | None) -> list[Path]:
+def list_tables(path: StrPath | None) -> list[Path]:
     """List the table of published solutions, and `OTHER_SETS_FILE` next to it.
 
     The list is empty if `path` is None.
@@ -67,7 +67,7 @@ def list_tables(path: Path_ | None) -> list[Path]:
 
 
 def read_sets(
-    path: Path_, parameter_names: Iterable[str] = PARAMETERS
+    path: StrPath, parameter_names: Iterable[str] = PARAMETERS
 ) -> "pd.DataFrame":
     """Read all published sets, each with its parameters and its name `solution`."""
     import pandas as pd
@@ -77,7 +77,7 @@ def read_sets(
     return pd.concat(sets, ignore_index=True)
 
 
-def _read_rows(path: Path_ | None) -> list[dict[str, Any]]:
+def _read_rows(path: StrPath | None) -> list[dict[str, Any]]:
     """Read and check the rows of all published tables."""
     rows = []
     for table in list_tables(path):
@@ -88,7 +88,7 @@ def _read_rows(path: Path_ | None) -> list[dict[str, Any]]:
 
 
 def read_representative(
-    path: Path_ | None, parameter_names: Collection[str] = PARAMETERS
+    path: StrPath | None, parameter_names: Collection[str] = PARAMETERS
 ) -> dict[str, float]:
     """Read parameters of the published representative solution.
 
@@ -120,7 +120,7 @@ def read_representative(
 
 
 def list_sets_to_simulate(
-    path: Path_ | None,
+    path: StrPath | None,
     responses: Iterable[Response],
     parameter_names: Iterable[str] = PARAMETERS,
 ) -> list[str]:
@@ -152,7 +152,7 @@ def list_sets_to_simulate(
     return [row["solution"] for row in rows]
 
 
-def check_published_sets(path: Path_ | None) -> None:
+def check_published_sets(path: StrPath | None) -> None:
     """Refuse a table of published solutions that cannot be simulated or compared.
 
     Nothing is checked if `path` is None.
@@ -165,12 +165,12 @@ def check_published_sets(path: Path_ | None) -> None:
             raise InputError(table, "rows", n_rows, f"1 to {MOST_SETS} solutions")
 
 
-def read_stored(path: Path_) -> "pd.DataFrame":
+def read_stored(path: StrPath) -> "pd.DataFrame":
     """Read the published sets as `snakemake published_sets` simulated them."""
     return read_table(path, STORED_COLUMNS)
 
 
-def read_column_names(path: Path_) -> list[str]:
+def read_column_names(path: StrPath) -> list[str]:
     """Read the names of a table's columns, without the checks of `read_stored`."""
     with open(path, encoding="utf-8-sig", newline="") as file:
         return next(csv.reader(file), [])
@@ -215,7 +215,7 @@ def find_response_columns(
     return column_of_response
 
 
-def read_parameter_sets(path: Path_ | None) -> list[dict[str, float]]:
+def read_parameter_sets(path: StrPath | None) -> list[dict[str, float]]:
     """Read the parameter sets of a table that passed `check_published_sets`.
 
     The list is empty if `path` is None.

@@ -28,7 +28,7 @@ from repose.calibrate.seeds import draw_run_seeds
 from repose.calibrate.targets import OWN_BENCH
 from repose.common import ledger, provenance
 from repose.common.errors import InputError, YamlError, raise_together
-from repose.common.files import Path_, write_json
+from repose.common.files import StrPath, write_json
 from repose.stages.settings import SimulatorSettings
 
 OK = "ok"
@@ -140,7 +140,7 @@ def find_template_names(text: str, source: object) -> set[str]:
     return meta.find_undeclared_variables(template)
 
 
-def read_template(path: Path_) -> str:
+def read_template(path: StrPath) -> str:
     """Read the template of a deck.
 
     Raises
@@ -154,7 +154,7 @@ def read_template(path: Path_) -> str:
         raise InputError(path, "template", str(error), "text in UTF-8") from None
 
 
-def deck_name(template: Path_) -> str:
+def deck_name(template: StrPath) -> str:
     """Return the name of the deck: the name of its template without the last ending."""
     path = Path(template)
     return path.stem if path.suffix in TEMPLATE_ENDINGS else path.name
@@ -389,7 +389,7 @@ def run_once(
     sample: int,
     run: int,
     seed: int,
-    out_dir: Path_,
+    out_dir: StrPath,
 ) -> dict[str, Any]:
     """Run the program once, and write the record of the run.
 

@@ -17,7 +17,7 @@ from repose.calibrate.strategies.runs import (
     make_cells,
 )
 from repose.common.errors import InputError, NoFlankError
-from repose.common.files import Path_, read_json, write_json
+from repose.common.files import StrPath, read_json, write_json
 from repose.stages.settings import SimulatorSettings
 from repose.stages.simulate import MAX_REASON_LENGTH, Ending, find_file_fault
 
@@ -52,8 +52,8 @@ def list_record_files(entries: Iterable[str]) -> dict[Path, list[Path]]:
 
 
 def measure_sample(
-    records: Iterable[Path_],
-    out_json: Path_,
+    records: Iterable[StrPath],
+    out_json: StrPath,
     *,
     settings: SimulatorSettings,
     responses: Sequence[str],

@@ -13,7 +13,7 @@ from repose.bench.parameters import PARAMETERS, check_value, parameters_among
 from repose.calibrate.dataset_files import read_summary
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
-from repose.common.files import Path_, read_table
+from repose.common.files import StrPath, read_table
 
 # Largest difference between a stored mean, or standard error, and that of its runs. The
 # difference is relative, and absolute for values below 1.
@@ -21,7 +21,7 @@ TOLERANCE = 1e-6
 
 
 def read_dataset(
-    dataset_csv: Path_, targets: Targets, parameter_names: Sequence[str] | None = None
+    dataset_csv: StrPath, targets: Targets, parameter_names: Sequence[str] | None = None
 ) -> pd.DataFrame:
     """Read the table of samples with its parameters, status, responses and errors.
 
@@ -52,7 +52,7 @@ def read_dataset(
     return dataset
 
 
-def _check_contact_parameters(dataset: pd.DataFrame, path: Path_) -> None:
+def _check_contact_parameters(dataset: pd.DataFrame, path: StrPath) -> None:
     """Refuse a contact parameter beyond the limits of its law."""
     parameter_sets = dataset[list(parameters_among(dataset))].to_dict("records")
     for row, parameters in enumerate(parameter_sets, start=1):
@@ -61,7 +61,7 @@ def _check_contact_parameters(dataset: pd.DataFrame, path: Path_) -> None:
 
 
 def read_runs(
-    runs_csv: Path_, targets: Targets, dataset: pd.DataFrame, dataset_csv: Path_
+    runs_csv: StrPath, targets: Targets, dataset: pd.DataFrame, dataset_csv: StrPath
 ) -> pd.DataFrame:
     """Read the table of single runs, and check it against the table of samples.
 
@@ -235,7 +235,7 @@ def _refuse_repeated_rows(
 
 
 def _check_count(
-    table: pd.DataFrame, path: object, dataset_csv: Path_, key: str
+    table: pd.DataFrame, path: object, dataset_csv: StrPath, key: str
 ) -> None:
     """Refuse a table whose number of rows differs from the summary of the dataset."""
     summary, summary_json = read_summary(dataset_csv)

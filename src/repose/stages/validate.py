@@ -24,7 +24,7 @@ from repose.calibrate.runs import name_error_column
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
-from repose.common.files import Path_, read_table, write_table
+from repose.common.files import StrPath, read_table, write_table
 from repose.measure.angles import CALIBRATED_ANGLE, MEAN_KEYS
 from repose.measure.settings import MeasureSettings, describe_line_of_response, line_of
 from repose.stages.dataset import Jobs, make_tables, read_jobs
@@ -312,7 +312,7 @@ def add_probabilities(
 
 
 def write_solutions(
-    path: Path_, space: ParameterSpace, targets: Targets, count: int, out_csv: Path_
+    path: StrPath, space: ParameterSpace, targets: Targets, count: int, out_csv: StrPath
 ) -> pd.DataFrame:
     """Choose the solutions to simulate again, and write them, numbered from 1.
 
@@ -360,9 +360,9 @@ def write_solutions(
 
 
 def run(
-    solutions_csv: Path_,
-    jobs: Iterable[Path_],
-    out_dir: Path_,
+    solutions_csv: StrPath,
+    jobs: Iterable[StrPath],
+    out_dir: StrPath,
     *,
     targets: Targets,
     measure: MeasureSettings | None,
@@ -439,7 +439,7 @@ def _add_warnings(
 
 
 def _read_numbered_sets(
-    published_csv: Path_, parameter_names: Iterable[str]
+    published_csv: StrPath, parameter_names: Iterable[str]
 ) -> pd.DataFrame:
     """Read the published sets, numbered from 101."""
     sets = read_sets(published_csv, parameter_names)
@@ -447,7 +447,7 @@ def _read_numbered_sets(
 
 
 def write_published_solutions(
-    published_csv: Path_, parameter_names: Sequence[str], out_csv: Path_
+    published_csv: StrPath, parameter_names: Sequence[str], out_csv: StrPath
 ) -> pd.DataFrame:
     """Write the published parameter sets to simulate; return the table."""
     table = _read_numbered_sets(published_csv, parameter_names)[
@@ -458,9 +458,9 @@ def write_published_solutions(
 
 
 def write_published_sets(
-    published_csv: Path_,
-    jobs: Iterable[Path_],
-    out_csv: Path_,
+    published_csv: StrPath,
+    jobs: Iterable[StrPath],
+    out_csv: StrPath,
     *,
     parameter_names: Sequence[str],
     targets: Targets,
@@ -514,7 +514,7 @@ def write_published_sets(
 
 
 def compare_with_published(
-    stored_csv: Path_ | None,
+    stored_csv: StrPath | None,
     *,
     parameter_names: Sequence[str],
     targets: Targets,

@@ -14,8 +14,8 @@ from repose.calibrate.search.settings import MigaSettings
 from repose.calibrate.strategies.base import Answer
 from repose.calibrate.surrogates.base import Predictor
 from repose.calibrate.targets import Targets
-from repose.common.files import Path_, write_json, write_table
-from repose.common.numbers import rounded
+from repose.common.files import StrPath, write_json, write_table
+from repose.common.numbers import format_significant
 
 
 def describe_answer(
@@ -81,7 +81,7 @@ def judge_answer(answer: Answer, targets: Targets, note: str = "") -> tuple[bool
     """
     is_inside = (answer.mean >= targets.low) & (answer.mean <= targets.high)
     feasible = bool(is_inside.all())
-    predicted = targets.in_words([rounded(value) for value in answer.mean])
+    predicted = targets.in_words([format_significant(value) for value in answer.mean])
     ranges = targets.in_words([f"{target.low:g}-{target.high:g}" for target in targets])
     where = "inside" if feasible else "NOT inside"
     message = f"The answer is predicted {predicted}, {where} {ranges}. {note}"
@@ -116,7 +116,9 @@ def tabulate_solutions(
     return table
 
 
-def write_notes(notes: Mapping[str, Any], files: Iterable[str], out_dir: Path_) -> None:
+def write_notes(
+    notes: Mapping[str, Any], files: Iterable[str], out_dir: StrPath
+) -> None:
     """Write notes of an answer into a folder.
 
     Parameters

@@ -22,8 +22,8 @@ from repose.calibrate.strategies.sequential.goal import Goal
 from repose.calibrate.targets import Targets
 from repose.calibrate.variance import estimate_within_covariance
 from repose.common.errors import InputError
-from repose.common.files import Path_, read_table
-from repose.common.numbers import rounded
+from repose.common.files import StrPath, read_table
+from repose.common.numbers import format_significant
 
 SUCCESS_FILE = Path(__file__).with_name("success.csv")
 # Noise that is assumed if none is measured, which is that of the default grain: the
@@ -168,7 +168,7 @@ def _list_differences(
         differences.append(f"targets: {n_targets}")
     scatters = table["noise_percent"]
     if not scatters.min() <= percent <= scatters.max():
-        differences.append(f"a scatter of {rounded(percent, 2)} %")
+        differences.append(f"a scatter of {format_significant(percent, 2)} %")
     return differences
 
 
@@ -322,6 +322,6 @@ def estimate_noise(
     return noise
 
 
-def read_runs(path: Path_, targets: Targets) -> pd.DataFrame:
+def read_runs(path: StrPath, targets: Targets) -> pd.DataFrame:
     """Read the runs (runs.csv) of an earlier study, or of its beginning."""
     return read_table(path, ("sample", "status", *targets.names))

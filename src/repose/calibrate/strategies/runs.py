@@ -14,7 +14,7 @@ from repose.calibrate.strategies.base import strategy
 from repose.calibrate.study import Study
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
-from repose.common.files import TURN_COLUMN, Path_
+from repose.common.files import TURN_COLUMN, StrPath
 from repose.common.tables import (
     Column,
     Fault,
@@ -204,7 +204,7 @@ def split_by_bench(data: pd.DataFrame, targets: Targets) -> pd.DataFrame:
     return pd.concat(tables, ignore_index=True)
 
 
-def read_runs(path: Path_, study: Study) -> pd.DataFrame:
+def read_runs(path: StrPath, study: Study) -> pd.DataFrame:
     """Read a CSV file of runs and check it by `checked_runs`."""
     return checked_runs(study, read_rows(path, study), path)
 
@@ -242,7 +242,7 @@ def describe_unread_columns(study: Study, rows: Rows) -> dict[str, str]:
     return describe_unread(cells, hint_if_few=name_it)
 
 
-def read_rows(path: Path_, study: Study) -> Rows:
+def read_rows(path: StrPath, study: Study) -> Rows:
     """Read the rows of a CSV file of runs as text.
 
     Parameters

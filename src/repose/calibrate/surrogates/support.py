@@ -17,7 +17,7 @@ import numpy as np
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.scales import to_coordinates
 from repose.common.errors import InputError
-from repose.common.files import Path_, read_table
+from repose.common.files import StrPath, read_table
 
 BOUND_SHARE = 0.01  # of a range, within which a parameter is at its bound
 DISTANCE_QUANTILE = 0.95
@@ -93,7 +93,7 @@ class Support:
         return cls(points, low, high, space.names, space.scale)
 
     @classmethod
-    def from_dataset(cls, dataset_csv: Path_, space: ParameterSpace) -> Self:
+    def from_dataset(cls, dataset_csv: StrPath, space: ParameterSpace) -> Self:
         """Make the support of the usable samples in a study's dataset.csv.
 
         Raises

@@ -24,8 +24,8 @@ import pandas as pd
 from repose.calibrate.responses import name_derived_column
 from repose.calibrate.targets import MAX_SIZE, Targets
 from repose.common.errors import InputError
-from repose.common.files import Path_, read_table
-from repose.common.numbers import rounded
+from repose.common.files import StrPath, read_table
+from repose.common.numbers import format_significant
 from repose.common.tables import Column, refuse
 
 MIN_MODELS = 5
@@ -67,7 +67,7 @@ def compute_stated_covariance(
 
 
 def estimate_from_shape_study(
-    combinations_csv: Path_, targets: Targets
+    combinations_csv: StrPath, targets: Targets
 ) -> ShapeStudyDiscrepancy:
     """Compute mean and covariance of the responses over the models of a shape study.
 
@@ -137,7 +137,7 @@ def estimate_from_shape_study(
 
 
 def _require_larger_variances(
-    path: Path_, columns: Sequence[str], variances: np.ndarray, noise: np.ndarray
+    path: StrPath, columns: Sequence[str], variances: np.ndarray, noise: np.ndarray
 ) -> None:
     """Refuse differences whose scatter (k,) is no larger than their noise (k,)."""
     for name, variance, noise_variance in zip(columns, variances, noise, strict=True):
@@ -145,13 +145,13 @@ def _require_larger_variances(
             raise InputError(
                 path,
                 name,
-                f"of variance {rounded(variance, 3)}",
-                f"above {rounded(noise_variance, 3)}, of its errors",
+                f"of variance {format_significant(variance, 3)}",
+                f"above {format_significant(noise_variance, 3)}, of its errors",
             )
 
 
 def _read_combinations(
-    path: Path_, targets: Targets, columns: Sequence[str]
+    path: StrPath, targets: Targets, columns: Sequence[str]
 ) -> pd.DataFrame:
     """Read the combinations of a shape study.
 
@@ -187,7 +187,7 @@ def _read_combinations(
 
 
 def _check_sizes(
-    path: Path_, targets: Targets, columns: Sequence[str], plausible: pd.DataFrame
+    path: StrPath, targets: Targets, columns: Sequence[str], plausible: pd.DataFrame
 ) -> None:
     """Refuse eligible models whose values are implausibly large.
 

@@ -20,7 +20,7 @@ from repose.calibrate.variance import (
     variance_components,
 )
 from repose.common.errors import InputError
-from repose.common.files import Path_, read_table, write_json, write_table
+from repose.common.files import StrPath, read_table, write_json, write_table
 
 MAX_SEEDS = 64
 ERROR_PERCENTS = (0.5, 1.0, 2.0)  # standard errors, in percent of the target
@@ -47,7 +47,7 @@ class WithinCorrelation(NamedTuple):
     pairs: PairCorrelations  # within a bench test, with intervals
 
 
-def read_runs(runs_csv: Path_, targets: Targets) -> pd.DataFrame:
+def read_runs(runs_csv: StrPath, targets: Targets) -> pd.DataFrame:
     """Read all runs of a study, failed runs included, from runs.csv.
 
     Raises
@@ -233,7 +233,7 @@ def _describe_target(
 
 
 def write_noise_floor(
-    runs_csv: Path_, targets: Targets, out_dir: Path_
+    runs_csv: StrPath, targets: Targets, out_dir: StrPath
 ) -> dict[str, Any]:
     """Compute the noise floor of a study from its runs, and write its tables.
 

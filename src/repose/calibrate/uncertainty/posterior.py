@@ -40,8 +40,8 @@ from repose.calibrate.uncertainty.sampler import (
 )
 from repose.calibrate.uncertainty.settings import PosteriorSettings
 from repose.common.errors import InputError, require
-from repose.common.files import Path_, read_table, write_json, write_table
-from repose.common.numbers import rounded
+from repose.common.files import StrPath, read_table, write_json, write_table
+from repose.common.numbers import format_significant
 
 CREDIBLE_PROBABILITY = 0.95
 # Runs beyond the first of a sample that a correlation needs, in addition to one for
@@ -86,12 +86,12 @@ class Measurement(NamedTuple):
 class InputFiles(NamedTuple):
     """Files that `infer_from_files` reads."""
 
-    network: Path_  # the trained surrogate
-    predictions: Path_
-    dataset: Path_
-    runs: Path_
-    feasible: Path_  # solutions of the search
-    table3: Path_ | None  # published intervals of the parameters
+    network: StrPath  # the trained surrogate
+    predictions: StrPath
+    dataset: StrPath
+    runs: StrPath
+    feasible: StrPath  # solutions of the search
+    table3: StrPath | None  # published intervals of the parameters
 
 
 class Interval(NamedTuple):
@@ -368,7 +368,7 @@ def infer_from_files(
     targets: Targets,
     definitions: Definitions,
     settings: PosteriorSettings,
-    out_dir: Path_,
+    out_dir: StrPath,
     source: object = "configuration",
 ) -> dict[str, Any]:
     """Infer the parameters of a study from its files.
@@ -519,9 +519,7 @@ def state_determination(row: Mapping[str, Any]) -> str:
     """
     name = row["parameter"]
     bits = row["information_bits"]
-    interval = (
-        f"{rounded(row['credible_low'], 3)} to {rounded(row['credible_high'], 3)}"
-    )
+    interval = f"{format_significant(row['credible_low'], 3)} to {format_significant(row['credible_high'], 3)}"
     width = f"{100 * row['width_ratio']:.0f} % of the prior's width, {bits:.2f} bits"
     if bits < UNDETERMINED_BITS:
         return f"{name} is not determined: {width}"
@@ -559,7 +557,7 @@ def describe_posterior(summary: Mapping[str, Any]) -> str:
     p_value = summary["misfit"]["p_value"]
     lines.append(
         f"together {bits:.2f} ± {error:.2f} bits; the best draw misses the targets by "
-        f"{distance:.2f} standard deviations (p = {rounded(p_value, 2)}); "
+        f"{distance:.2f} standard deviations (p = {format_significant(p_value, 2)}); "
         f"{100 * summary['thin_share']:.0f} % of the draws lie where samples are thin"
     )
     lines += summary.get("over_the_discrepancy", "").splitlines()

@@ -33,7 +33,7 @@ from repose.calibrate.training import refuse_other_targets
 from repose.calibrate.uncertainty.posterior import refuse_all_fixed
 from repose.calibrate.uncertainty.settings import SensitivitySettings
 from repose.common.errors import InputError
-from repose.common.files import Path_, write_table
+from repose.common.files import StrPath, write_table
 
 CONFIDENCE = 0.95
 N_EFFECT_POINTS = 41
@@ -400,13 +400,13 @@ def compute_variance_shares(
 
 
 def analyse_from_file(
-    surrogate_json: Path_,
+    surrogate_json: StrPath,
     *,
     parameters: ParameterSpace,
     targets: Targets,
     definitions: Definitions,
     settings: SensitivitySettings,
-    out_dir: Path_,
+    out_dir: StrPath,
     source: object = "configuration",
 ) -> pd.DataFrame:
     """Analyse the surrogate in a file.

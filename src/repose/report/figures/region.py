@@ -20,7 +20,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.scales import LINEAR
 from repose.common.files import read_json, read_table
-from repose.common.numbers import rounded
+from repose.common.numbers import format_significant
 
 from . import panels, style
 from .registry import Inputs, StudyView
@@ -128,7 +128,7 @@ def draw_region(inputs: Inputs, study: StudyView) -> Figure:
             share_mesh, cax=bar_axes, orientation="horizontal", label=SHARE_TITLE
         )
     percent = 100 * summary["not_implausible_share"]
-    title = f"The measurements leave {rounded(percent, 3)} % of the searched space open"
+    title = f"The measurements leave {format_significant(percent, 3)} % of the searched space open"
     if not has_excluded_cells:
         title += "; no pair of values is excluded by itself"
     figure.suptitle(title, fontsize=9)
@@ -189,7 +189,7 @@ def _name_parameter(panel: Axes, name: str, edges: np.ndarray) -> None:
     panel.text(
         0.5,
         0.5,
-        f"{style.parameter_label(name)}\n{rounded(edges[0], 3)} to {rounded(edges[-1], 3)}",
+        f"{style.parameter_label(name)}\n{format_significant(edges[0], 3)} to {format_significant(edges[-1], 3)}",
         ha="center",
         va="center",
         fontsize=8,

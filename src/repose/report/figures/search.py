@@ -13,7 +13,7 @@ from repose.bench.parameters import SYMBOLS
 from repose.calibrate.search.settings import LEAST_LOSS
 from repose.calibrate.targets import Target
 from repose.common.files import read_json, read_table
-from repose.common.numbers import rounded
+from repose.common.numbers import format_significant
 from repose.report.study_view import parameter_ranges
 
 from . import panels, style
@@ -360,7 +360,9 @@ def _draw_surrogate_error(
     for target in study.targets:
         error = errors[target.name]
         objective += target.weight * error / (target.high - target.low)
-        clauses.append(f"{rounded(error, 2)} {target.response.unit}".rstrip())
+        clauses.append(
+            f"{format_significant(error, 2)} {target.response.unit}".rstrip()
+        )
     panel.axhline(
         objective,
         color=style.RED,

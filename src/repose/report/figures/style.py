@@ -24,7 +24,7 @@ from repose.bench.parameters import LAW_PARAMETERS, PAIRS, SYMBOLS
 from repose.calibrate.responses import Response
 from repose.calibrate.targets import Target, Targets
 from repose.common.errors import InputError
-from repose.common.files import Path_, write_bytes
+from repose.common.files import StrPath, write_bytes
 from repose.measure.settings import MeasureSettings, line_of
 
 if TYPE_CHECKING:
@@ -94,7 +94,7 @@ def new_figure(width: float, height: float) -> Figure:
 
 def save(
     figure: Figure,
-    out_path: Path_,
+    out_path: StrPath,
     small_run: bool,
     other_formats: Sequence[str] = (),
     dpi: int = DPI,
@@ -159,7 +159,7 @@ def encode(figure: Figure, kind: str = "png", dpi: int = DPI) -> io.BytesIO:
     return content
 
 
-def check_ending(path: Path_) -> None:
+def check_ending(path: StrPath) -> None:
     """Raise InputError for an ending that no figure has."""
     endings = [f".{kind}" for kind in FIXED_METADATA]
     suffix = Path(path).suffix

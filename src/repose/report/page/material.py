@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from repose.common.numbers import rounded
+from repose.common.numbers import format_significant
 from repose.dem.materials import Material
 from repose.report.page.tables import Table
 
@@ -53,7 +53,9 @@ def describe_size(grain: Mapping[str, Any]) -> str:
         return ""
     if spread == 0:
         return "All grains are equal in size."
-    return f"The sizes of the grains scatter by {rounded(100 * spread, 2)} %."
+    return (
+        f"The sizes of the grains scatter by {format_significant(100 * spread, 2)} %."
+    )
 
 
 def tabulate_laws(card: Mapping[str, Any]) -> Table:

@@ -24,7 +24,7 @@ from repose.calibrate.runs import describe_overlaps, name_error_column
 from repose.calibrate.targets import Target
 from repose.calibrate.uncertainty.posterior import MAX_R_HAT
 from repose.common.files import read_json, read_table
-from repose.common.numbers import format_with_error, rounded
+from repose.common.numbers import format_significant, format_with_error
 from repose.common.statuses import describe_failures
 from repose.measure.angles import MEAN_KEYS
 from repose.measure.settings import describe_line_of_response, line_of
@@ -236,7 +236,7 @@ def _describe_nearness(study: Results) -> str:
         describe_differences(replace(check, response=check.label) for check in checks)
     ]
     scatters = [
-        f"{rounded(check.standard_error * math.sqrt(check.runs), 2)} {check.unit}"
+        f"{format_significant(check.standard_error * math.sqrt(check.runs), 2)} {check.unit}"
         for check in checks
         if check.standard_error is not None
     ]
@@ -248,7 +248,7 @@ def _describe_nearness(study: Results) -> str:
         )
     # The errors above are those of the simulation alone.
     errors = [
-        f"{rounded(check.sd / math.sqrt(check.repetitions), 2)} {check.unit}".rstrip()
+        f"{format_significant(check.sd / math.sqrt(check.repetitions), 2)} {check.unit}".rstrip()
         for check in checks
     ]
     sentences.append(
@@ -287,7 +287,7 @@ def _make_parameter_row(study: Results, name: str, value: float) -> list[str]:
     label = LABELS.get(name, "")  # empty for parameters of another simulator
     if name in parameters.fixed:
         interval_cells = [] if study.posterior is None else ["", ""]
-        return [name, label, f"{rounded(value)}", *interval_cells, "fixed"]
+        return [name, label, f"{format_significant(value)}", *interval_cells, "fixed"]
 
     if study.posterior is None:
         interval_cells = []
@@ -302,13 +302,13 @@ def _make_parameter_row(study: Results, name: str, value: float) -> list[str]:
             high=float(row["credible_high"]),
         )
         interval_cells = [
-            f"{rounded(interval['low'], 3)} to {rounded(interval['high'], 3)}",
+            f"{format_significant(interval['low'], 3)} to {format_significant(interval['high'], 3)}",
             _describe_share_left_open(row["width_ratio"]),
         ]
     low, high = parameter_ranges(parameters)[name]
-    searched = f"{rounded(low, 3)} to {rounded(high, 3)}"
+    searched = f"{format_significant(low, 3)} to {format_significant(high, 3)}"
     meaning = add_remark(label, interval).removeprefix("; ")
-    return [name, meaning, f"{rounded(value, 3)}", *interval_cells, searched]
+    return [name, meaning, f"{format_significant(value, 3)}", *interval_cells, searched]
 
 
 def _describe_share_left_open(share: float) -> str:
@@ -396,7 +396,7 @@ def _make_response_row(study: Results, target: Target) -> list[str]:
     """
     response = target.response
     unit = response.unit
-    measured = f"{rounded(target.value)} ± {rounded(target.sd, 2)} {unit}"
+    measured = f"{format_significant(target.value)} ± {format_significant(target.sd, 2)} {unit}"
     measured += f" (n = {target.repetitions})"
     target_range = f"{target.low:g} to {target.high:g} {unit}"
 
@@ -430,7 +430,7 @@ def _format_prediction(study: Results, target: Target) -> str:
     predicted = study.get_number(response.predicted)
     if predicted is None:
         return ""
-    text = f"{rounded(predicted)} {response.unit}"
+    text = f"{format_significant(predicted)} {response.unit}"
     optimism = study.get_number(response.optimism)
     if optimism is None:
         return text
@@ -515,7 +515,7 @@ def _make_cells_of_set(
         _Cell("runs", row.get("n_seeds")),
     ]
     for name in study.parameters.names:
-        cells.append(_Cell(name, rounded(row[name], 3)))
+        cells.append(_Cell(name, format_significant(row[name], 3)))
     for response in study.targets.responses:
         symbol = response.symbol
         unit = response.unit or "–"
@@ -718,7 +718,7 @@ def _describe_accuracy(study: Results) -> str:
         rmse = metrics.get("rmse") or np.nan
         if np.isfinite(rmse):
             accuracies.append(
-                f"{response.label} to {rounded(rmse, 2)} {response.unit} "
+                f"{response.label} to {format_significant(rmse, 2)} {response.unit} "
                 f"(R² {metrics['r2']:.2f})"
             )
     if not accuracies:

@@ -6,7 +6,7 @@ from typing import Any
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from repose.common.numbers import rounded
+from repose.common.numbers import format_significant
 
 PAGE_FOLDER = Path(__file__).parent
 
@@ -16,7 +16,7 @@ def cell_text(value: Any) -> str:
     if value is None:
         return ""
     if isinstance(value, float):
-        return "" if math.isnan(value) else rounded(value)
+        return "" if math.isnan(value) else format_significant(value)
     return str(value)
 
 

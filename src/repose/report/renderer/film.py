@@ -9,7 +9,7 @@ import numpy as np
 from PIL import Image
 
 from repose.common.errors import InputError
-from repose.common.files import Path_, read_npz, write_bytes
+from repose.common.files import StrPath, read_npz, write_bytes
 from repose.dem import Simulation
 from repose.report.renderer.backdrop import DrumInside
 from repose.report.renderer.bodies import Drawable
@@ -40,9 +40,9 @@ WEBP_QUALITY = (80, 65, 50, 35, 20)
 
 
 def animate_pour(
-    trajectory: Path_,
+    trajectory: StrPath,
     particle: Drawable,
-    out_path: Path_,
+    out_path: StrPath,
     walls: Sequence[Frustum] = (),
     frames: int = 72,
     **view: Any,
@@ -138,7 +138,7 @@ def _find_frame_of_pour(
 def animate(
     simulation: Simulation,
     frames: Mapping[str, np.ndarray],
-    out_path: Path_,
+    out_path: StrPath,
     pictures: int = 48,
     **view: Any,
 ) -> None:
@@ -235,9 +235,9 @@ def _find_frame_of_ends(
 
 
 def animate_drum(
-    trajectory: Path_,
+    trajectory: StrPath,
     particle: Drawable,
-    out_path: Path_,
+    out_path: StrPath,
     section: "DrumSettings",
     frames: int = 72,
     **view: Any,
@@ -319,7 +319,7 @@ def _read_scales(record: Mapping[str, np.ndarray]) -> np.ndarray:
     return record.get("scale", np.ones(record["position"].shape[1]))
 
 
-def _check_ending(out_path: Path_) -> Path:
+def _check_ending(out_path: StrPath) -> Path:
     """Return a path; raise InputError for an ending that cannot be written."""
     out_path = Path(out_path)
     if out_path.suffix.lower() not in FORMATS:

@@ -25,7 +25,7 @@ from repose.calibrate.strategies.sequential.kriging import (
     draw_subset,
 )
 from repose.common.errors import InputError
-from repose.common.numbers import rounded
+from repose.common.numbers import format_significant
 
 # Sources of the noise.
 REPLICATES = "replicates"
@@ -60,7 +60,9 @@ class Noise(NamedTuple):
         for (name, source), variance in zip(
             self.sources.items(), np.diagonal(self.covariance), strict=True
         ):
-            deviations.append(f"{name} {rounded(np.sqrt(variance), 2)} ({source})")
+            deviations.append(
+                f"{name} {format_significant(np.sqrt(variance), 2)} ({source})"
+            )
         return (
             "too few replicates that differ for the noise of a run; taken as standard "
             f"deviations: {', '.join(deviations)}. Intervals and probabilities are as "
