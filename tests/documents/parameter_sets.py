@@ -283,19 +283,19 @@ def five_runs():
     others = [run for run in RUNS if run != PAPER]
     least = min(probability_inside(run) for run in others)
     return (
-        "Each of our five calibrations ends with a check, in which new piles are simulated with its answer. "
-        "In every check, the mean angle lies within 31 to 34°, and the mean Height within 64 to 69 mm.\n"
-        "As these are means of a limited number of piles, the true means may still lie outside. "
-        f"In {len(others)} of the five runs, both true means lie inside with a probability of at least {least:.2f}. In the run "
-        f"`paper`, the probability is only {unsure:.2f}, because its check has just eight piles. So we call its verdict "
+        "Each of our five calibrations ends with a check that simulates new piles with the calibrated parameters. In every check, "
+        "the mean angle is between 31 and 34°, and the mean Height is between 64 and 69 mm.\n"
+        "Because each mean comes from a limited number of piles, the true means could still be outside these ranges. In "
+        f"{len(others)} of the five runs, both are inside with a probability of at least {least:.2f}. In the run "
+        f"`paper`, whose check consists of only eight piles, this probability is {unsure:.2f}. We therefore call its verdict "
         "[undecided](glossary.md).\n\n"
-        "Different contact parameters can give the same pile. To see this, compare the two runs that search the same model "
-        "independently, `goji_berry` and `fast`. Both meet the targets, but their parameters differ by "
+        "Different contact parameters can produce the same pile. The runs `goji_berry` and `fast` show this, because they search "
+        "the same model independently of each other. Both meet the targets, although their parameters differ by "
         f"{largest_difference(fast, DEFAULT)} of the searched ranges. A third run of this model, `wider`, searches a wider range "
         f"of `mus_gg`, and its answer differs from that of `goji_berry` by {largest_difference(WIDER, DEFAULT)}.\n\n"
-        "Do not count the five answers as five independent repetitions. The run `refined` continues `goji_berry`, so their "
-        f"parameters differ by only {largest_difference(refined, DEFAULT)} of the ranges. The runs `paper` and `matched` have "
-        "another particle and another contact law.\n"
+        "The five runs are not five independent repetitions of one calibration. The run `refined` continues `goji_berry`, so the "
+        f"parameters of these two differ by only {largest_difference(refined, DEFAULT)} of the ranges. The runs `paper` and "
+        "`matched` use a different particle and a different contact law.\n"
     )
 
 
@@ -417,28 +417,28 @@ def design():
     # Between the smallest and the largest of n points drawn evenly from a range.
     random_share = (len(meeting) - 1) / (len(meeting) + 1)
     return (
-        "Many different parameter sets give the measured pile, so the pile alone cannot tell them apart. "
-        f"In the run `goji_berry`, {len(meeting)} of the {len(samples)} parameter sets that were simulated before the search, "
-        "called samples, met both targets.\n"
-        f"These {len(meeting)} samples are spread over {100 * shares[least]:.0f} (`{least}`) to "
-        f"{100 * shares[most]:.0f} % (`{most}`) of the searched ranges, from the smallest to the largest value. "
-        f"As many points drawn at random would cover about {100 * random_share:.0f} %, hardly more.\n\n"
-        "Some samples of the run `goji_berry`, which are parameter sets with six simulated piles each, meet the targets only by "
-        "chance. The reason is that a mean of six piles is uncertain, here by "
-        f"{noise[ANGLE]:.1f}° and {noise[HEIGHT]:.1f} mm. "
-        "The neural network of the run, which is fitted to all samples, smooths this scatter. "
-        f"It predicts that {len(predicted)} samples meet both targets, of which {len(both)} really did. These {len(predicted)} "
-        f"still span {100 * covered_share(DEFAULT, predicted, least):.0f} % of the range of `{least}`.\n\n"
-        "A statistical analysis shows what ten measured piles tell about each parameter. It gives the 95 % interval in which the "
-        "parameter lies, and this interval is wider if a larger error of the simulator, the discrepancy, is assumed. "
-        f"With our default, {pooled.size} for angle and Height, the intervals of all six parameters keep {pooled.all} of the "
-        "width that they have without a measurement. So the piles hardly narrow them.\n\n"
-        "Ten measured piles tell more if the simulator is more exact. With an error of the simulator of only "
-        f"{secant.size}, the 95 % interval of `{NARROWEST}`, {KIND[NARROWEST]}, shrinks to {secant.narrowest} of the width that "
-        f"it has without a measurement. With a perfect simulator it would shrink to {exact.narrowest}. "
-        f"Even then, the intervals of the other five parameters keep at least {exact.others.split()[0]} % of theirs.\n"
-        f"So the pile leaves five of the six parameters open. How far it determines `{NARROWEST}` depends on the error of the "
-        "simulator, which is not well known.\n"
+        "Many different parameter sets reproduce the measured pile, so the pile alone cannot tell us which of them is right. "
+        "Before its search, a run simulates parameter sets that are spread over the searched ranges, its samples. "
+        f"In the run `goji_berry`, {len(meeting)} of {len(samples)} samples met both targets.\n"
+        f"From the smallest to the largest value, these {len(meeting)} samples cover between {100 * shares[least]:.0f} % of a "
+        f"range (for `{least}`) and {100 * shares[most]:.0f} % (for `{most}`). The same number of random points would cover about "
+        f"{100 * random_share:.0f} % of each range, so for most parameters the pile excludes hardly anything.\n\n"
+        "Some samples meet the targets only by chance. In the run `goji_berry`, a sample is a parameter set for which six piles "
+        f"were simulated, and a mean of six piles still has a standard error of {noise[ANGLE]:.1f}° and {noise[HEIGHT]:.1f} mm. "
+        "The neural network, which is fitted to all samples together, smooths out this scatter.\n"
+        f"According to the network, {len(predicted)} samples meet both targets. In the simulations, {len(both)} of these "
+        f"{len(predicted)} did. Even these {len(predicted)} samples cover "
+        f"{100 * covered_share(DEFAULT, predicted, least):.0f} % of the range of `{least}`.\n\n"
+        "How much do ten measured piles reveal about each parameter? A statistical analysis answers this with a 95 % interval for "
+        "each parameter. The interval becomes wider if we assume that the simulator itself has a larger error, called the "
+        f"discrepancy. With our default for this error, {pooled.size} for angle and Height, each of the six intervals is still "
+        f"{pooled.all} as wide as it would be without any measurement. The piles therefore hardly narrow them.\n\n"
+        "The more accurate the simulator is, the more the same ten piles reveal. "
+        f"If its error were only {secant.size}, the 95 % interval of `{NARROWEST}`, {KIND[NARROWEST]}, would shrink to "
+        f"{secant.narrowest} of its width without a measurement. With a perfect simulator, it would shrink to {exact.narrowest}. "
+        f"The intervals of the other five parameters would keep at least {exact.others.split()[0]} % of their width even then.\n"
+        f"The pile thus leaves five of the six parameters open, and how well it determines `{NARROWEST}` depends on the error of "
+        "the simulator, which is not well known.\n"
     )
 
 
@@ -484,15 +484,16 @@ def wider_run():
     ]
     chance = stats.fisher_exact(counts).pvalue
     return (
-        f"To see what lies beyond the article's lower bound of `mus_gg`, {old_low:g}, "
-        f"we ran the study once more, as `wider`, with the range {low:g} to {high:g} and two pours for each sample.\n"
-        f"Below {old_low:g}, {meeting_beyond.sum()} of {beyond.sum()} samples (simulated parameter sets) meet both targets; "
-        f"above it, {(~meeting_beyond).sum()} of {(~beyond).sum()} do. Such a difference may be chance (Fisher's exact test, "
-        f"p {chance:.2f}). So nothing shows that solutions end at the article's bound.\n\n"
-        "The search of the run `wider`, which has the wider range of `mus_gg`, nevertheless ended near the article's bound of "
-        f"{old_low:g}: its {len(solutions)} solutions have a `mus_gg` of {span}.\n"
-        f"New piles, poured with the answer of this run, have an angle of {check[ANGLE][0]} "
-        f"and a Height of {check[HEIGHT][0]}, which meets both targets.\n"
+        "Are there solutions below the article's lower bound for the static friction `mus_gg`? To find out, we ran the study once "
+        f"more, as `wider`, with a range of {low:g} to {high:g} instead of one that begins at {old_low:g}. This run simulated two "
+        "piles for each parameter set (sample).\n"
+        f"Below {old_low:g}, {meeting_beyond.sum()} of {beyond.sum()} samples meet both targets; above it, "
+        f"{(~meeting_beyond).sum()} of {(~beyond).sum()} do. A difference of this size can easily arise by chance (Fisher's exact "
+        f"test, p = {chance:.2f}), so nothing indicates that the solutions end at the article's bound.\n\n"
+        "The run `wider` could search far below the article's lower bound for `mus_gg`. Its search nevertheless ended near this "
+        f"bound of {old_low:g}: its {len(solutions)} solutions have a `mus_gg` of {span}.\n"
+        f"New piles that were simulated with its answer have an angle of {check[ANGLE][0]} "
+        f"and a Height of {check[HEIGHT][0]}, so they meet both targets.\n"
     )
 
 
@@ -519,14 +520,14 @@ def overlaps():
     apart = [name for name, count in counts.items() if count == 0]
     without = [run.name for run in RUNS if run.solutions is None]
     common = [
-        f"in {name} {count} of them do" for name, count in counts.items() if count
+        f"in {name}, {count} of them do" for name, count in counts.items() if count
     ]
     return (
-        "The article's search ends with 90 solutions, parameter sets that are predicted to meet the targets, and so do most of "
-        "ours. Do they find the same sets? To see this, we compared the span of the solutions in each of the six parameters, "
-        "from the smallest to the largest value, with that in the article's Table 3.\n"
-        f"In {listed(apart)} none of the six spans overlaps the article's; {listed(common)}. "
-        f"The runs {listed(without)} are left out, because their strategy keeps no list of 90 solutions.\n"
+        "The article's search ends with 90 solutions, which are parameter sets predicted to meet the targets. Most of our searches "
+        "also end with 90. To see whether they find the same sets, we compared the solutions one parameter at a time: does the "
+        "interval from their smallest to their largest value overlap the corresponding interval in the article's Table 3?\n"
+        f"In the run {listed(apart)}, none of the six intervals does; {listed(common)}. "
+        f"We left out the runs {listed(without)}, because their strategy does not keep a list of 90 solutions.\n"
     )
 
 
@@ -667,21 +668,22 @@ def published_verdict():
     # A pour of the article is taken to scatter as ours do.
     pour = (sets[f"{ANGLE}_se"] * np.sqrt(sets["pours"])).mean()
     return (
-        f"Do the article's {len(sets)} parameter sets meet its targets in our simulator? For the angle, this depends on the line "
-        "by which it is measured. By the line that we calibrate with, along the flank of the pile, "
-        f"{inside[ANGLE].sum()} of the {len(sets)} sets have a mean angle inside the target's range of {low:g} to {high:g}°, and "
-        f"{clear.sum()} lie below it by more than two standard errors.\n"
-        f"By another line, along the straightest part of a side, {inside[STRAIGHTEST].sum()} sets lie inside, and the last one "
-        f"just below ({sets[STRAIGHTEST].min():.2f} ± {sets.loc[sets[STRAIGHTEST].idxmin(), f'{STRAIGHTEST}_se']:.2f}°).\n\n"
-        f"The height is no problem: for {height_inside.sum()} of the article's {len(sets)} sets, our mean Height lies inside the "
-        f"target's range of {height_range[0]:g} to {height_range[1]:g} mm.\n\n"
-        f"With the article's parameters, our piles are flatter than the article's own. It gives an angle for {count} of its sets, "
-        "from one simulated pile each. On average over these sets, our angle is smaller by "
-        f"{with_error(flatter, error)}° along the flank, and by {with_error(straight, straight_error)}° along the straightest "
-        "part of a side.\n\n"
-        "How sure is it that our piles are flatter than the article's? The standard errors of the mean differences come from the "
-        f"scatter of the {count} differences. But if the article's single piles scatter by {pour:.1f}°, as ours do, the standard "
-        f"error is {pour / np.sqrt(count):.1f}°.\n\n"
+        f"Do the article's {len(sets)} parameter sets meet its targets in our simulator? For the angle, the answer depends on "
+        "where on the pile we measure it. Along the flank, which is the line that we calibrate with, "
+        f"{inside[ANGLE].sum()} of the {len(sets)} sets have a mean angle inside the target range of {low:g} to {high:g}°. "
+        f"Of these sets, {clear.sum()} are below the range by more than two standard errors.\n"
+        f"Along the straightest part of a side, {inside[STRAIGHTEST].sum()} sets are inside the range, and the remaining one is "
+        "just below it "
+        f"({sets[STRAIGHTEST].min():.2f} ± {sets.loc[sets[STRAIGHTEST].idxmin(), f'{STRAIGHTEST}_se']:.2f}°).\n\n"
+        f"The height is no problem: for {height_inside.sum()} of the article's {len(sets)} sets, our mean Height is inside the "
+        f"target range of {height_range[0]:g} to {height_range[1]:g} mm.\n\n"
+        "With the article's parameters, our piles come out flatter than its own. The article reports a simulated angle for "
+        f"{count} of its sets, each from a single pile. On average over these sets, our angle is smaller by "
+        f"{with_error(flatter, error)}° if measured along the flank, and by {with_error(straight, straight_error)}° if measured "
+        "along the straightest part of a side.\n\n"
+        "We cannot be entirely sure that our piles are flatter than the article's. The standard errors above come from the scatter "
+        f"of only {count} differences. If the article's single piles scatter by {pour:.1f}°, as ours do, the standard error of "
+        f"the mean difference is {pour / np.sqrt(count):.1f}°.\n\n"
         "A calibration by the flank removes the difference between our piles and the article's, because it changes the parameters "
         "until the angle fits.\n"
     )
@@ -696,11 +698,11 @@ def first_draw():
     pours = int(first["n_seeds"])
     all_pours = poured_published_sets().loc["representative"]
     return (
-        "A few simulated piles can agree with a target by chance. An example is the article's representative parameter set. "
-        f"Of its first twelve piles in our simulator, {pours} came to rest, and their means met both targets: "
+        "A small number of simulated piles can agree with a target by chance. This happened with the article's representative "
+        f"parameter set. Of its first twelve piles in our simulator, {pours} came to rest, and their means met both targets: "
         f"{with_error(first['aor_flank_deg'], first['aor_flank_se_deg'])}° and "
         f"{with_error(first['height_mm'], first['height_se_mm'])} mm. "
-        f"But when we simulated more, the mean angle of all {all_pours['pours']} piles that came to rest was "
+        f"When we simulated more piles, the mean angle of all {all_pours['pours']} that came to rest was only "
         f"{with_error(all_pours[ANGLE], all_pours[f'{ANGLE}_se'])}°, which misses the target.\n"
     )
 
@@ -923,13 +925,13 @@ def drum():
     ours = runs[runs["case"] == "our answer"]
     again = mean_with_error(ours["before_turned_deg"])
     return (
-        "With the contact parameters that the run `goji_berry` found, the bed of berries in our simulated drum slips when the drum "
-        f"has turned by {means['before_turned_deg']}°. The surface of the berries has then risen to "
-        f"{means['before_surface_deg']}°, and after the slip it lies at {means['after_surface_deg']}°.\n\n"
-        "Other simulations of our drum show the same late slip. Six further ones with the parameters of `goji_berry` give an angle "
-        f"of {again}°. With those of the run `matched` the bed slips after "
-        f"{drum_means(MATCHED)['before_turned_deg']}°, and with those of `paper` after {drum_means(PAPER)['before_turned_deg']}° "
-        "(a single simulation). So none of our answers brings the slip near the 27° that follow from the article's times.\n"
+        "With the contact parameters from the run `goji_berry`, the bed of berries in our simulated drum first slips when the drum "
+        f"has turned by {means['before_turned_deg']}°. By then the surface of the bed has tilted to "
+        f"{means['before_surface_deg']}°; after the slip its slope is {means['after_surface_deg']}°.\n\n"
+        "Other simulations of our drum also show a late slip. Six further ones with the parameters of `goji_berry` slip at "
+        f"{again}° on average. With the parameters of the run `matched` the slip comes at "
+        f"{drum_means(MATCHED)['before_turned_deg']}°, and with those of `paper` at {drum_means(PAPER)['before_turned_deg']}° "
+        "(a single simulation). None of these is near the 27° that follow from the times in the article.\n"
     )
 
 
@@ -974,17 +976,18 @@ def optimism():
     typical_error = others["aor_se_deg"].mean()
     mean_found = with_error(found_others.mean(), typical_error / np.sqrt(len(others)))
     return (
-        "For the answer of the run `goji_berry`, the program expected a slightly too steep prediction: the true angle "
-        f"should be smaller than the predicted one by {expected_answer}. New piles, simulated with this answer, were flatter "
-        f"than predicted by {found_answer}°, which agrees with the expectation.\n\n"
-        f"The run `goji_berry` also simulated {len(others)} other solutions of its search again. For these, the program expected "
-        f"on average that the true angle is smaller than predicted by {expected.mean():.1f}°. The new piles were flatter by "
-        f"{mean_found}°, so the expected optimism explains only a part of the error. For single solutions the difference was "
-        f"{found_others.min():.1f} to {found_others.max():.1f}°, each with an error of about {typical_error:.1f}°.\n\n"
-        f"Of the solutions of `goji_berry` that were simulated again, {counted_flatter()} gave flatter piles than predicted. One "
-        "network predicts them all, so this points to a bias of the network near the answers. "
-        f"The error that the network states there for the angle is {posterior_of(DEFAULT)['network_ensemble_se'][0]:.1f}°. The "
-        "95 % intervals of the parameters, in the posterior, allow for such an error, but not for a bias.\n"
+        "For the answer of the run `goji_berry`, the program expected its predicted angle to be slightly too large, by "
+        f"{expected_answer}. The new piles that were simulated with this answer were flatter than predicted by {found_answer}°, "
+        "which agrees with the expectation.\n\n"
+        f"The check of the run `goji_berry` also simulated {len(others)} other solutions of the search. For these, the program "
+        f"expected the predicted angles to be too large by {expected.mean():.1f}° on average, but the new piles were flatter by "
+        f"{mean_found}°. The expected optimism therefore explains only part of the error. For single solutions, the difference "
+        f"was {found_others.min():.1f} to {found_others.max():.1f}°, with a standard error of about {typical_error:.1f}° each.\n\n"
+        f"When solutions of `goji_berry` were simulated again, {counted_flatter()} gave flatter piles than predicted. All were "
+        "predicted by the same network, so this points to a bias of the network in the region of the solutions. "
+        "For the angle there, the network reports a standard error of "
+        f"{posterior_of(DEFAULT)['network_ensemble_se'][0]:.1f}°. The 95 % intervals of the parameters take such a random "
+        "error into account, but not a bias.\n"
     )
 
 
@@ -992,9 +995,9 @@ def pours_of_default():
     """How many pours of the design of `goji_berry` came to rest."""
     summary = json.loads((KEPT / DEFAULT.folder / "dataset_summary.json").read_text())
     return (
-        f"The run `goji_berry` simulates six piles for each of {summary['samples']} parameter sets. "
-        f"Of these {summary['runs']} piles, it uses the {summary['runs_ok']} that came to rest, "
-        "and leaves out those whose berries still moved after 18 s.\n"
+        f"The run `goji_berry` simulates six piles for each of {summary['samples']} parameter sets, {summary['runs']} in all. "
+        f"It uses the {summary['runs_ok']} piles that came to rest and leaves out those whose berries were still moving after "
+        "18 s.\n"
     )
 
 
@@ -1290,12 +1293,13 @@ def most_sensitive():
         return f"{share(target, most)} ({low:.0f} to {high:.0f} %)"
 
     return (
-        f"The pile responds most to {KIND[most]}, `{most}`. Over the searched ranges, this parameter alone explains "
-        f"{with_interval(ANGLE)} of the variance of the angle, and {with_interval(HEIGHT)} of that of the Height. "
-        f"{direction(most)}\n\n"
-        f"The other parameters change the pile less than `{most}`. Next for the angle is {KIND[next_angle]}, `{next_angle}`, with "
-        f"{share(ANGLE, next_angle)} of its variance. Next for the Height is {KIND[next_height]}, `{next_height}`, with "
-        f"{share(HEIGHT, next_height)}. The parameter that matters least is {KIND[least]}, `{least}`. {direction('mus_gg')}\n"
+        f"Of all parameters, {KIND[most]}, `{most}`, has the largest effect on the pile. If all parameters vary over the searched "
+        f"ranges, this one alone explains {with_interval(ANGLE)} of the variance of the angle. For the Height, it explains "
+        f"{with_interval(HEIGHT)}. {direction(most)}\n\n"
+        f"The other parameters affect the pile less than `{most}`. Second in importance for the angle is {KIND[next_angle]}, "
+        f"`{next_angle}`, which explains {share(ANGLE, next_angle)} of the variance. For the Height it is {KIND[next_height]}, "
+        f"`{next_height}`, which explains {share(HEIGHT, next_height)}. The least important parameter is {KIND[least]}, "
+        f"`{least}`. {direction('mus_gg')}\n"
     )
 
 
@@ -1305,8 +1309,8 @@ def direction(parameter):
     correlation = samples[parameter].corr(samples[ANGLE], method="spearman")
     change = "steeper" if correlation > 0 else "flatter"
     return (
-        f"More of `{parameter}` makes a pile {change} "
-        f"(rank correlation with the angle {correlation:+.2f})."
+        f"With a larger `{parameter}`, piles become {change} "
+        f"(rank correlation with the angle: {correlation:+.2f})."
     )
 
 
@@ -1423,17 +1427,17 @@ def further_tests():
     ]
     return (
         f"{markdown(head, rows)}\n"
-        "For each hour of work, two kinds of measurement tell most about the parameters. The first is to read "
-        "[further numbers from the same photographs](research/docs/second_responses.md). This takes "
-        f"{photographs['minutes']:.0f} minutes and gives {with_error(photographs['gain_bits'], photographs['gain_se_bits'])} bits, "
-        "if the simulator errs by 2 %. One bit means that half of what was possible is ruled out. "
-        "The second is a direct test of the friction on the wall, which takes "
-        f"{by_set.loc['direct mus_gp', 'minutes']:.0f} minutes and gives "
-        f"{by_set.loc['direct mus_gp', 'gain_bits']:.1f} bits, whatever the simulator's error.\n"
-        "\nOnly the first two rows of this table come from the measured piles. The others are "
-        "[computed for made-up measurements](research/docs/joint_targets.md), with an earlier version of the simulator. "
-        "They assume that single direct tests scatter by a standard deviation of 0.03 for a restitution, 0.035 for a static "
-        "and 0.005 for a rolling friction. If your own tests scatter more, they tell less.\n"
+        "Per hour of work, two kinds of measurement reveal most about the parameters. The first is to evaluate "
+        "[more features of the same photographs](research/docs/second_responses.md). This takes "
+        f"{photographs['minutes']:.0f} minutes and yields {with_error(photographs['gain_bits'], photographs['gain_se_bits'])} bits "
+        "if the simulator has an error of 2 %; each bit rules out half of the remaining possibilities. "
+        "The second is to measure the friction on the wall directly, which takes "
+        f"{by_set.loc['direct mus_gp', 'minutes']:.0f} minutes and yields "
+        f"{by_set.loc['direct mus_gp', 'gain_bits']:.1f} bits, whatever the error of the simulator.\n"
+        "\nOnly the first two rows of this table use the piles that were really measured. For the other rows, we computed "
+        "[synthetic measurements](research/docs/joint_targets.md) with an earlier version of the simulator. "
+        "We assumed that the result of a single direct test has a standard deviation of 0.03 for a restitution, 0.035 for a static "
+        "and 0.005 for a rolling friction. If your own tests scatter more, they will narrow the intervals less.\n"
     )
 
 
@@ -1442,13 +1446,13 @@ def left_open():
     samples, meeting = meeting_samples(DEFAULT)
     region = DEFAULT.table("posterior/region.csv")["share"].mean()
     return (
-        "**The measured piles determine none of the six parameters**, if we allow for the error of the simulator. "
+        "**The measured piles determine none of the six parameters** once we allow for the error of the simulator. "
         f"Of the {len(samples)} parameter sets that the run simulated first, {len(meeting)} "
         f"({100 * len(meeting) / len(samples):.0f} %) gave piles inside both target ranges. "
-        f"Allowing for the error, {100 * region:.0f} % of all combinations of parameters remain possible.\n\n"
-        "So use the six calibrated values only together, and only for piles like the measured one. "
-        "A pile alone does not give parameters for a conveyor or a packing machine. "
-        "It shows [which further tests you need](#what-a-pile-leaves-open).\n"
+        f"If we allow for the error, {100 * region:.0f} % of all combinations of parameters remain possible.\n\n"
+        "Use the six calibrated values only together, therefore, and only for piles like the measured one. "
+        "A pile alone does not give you parameters for a conveyor or a packing machine, but it shows "
+        "[which further tests you need](#what-a-pile-leaves-open).\n"
     )
 
 
