@@ -1450,7 +1450,7 @@ def left_open():
         f"Of the {len(samples)} parameter sets that the run simulated first, {len(meeting)} "
         f"({100 * len(meeting) / len(samples):.0f} %) gave piles inside both target ranges. "
         f"If we allow for the error, {100 * region:.0f} % of all combinations of parameters remain possible.\n\n"
-        "Use the six calibrated values only together, therefore, and only for piles like the measured one. "
+        "You should therefore use the six calibrated values only together, and only for piles like the measured one. "
         "A pile alone does not give you parameters for a conveyor or a packing machine, but it shows "
         "[which further tests you need](#what-a-pile-leaves-open).\n"
     )
