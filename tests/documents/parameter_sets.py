@@ -396,12 +396,12 @@ def open_intervals():
         "them depends on the [discrepancy](#the-discrepancy), the error that we assume for the simulator. By default this is "
         f"{pooled.size} for the angle and the height of a pile. Each interval then keeps {pooled.all} of the width that it has "
         "without a measurement.\n\n"
-        f"With a more exact simulator, ten measured piles would determine {KIND[NARROWEST]}, `{NARROWEST}`, better. "
-        f"If its assumed error falls from {pooled.size} to {secant.size}, one of our smaller estimates, the 95 % interval of "
-        f"`{NARROWEST}` shrinks to {secant.narrowest} of the width that it has without a measurement. With a perfect simulator "
-        f"it would shrink to {exact.narrowest}.\n"
-        f"The intervals of the other five parameters keep {exact.others} of their width even with a perfect simulator. "
-        "So for these five you need other measurements in any case.\n"
+        f"With a more accurate simulator, ten measured piles would determine {KIND[NARROWEST]}, `{NARROWEST}`, better. By "
+        f"default we assume that the error of the simulator is {pooled.size}. With one of our smaller estimates, {secant.size}, "
+        f"the 95 % interval of `{NARROWEST}` shrinks to {secant.narrowest} of the width that it has without a measurement, and "
+        f"with a perfect simulator it would shrink to {exact.narrowest}.\n"
+        f"The intervals of the other five parameters, however, keep {exact.others} of their width even with a perfect simulator. "
+        "You need other measurements for these five in any case.\n"
     )
 
 
@@ -461,10 +461,10 @@ def bounds():
         "bound, better ones may lie beyond it.\n"
         f"In the run `goji_berry`, {'; '.join(listed_bounds)}, the static friction between two berries, "
         f"and the answer lies {100 * distance:.0f} % of the range above this bound.\n\n"
-        "We took the lower bound of `mus_gg`, the static friction between berries, from the article (Table 2), so it may have "
-        "cut the search off. To find out, another run, `wider`, also simulated parameter sets below this bound. They meet both "
-        "targets [about as often](results.md#five-runs-five-parameter-sets) as sets above it. So values below the bound are "
-        "possible, too.\n"
+        "We took the lower bound of `mus_gg`, the static friction between berries, from the article (Table 2), and it may have "
+        "kept better solutions out of the search. To find out, we made another run, `wider`, which also simulated parameter sets "
+        "below this bound. They meet both targets [about as often](results.md#five-runs-five-parameter-sets) as sets above it, "
+        "so values below the bound are possible, too.\n"
     )
 
 
@@ -1105,15 +1105,15 @@ def information():
     secant = by_line.loc["secant"]
     size = size_of(by_line.loc["all six"])
     return (
-        "The ten measured piles of goji berries tell little about the contact parameters. We measure this in bits, where one bit "
-        f"halves the possible range. With the default error of the simulator, {size}, the piles give {total:.2f} bits about all "
-        "six parameters together. "
+        "The ten measured piles of goji berries reveal little about the contact parameters. We measure this in bits, where one "
+        f"bit halves the possible range. With the default error of the simulator, {size}, the piles give {total:.2f} bits about "
+        "all six parameters together. "
         f"The largest share, {bits[most]:.2f} bits, belongs to `{most}`, {KIND[most]}, which probably lies in the {half} half of "
         f"its range. Each of the other five gains at most {bits.drop(most).max():.2f} bits.\n\n"
-        "The more exact the simulator is, the more the same measured piles tell. If its assumed error falls from "
-        f"{size} to {size_of(secant)}, all six parameters together gain {secant['information_bits']:.1f} bits instead of "
-        f"{total:.2f}, where one bit halves the possible range. Of these, {secant[f'{most}_bits']:.1f} bits belong to `{most}`, "
-        f"{KIND[most]}.\n"
+        "If the simulator is more accurate, the same measured piles reveal more about the contact parameters. With an assumed "
+        f"error of {size_of(secant)} instead of {size}, they give {secant['information_bits']:.1f} bits about all six parameters "
+        f"together instead of {total:.2f}, where one bit halves the possible range. Of these, {secant[f'{most}_bits']:.1f} bits "
+        f"belong to `{most}`, {KIND[most]}.\n"
     )
 
 
@@ -1191,16 +1191,16 @@ def shape_study_discrepancy():
     secant = eligible[eligible["definition"] == "secant"]
     angle_sd, height_sd = secant[["aor_difference_deg", "height_difference_mm"]].std()
     return (
-        "To estimate the error of our simulator for the goji berry, we asked how much the piles of different plausible models of "
-        f"the berry differ. There are {models} models, and the angle of their piles was measured by six different lines. Each "
-        "combination of a model and a line counts as one possible simulator. By this estimate, simulators differ by "
-        f"{size_of(pooled)}, with a correlation of {pooled['discrepancy_correlation']:.2f} between angle and Height. This is the "
-        "default discrepancy.\n\n"
-        "Not all combinations of a model and a line are equally plausible, so the estimate of the simulator's error weights them. "
-        "A combination whose piles are closer to those that the article simulated gets a larger weight, exp(-d²/2), where d is "
-        "the distance in standard deviations. "
+        f"To estimate the error of our simulator, we compared the piles of {models} plausible models of the goji berry. The angle "
+        "of a pile depends on the line that is drawn along its side, so we measured it along six different lines. Each "
+        "combination of a model and a line counts as one possible simulator. The standard deviation between these simulators is "
+        f"{size_of(pooled)}, with a correlation of {pooled['discrepancy_correlation']:.2f} between angle and Height. The program "
+        "uses these values as the default discrepancy, its estimate of the error.\n\n"
+        "Our estimate of the simulator's error is a weighted one, because not all combinations of a model and a line are equally "
+        "plausible. The closer the piles of a combination are to those that the article simulated, the larger is its weight, "
+        "exp(-d²/2), where d is the distance in standard deviations. "
         f"As a result, lines from foot to crest (secant) carry {100 * shares['secant']:.0f} % of the weight, and lines along the "
-        f"steepest part of a side {100 * shares['steepest']:.0f} %. The models are worth as much as "
+        f"steepest part of a side {100 * shares['steepest']:.0f} %. The models together are worth as much as "
         f"{posterior['discrepancy_models']:.1f} equally weighted ones.\n\n"
         "This estimate of the simulator's error, the discrepancy, has four weaknesses:\n\n"
         "- It contains the scatter between lines, although a study compares piles by one line only. By most lines alone, the "
@@ -1223,7 +1223,7 @@ def open_region():
     excluded = int((region["share"] == 0).sum())
     cells = "none is" if excluded == 0 else f"{excluded} of {len(region)} are"
     return (
-        f"For the goji berry, history matching rules out little: {100 * share:.0f} % of the searched space remain possible, with "
+        f"For the goji berry, history matching rules out little: {100 * share:.0f} % of the searched space remains possible, with "
         f"the default error of the simulator. Of the cells in the figure, {cells} ruled out:\n"
     )
 
@@ -1494,9 +1494,9 @@ def effect_of_friction():
     height, angle, straightest, whole, secant = cells
     return (
         "In the run `goji_berry`, too, more static friction between berries, `mus_gg`, makes the piles flatter. From the lower to "
-        f"the upper end of its range, the angle by the default line changes by {angle}, and the height by {height} (a linear fit "
-        f"to all {len(samples)} samples).\n"
-        f"By other lines, the angle changes less: by {straightest} along the straightest part of a side, by {whole} along the "
+        f"the upper end of its range, the angle along the default line changes by {angle}, and the height by {height} (a linear "
+        f"fit to all {len(samples)} samples).\n"
+        f"The angle along other lines changes less: by {straightest} along the straightest part of a side, by {whole} along the "
         f"whole side, and by {secant} from foot to crest.\n"
     )
 
