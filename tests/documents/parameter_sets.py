@@ -670,7 +670,7 @@ def published_verdict():
     return (
         f"Do the article's {len(sets)} parameter sets meet its targets in our simulator? For the angle, the answer depends on "
         "where on the pile we measure it. Along the flank, which is the line that we calibrate with, "
-        f"{inside[ANGLE].sum()} of the {len(sets)} sets have a mean angle inside the target range of {low:g} to {high:g}°. "
+        f"{inside[ANGLE].sum() or 'none'} of the {len(sets)} sets have a mean angle inside the target range of {low:g} to {high:g}°. "
         f"Of these sets, {clear.sum()} are below the range by more than two standard errors.\n"
         f"Along the straightest part of a side, {inside[STRAIGHTEST].sum()} sets are inside the range, and the remaining one is "
         "just below it "
