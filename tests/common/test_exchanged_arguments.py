@@ -50,7 +50,7 @@ REFUSALS = {
     refusal.__name__: list(inspect.signature(refusal).parameters).index("source")
     for refusal in (InputError, YamlError, require)
 }
-WITH_CONDITION = ("require", "require_flank", "require_option")
+WITH_CONDITION = ("require", "require_flank")
 TEXT = (ast.Constant, ast.JoinedStr)
 
 
@@ -167,7 +167,6 @@ def test_no_arguments_are_exchanged():
         ("InputError(f'jobs of {name}', runs_csv, 1, 'two')", True),
         ("require(good, path, 'rows', 1, 'two')", False),
         ("require(good, 'rows', path, 1, 'two')", True),
-        ("require_option('--seed', good, 1, 'two')", True),
     ],
 )
 def test_exchanged_arguments_are_found(line, is_wrong):

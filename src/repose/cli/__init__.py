@@ -26,7 +26,7 @@ from repose.cli import calibration, cards, strategies, own_simulator, uncertaint
 from repose.cli import pictures, services, simulating  # noqa: F401, isort: skip
 from repose.cli.registry import PROGRAM, VERBS, Verb
 from repose.cli.stages import run_as_stage
-from repose.common.errors import BAD_INPUT, InputError, print_fault, require
+from repose.common.errors import BAD_INPUT, InputError, print_fault
 
 # The verbs that a person types, in the groups of the help. Those of the first group are
 # enough for a study. All other verbs are stages, which the rules of the workflow call.
@@ -162,9 +162,13 @@ def _check_threads() -> None:
     name = "NUMBA_NUM_THREADS"
     number = os.environ.get(name, "1")
     is_number = number.isdecimal() and int(number) >= 1
-    require(
-        is_number, "environment", name, number, allowed="a whole number from 1, or none"
-    )
+    if not is_number:
+        raise InputError(
+            "environment",
+            key=name,
+            value=number,
+            allowed="a whole number from 1, or none",
+        )
 
 
 class EscapingStream:
@@ -214,8 +218,8 @@ def _check_out_path(args: argparse.Namespace) -> None:
     if not args.out or is_root or not args.out.isprintable():
         raise InputError(
             "command line",
-            "--out",
-            args.out,
+            key="--out",
+            value=args.out,
             allowed="the path of a file or folder to write",
         )
 

@@ -173,8 +173,8 @@ def published_sets(args: argparse.Namespace, study: PipelineConfig) -> None:
     if outdated_files:
         raise InputError(
             outdated_files[0],
-            "provenance",
-            "another engine or scene",
+            key="provenance",
+            value="another engine or scene",
             allowed=f"runs by this engine as {args.config} asks for",
         )
 
@@ -215,8 +215,8 @@ def _require_published_table(args: argparse.Namespace, study: PipelineConfig) ->
     if published is None:
         raise InputError(
             args.config,
-            "validation.published",
-            None,
+            key="validation.published",
+            value=None,
             allowed="a table of published solutions",
         )
     return published

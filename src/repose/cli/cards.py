@@ -50,7 +50,9 @@ def card(args: argparse.Namespace) -> int:
     n_cards = N_CARDS[args.action]
     if len(args.cards) != n_cards:
         key = f"card {args.action}"
-        raise InputError("command line", key, args.cards, allowed=f"files: {n_cards}")
+        raise InputError(
+            "command line", key=key, value=args.cards, allowed=f"files: {n_cards}"
+        )
     cards = [card_file.read_card(path) for path in args.cards]
     if args.action == "compare":
         print(card_text.compare_cards(*cards))
@@ -107,8 +109,8 @@ def material_card(args: argparse.Namespace, study: PipelineConfig) -> None:
     if (args.posterior is None) != (args.draws is None):
         raise InputError(
             "command line",
-            "--posterior",
-            args.posterior,
+            key="--posterior",
+            value=args.posterior,
             allowed="together with --draws",
         )
     settings = study.settings

@@ -9,7 +9,6 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from repose.cli.options import require_option
 from repose.cli.registry import CONFIG, Option, list_config_files, load_study, verb
 from repose.common.errors import InputError, InputErrors
 from repose.common.numbers import format_significant
@@ -86,7 +85,10 @@ def check(args: argparse.Namespace, study: PipelineConfig) -> None:
 
     example: --config config/paper.yaml
     """
-    require_option(args.cores >= 1, "--cores", args.cores, allowed="at least 1")
+    if args.cores < 1:
+        raise InputError(
+            "command line", key="--cores", value=args.cores, allowed="at least 1"
+        )
     from repose.config import check as check_lines
     from repose.config import cost
 
@@ -98,12 +100,13 @@ def check(args: argparse.Namespace, study: PipelineConfig) -> None:
     if study.simulator is not None:
         _describe_external_study(args, study, study.simulator)
         return
-    require_option(
-        not args.makes_run,
-        "--try",
-        "given",
-        allowed="a study with a section simulator; without it `check` makes trial runs itself",
-    )
+    if args.makes_run:
+        raise InputError(
+            "command line",
+            key="--try",
+            value="given",
+            allowed="a study with a section simulator; without it `check` makes trial runs itself",
+        )
     # Describe the study, and make trial runs.
     _print_computed(args.config, study)
     _print_lines(check_lines.describe_study(study))

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from repose.cli.registry import PROGRAM, Option, verb
 from repose.common import places
-from repose.common.errors import did_you_mean, require
+from repose.common.errors import InputError, did_you_mean
 
 # Pages that only the site needs: its first page, and its list of modules.
 HIDDEN_PAGES = ("docs", "reference")
@@ -30,13 +30,13 @@ def docs(args: argparse.Namespace) -> None:
             print(f"{name:{width}}  {read_title(path)}")
         return
 
-    require(
-        args.name in known,
-        "command line",
-        "docs",
-        args.name,
-        allowed=f"a page that `{PROGRAM} docs` lists{did_you_mean(args.name, known)}",
-    )
+    if args.name not in known:
+        raise InputError(
+            "command line",
+            key="docs",
+            value=args.name,
+            allowed=f"a page that `{PROGRAM} docs` lists{did_you_mean(args.name, known)}",
+        )
     text = known[args.name].read_text(encoding="utf-8")
     if sys.stdout.isatty():
         _show_in_pager(text)

@@ -6,7 +6,6 @@ import sys
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from repose.cli.options import require_option
 from repose.cli.parameter_sets import PARAMETER_SET, read_parameters
 from repose.cli.registry import CONFIG, Option, load_study, verb
 from repose.common import provenance
@@ -109,29 +108,38 @@ def _require_one_parameter_option(args: argparse.Namespace) -> None:
     """
     has_card = args.card is not None
     has_values = bool(args.set) or args.samples is not None
-    require_option(
-        not (has_card and has_values),
-        "--card",
-        args.card,
-        allowed="no --set and no --samples beside it, which give the parameters too",
-    )
-    require_option(
-        has_card or has_values or args.names,
-        "--card",
-        args.card,
-        allowed="the card of a finished study, or parameters by --set or --samples",
-    )
+    if has_card and has_values:
+        raise InputError(
+            "command line",
+            key="--card",
+            value=args.card,
+            allowed="no --set and no --samples beside it, which give the parameters too",
+        )
+    if not (has_card or has_values or args.names):
+        raise InputError(
+            "command line",
+            key="--card",
+            value=args.card,
+            allowed="the card of a finished study, or parameters by --set or --samples",
+        )
 
 
 def _check_numbers(args: argparse.Namespace) -> None:
     """Refuse a seed or a number of spheres that is out of range."""
-    require_option(args.seed >= 0, "--seed", args.seed, allowed="a whole number from 0")
-    require_option(
-        args.spheres is None or 1 <= args.spheres <= MOST_SPHERES,
-        "--spheres",
-        args.spheres,
-        allowed=f"from 1 to {MOST_SPHERES}",
-    )
+    if args.seed < 0:
+        raise InputError(
+            "command line",
+            key="--seed",
+            value=args.seed,
+            allowed="a whole number from 0",
+        )
+    if args.spheres is not None and not 1 <= args.spheres <= MOST_SPHERES:
+        raise InputError(
+            "command line",
+            key="--spheres",
+            value=args.spheres,
+            allowed=f"from 1 to {MOST_SPHERES}",
+        )
 
 
 def _find_study(args: argparse.Namespace, card: Card | None) -> PipelineConfig | None:

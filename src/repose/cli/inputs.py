@@ -94,8 +94,8 @@ def _build_mesh(args: argparse.Namespace) -> None:
     if not (args.axes and args.stl and args.mass_g):
         raise InputError(
             "command line",
-            "berry --axes",
-            args.axes,
+            key="berry --axes",
+            value=args.axes,
             allowed="together with --mass-g and --stl",
         )
     density = args.density

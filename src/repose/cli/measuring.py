@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from repose.cli.options import BERRY, JSON, require_option
+from repose.cli.options import BERRY, JSON
 from repose.cli.registry import CONFIG, Option, load_study, verb
 from repose.common.errors import InputError, raise_together
 from repose.common.files import format_json
@@ -174,12 +174,13 @@ def _are_particle_files(paths: Sequence[str]) -> bool:
     if not particle_files:
         return False
     pictures = [path for path in existing_paths if path not in particle_files]
-    require_option(
-        not pictures,
-        "pictures",
-        ", ".join(pictures),
-        allowed=f"files of particles alone, as {particle_files[0]}",
-    )
+    if pictures:
+        raise InputError(
+            "command line",
+            key="pictures",
+            value=", ".join(pictures),
+            allowed=f"files of particles alone, as {particle_files[0]}",
+        )
     return True
 
 
@@ -202,32 +203,10 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
     from repose.common.files import write_table
     from repose.common.section import AUTO
     from repose.measure import particle_files
-    from repose.measure.conventions import DIRECTIONS, UNITS
     from repose.measure.particles import measure_particles
     from repose.measure.settings import line_of
 
-    require_option(
-        args.unit in UNITS, "--unit", args.unit, allowed=f"one of {', '.join(UNITS)}"
-    )
-    require_option(
-        args.up is None or args.up in DIRECTIONS,
-        "--up",
-        args.up,
-        allowed=f"one of {', '.join(DIRECTIONS)}",
-    )
-    require_option(
-        args.radius is None or args.radius > 0,
-        "--radius",
-        args.radius,
-        allowed="above 0",
-    )
-    benches = _find_photographed_piles()
-    require_option(
-        args.bench in benches,
-        "--bench",
-        args.bench,
-        f"one of {', '.join(benches)}, which leave a pile",
-    )
+    _check_particle_options(args)
     runs = None if args.runs is None else _read_runs(args.runs, args.pictures)
     settings = _make_measure_settings(args)
     if args.config is None:
@@ -248,7 +227,9 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
                 source=name,
             )
         except NoFlankError as error:
-            raise InputError(name, "pile", error.reason, EXPECTED_PILE) from error
+            raise InputError(
+                name, key="pile", value=error.reason, allowed=EXPECTED_PILE
+            ) from error
         rows.append(
             {
                 "file": name,
@@ -265,7 +246,7 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
     write_table(path, table)
     if runs is not None:
         piles = table.set_index(table["file"].map(_find_run_name))
-        for column, response in benches[args.bench].items():
+        for column, response in _find_photographed_piles()[args.bench].items():
             runs[response] = runs.index.map(piles[column])
         write_table(Path(args.out) / RESULTS_TABLE_FILE, runs)
 
@@ -287,6 +268,49 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
 def _find_run_name(path: str) -> str:
     """Return the name of a run, such as ``3_1``, from the name of its file."""
     return Path(path).stem
+
+
+def _check_particle_options(args: argparse.Namespace) -> None:
+    """Refuse options that do not suit files of particles.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The options of the verb `measure`: `unit`, `up`, `radius` and `bench`.
+
+    Raises
+    ------
+    InputError
+        For the first option whose value is not allowed.
+    """
+    from repose.measure.conventions import DIRECTIONS, UNITS
+
+    if args.unit not in UNITS:
+        raise InputError(
+            "command line",
+            key="--unit",
+            value=args.unit,
+            allowed=f"one of {', '.join(UNITS)}",
+        )
+    if args.up is not None and args.up not in DIRECTIONS:
+        raise InputError(
+            "command line",
+            key="--up",
+            value=args.up,
+            allowed=f"one of {', '.join(DIRECTIONS)}",
+        )
+    if args.radius is not None and not args.radius > 0:
+        raise InputError(
+            "command line", key="--radius", value=args.radius, allowed="above 0"
+        )
+    benches = _find_photographed_piles()
+    if args.bench not in benches:
+        raise InputError(
+            "command line",
+            key="--bench",
+            value=args.bench,
+            allowed=f"one of {', '.join(benches)}, which leave a pile",
+        )
 
 
 def _read_runs(path: str, files: Sequence[str]) -> "pd.DataFrame":
@@ -315,15 +339,20 @@ def _read_runs(path: str, files: Sequence[str]) -> "pd.DataFrame":
     runs.index = runs["sample"].astype(str) + "_" + runs["run"].astype(str)
     names = [_find_run_name(file) for file in files]
     for file, name in zip(files, names, strict=True):
-        require_option(
-            name in runs.index,
-            "--runs",
-            path,
-            allowed=f"a row of the sample and run that the name of {file} gives, as 3_1.csv",
-        )
-        require_option(
-            names.count(name) == 1, "pictures", file, allowed="one file for each run"
-        )
+        if name not in runs.index:
+            raise InputError(
+                "command line",
+                key="--runs",
+                value=path,
+                allowed=f"a row of the sample and run that the name of {file} gives, as 3_1.csv",
+            )
+        if names.count(name) != 1:
+            raise InputError(
+                "command line",
+                key="pictures",
+                value=file,
+                allowed="one file for each run",
+            )
     return runs
 
 
@@ -356,7 +385,10 @@ def _check_bench_options(args: argparse.Namespace, pile_tests: Iterable[str]) ->
 
     known = (*pile_tests, *RESPONSES)
     allowed = f"one of {', '.join(known)}"
-    require_option(args.bench in known, "--bench", args.bench, allowed)
+    if args.bench not in known:
+        raise InputError(
+            "command line", key="--bench", value=args.bench, allowed=allowed
+        )
 
     # The scale of a drum or a box comes from points of known distance.
     unused_options: tuple[str, ...] = ("lens", "mm_per_pixel", "length", "base_row")
@@ -367,7 +399,7 @@ def _check_bench_options(args: argparse.Namespace, pile_tests: Iterable[str]) ->
         if value:
             option = f"--{name.replace('_', '-')}"
             allowed = f"nothing with --bench {args.bench}"
-            raise InputError("command line", option, value, allowed)
+            raise InputError("command line", key=option, value=value, allowed=allowed)
 
 
 def _select_readable_pictures(names: Iterable[str]) -> list[Path]:
@@ -420,27 +452,30 @@ def _choose_overlay_paths(pictures: list[Path], out: str) -> list[Path]:
     hashes = [hash_file(path) for path in pictures]
     for path, overlay, content_hash in zip(pictures, overlays, hashes, strict=True):
         # Two pictures of one name, or of one content.
-        require_option(
-            overlays.count(overlay) == 1,
-            "pictures",
-            path.name,
-            allowed="photographs whose names differ",
-        )
-        require_option(
-            hashes.count(content_hash) == 1,
-            "pictures",
-            path.name,
-            allowed="each picture once: this is a copy",
-        )
+        if overlays.count(overlay) != 1:
+            raise InputError(
+                "command line",
+                key="pictures",
+                value=path.name,
+                allowed="photographs whose names differ",
+            )
+        if hashes.count(content_hash) != 1:
+            raise InputError(
+                "command line",
+                key="pictures",
+                value=path.name,
+                allowed="each picture once: this is a copy",
+            )
 
         # An overlay must replace neither its picture nor a file of somebody else.
         check_replaceable(overlay)
-        require_option(
-            overlay.resolve() != path.resolve(),
-            "--out",
-            out,
-            allowed="another folder than that of the photographs",
-        )
+        if overlay.resolve() == path.resolve():
+            raise InputError(
+                "command line",
+                key="--out",
+                value=out,
+                allowed="another folder than that of the photographs",
+            )
     return overlays
 
 
@@ -535,8 +570,8 @@ def _require_measured_pile(
     raise_together(
         InputError(
             photograph.path,
-            "pile",
-            photograph.refusal_reason,
+            key="pile",
+            value=photograph.refusal_reason,
             allowed=f"{EXPECTED_PILE}; {overlay} shows the part taken for the pile",
         )
         for photograph, overlay in zip(photographs, overlays, strict=True)
@@ -577,8 +612,8 @@ def _measure_beds(
     if args.config is None:
         raise InputError(
             "command line",
-            "--config",
-            None,
+            key="--config",
+            value=None,
             allowed=f"a study, whose section {args.bench} has the measures",
         )
     scene = SceneSettings(load_study(args).config)
@@ -626,8 +661,8 @@ def _require_measured_bed(results: Sequence["PhotographResult"], bench: str) -> 
     raise_together(
         InputError(
             result.path,
-            bench,
-            result.refused,
+            key=bench,
+            value=result.refused,
             allowed="a bed with a surface that differs from its background",
         )
         for result in results
@@ -647,12 +682,13 @@ def _read_scale(args: argparse.Namespace) -> "Scale":
     """
     from repose.measure.photographs.photograph import Scale
 
-    require_option(
-        args.mm_per_pixel is None or not args.length,
-        "--length",
-        args.length,
-        allowed="without --mm-per-pixel",
-    )
+    if args.length and args.mm_per_pixel is not None:
+        raise InputError(
+            "command line",
+            key="--length",
+            value=args.length,
+            allowed="without --mm-per-pixel",
+        )
     _require_between("--square-mm", args.square_mm, 1, 1000)
     if args.length:
         return _compute_scale_of_length(args)
@@ -689,8 +725,8 @@ def _compute_scale_of_length(args: argparse.Namespace) -> "Scale":
     if result is None:
         raise InputError(
             "command line",
-            "--length",
-            args.length,
+            key="--length",
+            value=args.length,
             allowed=f"ends at least {SHORTEST_LENGTH_PX} pixels apart, left first, level to "
             f"{LARGEST_LEVEL_DEG:g} degrees",
         )
@@ -708,22 +744,24 @@ def _compute_scale_of_length(args: argparse.Namespace) -> "Scale":
 
 def _refuse_lens(args: argparse.Namespace) -> None:
     """Refuse --lens, which needs the sheet, if the scale does not come from the sheet."""
-    require_option(
-        not args.lens,
-        "--lens",
-        args.lens,
-        allowed="with the printed sheet as the scale",
-    )
+    if args.lens:
+        raise InputError(
+            "command line",
+            key="--lens",
+            value=args.lens,
+            allowed="with the printed sheet as the scale",
+        )
 
 
 def _require_between(option: str, value: float, low: float, high: float) -> None:
     """Raise an InputError if the number of an option is outside a range."""
-    require_option(
-        low <= value <= high,
-        option,
-        value,
-        allowed=f"a number from {low:g} to {high:g}",
-    )
+    if not low <= value <= high:
+        raise InputError(
+            "command line",
+            key=option,
+            value=value,
+            allowed=f"a number from {low:g} to {high:g}",
+        )
 
 
 def _make_measure_settings(args: argparse.Namespace) -> "MeasureSettings":
@@ -760,7 +798,9 @@ def _make_measure_settings(args: argparse.Namespace) -> "MeasureSettings":
         except InputError as error:
             # Mention the option that makes the faulty table unnecessary.
             allowed = f"{error.allowed}; or give the size of a grain by --grain-mm"
-            raise InputError(error.source, error.key, error.value, allowed) from None
+            raise InputError(
+                error.source, key=error.key, value=error.value, allowed=allowed
+            ) from None
         return settings.for_grain(compute_mean_axes(sizes, keeps_volume))
     return settings
 
@@ -784,12 +824,13 @@ def marker(args: argparse.Namespace) -> None:
     from repose.measure.photographs import sheet
 
     _require_between("--square-mm", args.square_mm, 5, 25)
-    require_option(
-        Path(args.out).suffix.lower() == ".pdf",
-        "--out",
-        args.out,
-        allowed="a file that ends with .pdf",
-    )
+    if Path(args.out).suffix.lower() != ".pdf":
+        raise InputError(
+            "command line",
+            key="--out",
+            value=args.out,
+            allowed="a file that ends with .pdf",
+        )
     write_bytes(args.out, sheet.make_pdf(args.square_mm))
     print(
         f"print {args.out} at 100 %, check its line of 100 mm, cut it out: "
@@ -818,9 +859,13 @@ def silhouette(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.measure.saved_piles import draw_side_view
     from repose.measure.saved_pours import read_first_pour
 
-    require_option(
-        math.isfinite(args.azimuth), "--azimuth", args.azimuth, allowed="a finite angle"
-    )
+    if not math.isfinite(args.azimuth):
+        raise InputError(
+            "command line",
+            key="--azimuth",
+            value=args.azimuth,
+            allowed="a finite angle",
+        )
     settings = study.settings.measure
     pile = read_first_pour(args.heap)
     particle = Particle.load(args.particle)
@@ -858,6 +903,8 @@ def measure_silhouette(args: argparse.Namespace, study: PipelineConfig) -> None:
     try:
         measurement = pile.measure_image(image, settings.mm_per_pixel, settings)
     except pile.NoFlankError as error:
-        raise InputError(args.picture, "pile", str(error), EXPECTED_PILE) from None
+        raise InputError(
+            args.picture, key="pile", value=str(error), allowed=EXPECTED_PILE
+        ) from None
     write_image(args.overlay, drawing.overlay(image, measurement))
     write_json(args.out, measurement.record())

@@ -4,8 +4,8 @@ import argparse
 from operator import methodcaller
 from pathlib import Path
 
-from repose.cli.options import require_option
 from repose.cli.registry import Option, verb
+from repose.common.errors import InputError
 
 # This text in the files of the template is replaced by the name of the crop.
 NAME_PLACEHOLDER = "NAME"
@@ -26,21 +26,23 @@ def new(args: argparse.Namespace) -> None:
 
     # Check the name. It also becomes the label of the study.
     model = make_settings_type()
-    require_option(
-        faults.is_valid_value("label", args.name, model),
-        "new",
-        args.name,
-        allowed=faults.describe_allowed_values("label", model),
-    )
+    if not faults.is_valid_value("label", args.name, model):
+        raise InputError(
+            "command line",
+            key="new",
+            value=args.name,
+            allowed=faults.describe_allowed_values("label", model),
+        )
 
     # Refuse a path that exists already, also if it is a broken link.
     folder = Path(args.name)
-    require_option(
-        not folder.exists() and not folder.is_symlink(),
-        "new",
-        args.name,
-        allowed="a folder that is not there yet",
-    )
+    if folder.exists() or folder.is_symlink():
+        raise InputError(
+            "command line",
+            key="new",
+            value=args.name,
+            allowed="a folder that is not there yet",
+        )
 
     # Copy the template, and put the name of the crop into each file.
     template = Path(__file__).parents[1] / "config" / "new_crop"

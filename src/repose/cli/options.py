@@ -3,7 +3,7 @@
 from collections.abc import Iterable
 
 from repose.cli.registry import Option
-from repose.common.errors import require
+from repose.common.errors import InputError
 
 BERRY = Option(
     "--berry", default="results/berry/berry.json", help="file of the verb berry"
@@ -33,28 +33,6 @@ OPTIMISM = Option(
 JSON = Option("--json", action="store_true", help="print as JSON")
 
 
-def require_option(condition: object, option: str, value: object, allowed: str) -> None:
-    """Raise an InputError about an option of the command line unless a condition is true.
-
-    Parameters
-    ----------
-    condition : object
-        The condition.
-    option : str
-        Name of the option.
-    value : object
-        The value that the user gave.
-    allowed : str
-        The allowed values, which the message writes after "expected".
-
-    Raises
-    ------
-    InputError
-        If the condition is false.
-    """
-    require(condition, "command line", option, value, allowed)
-
-
 def split_pairs(entries: Iterable[str], option: str) -> dict[str, str]:
     """Split the NAME=VALUE entries of an option.
 
@@ -79,6 +57,12 @@ def split_pairs(entries: Iterable[str], option: str) -> dict[str, str]:
     for entry in entries:
         name, _, value = entry.partition("=")
         is_new_pair = name != "" and value != "" and name not in values
-        require_option(is_new_pair, option, entry, allowed="NAME=VALUE, each name once")
+        if not is_new_pair:
+            raise InputError(
+                "command line",
+                key=option,
+                value=entry,
+                allowed="NAME=VALUE, each name once",
+            )
         values[name] = value
     return values

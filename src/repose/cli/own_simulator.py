@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 from repose.cli.registry import Option, load_study, verb
 from repose.common import places
-from repose.common.errors import require
+from repose.common.errors import InputError
 
 if TYPE_CHECKING:
     from repose.calibrate.study import Study
@@ -44,7 +44,8 @@ def _load_own_study(args: argparse.Namespace) -> "Study":
         "the name of your simulator, in a configuration as `repose docs own_simulator` "
         "shows; `repose run` calls the program of a section simulator"
     )
-    require(names_simulator, source, key, None, allowed)
+    if not names_simulator:
+        raise InputError(source, key=key, value=None, allowed=allowed)
 
     runs_csv = args.runs if args.verb == "ask" else None
     study = Study.own(args.config, runs_csv)

@@ -5,9 +5,9 @@ from collections.abc import Sequence
 
 from repose.bench.parameters import LABELS, LAW_PARAMETERS, PARAMETERS, check_value
 from repose.calibrate import seeds as streams
-from repose.cli.options import require_option, split_pairs
+from repose.cli.options import split_pairs
 from repose.cli.registry import Option
-from repose.common.errors import InputError, require
+from repose.common.errors import InputError
 from repose.config.pipeline import PipelineConfig
 from repose.stages.parameter_sets import read_sample
 
@@ -109,18 +109,27 @@ def read_parameters(
     if samples:
         if texts or sample is None:
             allowed = "together with --sample, without --set"
-            raise InputError("command line", "--samples", samples, allowed)
+            raise InputError(
+                "command line", key="--samples", value=samples, allowed=allowed
+            )
         return _read_parameters_of_sample(samples, sample, study)
-    require_option(
-        sample is None, "--sample", sample, allowed="together with --samples"
-    )
+    if sample is not None:
+        raise InputError(
+            "command line",
+            key="--sample",
+            value=sample,
+            allowed="together with --samples",
+        )
 
     # Check all names before reading the first value.
     names = study.parameters.names
     for name, text in texts.items():
         labelled = ", ".join(f"{known} ({LABELS[known]})" for known in names)
         allowed = f"a parameter of {labelled}"
-        require_option(name in names, f"--set {name}", text, allowed)
+        if name not in names:
+            raise InputError(
+                "command line", key=f"--set {name}", value=text, allowed=allowed
+            )
 
     # Begin with the centres of the ranges, and replace what the user gives.
     values = dict(study.parameters.centre)
@@ -150,14 +159,14 @@ def _read_parameters_of_sample(
     """
     values = read_sample(samples, sample)
     for name, value in values.items():
-        require(
-            name in study.parameters.names,
-            f"{samples}, sample {sample}",
-            name,
-            value,
-            allowed="no such column: the study has no parameter of this name, or its laws lack "
-            "it",
-        )
+        if name not in study.parameters.names:
+            raise InputError(
+                f"{samples}, sample {sample}",
+                key=name,
+                value=value,
+                allowed="no such column: the study has no parameter of this name, or its laws lack "
+                "it",
+            )
     return values
 
 
@@ -180,12 +189,13 @@ def read_seeds(seeds: list[int] | None) -> list[int]:
     """
     seeds = seeds or [1]
     are_distinct = len(set(seeds)) == len(seeds)
-    require_option(
-        min(seeds) >= 0 and are_distinct,
-        "--seed",
-        seeds,
-        allowed="distinct whole numbers from 0",
-    )
+    if min(seeds) < 0 or not are_distinct:
+        raise InputError(
+            "command line",
+            key="--seed",
+            value=seeds,
+            allowed="distinct whole numbers from 0",
+        )
     return seeds
 
 
@@ -218,8 +228,8 @@ def choose_seeds(
     if args.seed or not 1 <= args.seeds <= MOST_SEEDS:
         raise InputError(
             "command line",
-            "--seeds",
-            args.seeds,
+            key="--seeds",
+            value=args.seeds,
             allowed=f"from 1 to {MOST_SEEDS}, without --seed",
         )
     sample = args.sample or 0

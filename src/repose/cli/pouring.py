@@ -215,7 +215,9 @@ def _make_job_arguments(
     interval_s = args.trajectory
     if interval_s is not None and not step_s <= interval_s <= duration_s:
         allowed = f"from {step_s:g} to {duration_s:g} s"
-        raise InputError("command line", "--trajectory", interval_s, allowed)
+        raise InputError(
+            "command line", key="--trajectory", value=interval_s, allowed=allowed
+        )
 
     def make_display(seed: int) -> Any:
         """Make the display of the progress of the run with a seed."""

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import Any
 
 from repose.cli.interruption import Interruption
-from repose.cli.options import require_option
 from repose.cli.registry import Option, verb
 from repose.cli.stages import note_built_in_crop
 from repose.common import places
@@ -76,7 +75,9 @@ def run(args: argparse.Namespace) -> int:
         from snakemake.cli import main
     except ImportError:
         needed = "snakemake, which comes with: pip install 'repose-dem[workflow]'"
-        raise InputError("installation", "snakemake", None, needed) from None
+        raise InputError(
+            "installation", key="snakemake", value=None, allowed=needed
+        ) from None
 
     args.configfile = [str(places.find_file(path)) for path in args.configfile]
     _check_number("--cores", args.cores, "all")
@@ -118,7 +119,8 @@ def _check_number(option: str, text: str | None, word: str) -> None:
         return
     is_number = text.isdecimal() and int(text) >= 1
     allowed = f"a whole number from 1, or {word}"
-    require_option(is_number or text == word, option, text, allowed)
+    if not is_number and text != word:
+        raise InputError("command line", key=option, value=text, allowed=allowed)
 
 
 def _check_folder(args: argparse.Namespace) -> None:
@@ -126,12 +128,17 @@ def _check_folder(args: argparse.Namespace) -> None:
     if args.directory is not None:
         is_folder = os.path.isdir(args.directory)
         allowed = "a folder that is there"
-        require_option(is_folder, "--directory", args.directory, allowed)
+        if not is_folder:
+            raise InputError(
+                "command line", key="--directory", value=args.directory, allowed=allowed
+            )
         return
     is_dry = not DRY_RUN_WORDS.isdisjoint(args.rest)
     if not is_dry and not os.access(".", os.W_OK):
         allowed = "a folder into which you may write"
-        raise InputError("command line", "folder", os.getcwd(), allowed)
+        raise InputError(
+            "command line", key="folder", value=os.getcwd(), allowed=allowed
+        )
 
 
 def _print_how_to_continue(words: list[str]) -> None:
@@ -155,12 +162,20 @@ def _check_configuration_options(args: argparse.Namespace) -> None:
         key, sign, value = entry.partition("=")
         if not sign and Path(entry).suffix in (".yaml", ".yml", ".json"):
             allowed = f"KEY=VALUE; a file is given by --configfile {entry}"
-            raise InputError("command line", "--config", entry, allowed)
+            raise InputError(
+                "command line", key="--config", value=entry, allowed=allowed
+            )
         allowed = "KEY=VALUE; a target goes before the options"
-        require_option(sign, "--config", entry, allowed)
+        if not sign:
+            raise InputError(
+                "command line", key="--config", value=entry, allowed=allowed
+            )
         # Snakemake does not accept dotted keys.
         allowed = f"a section with its keys, as in '{_nest_in_section(key, value)}'"
-        require_option(key.isidentifier(), "--config", entry, allowed)
+        if not key.isidentifier():
+            raise InputError(
+                "command line", key="--config", value=entry, allowed=allowed
+            )
 
 
 def _nest_in_section(key: str, value: str) -> str:
@@ -237,7 +252,7 @@ def _check_rule_names(names: list[str], options: list[str]) -> None:
         if rules and name not in rules:
             guess = did_you_mean(name, rules)
             expected = f"a rule of the workflow, or a file{guess}"
-            raise InputError("command line", "target", name, expected)
+            raise InputError("command line", key="target", value=name, allowed=expected)
 
 
 def _check_paths(paths: list[str], options: list[str]) -> None:
@@ -257,7 +272,7 @@ def _check_paths(paths: list[str], options: list[str]) -> None:
         guess = did_you_mean(path, results)
         if guess and path not in results:
             expected = f"a file that a rule of the workflow makes{guess}"
-            raise InputError("command line", "target", path, expected)
+            raise InputError("command line", key="target", value=path, allowed=expected)
 
 
 def _list_with_snakemake(option: str, options: list[str]) -> list[str]:

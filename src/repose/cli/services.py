@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from repose.cli.options import JSON, require_option
+from repose.cli.options import JSON
 from repose.cli.registry import Option, verb
 from repose.common.errors import InputError
 from repose.config.pipeline import PipelineConfig
@@ -46,13 +46,16 @@ def provenance(args: argparse.Namespace) -> None:
     # Refuse a missing file, and a file without a record.
     allowed = "a file that a verb of repose wrote"
     is_file = Path(args.result).is_file()
-    require_option(is_file, "provenance", args.result, allowed)
+    if not is_file:
+        raise InputError(
+            "command line", key="provenance", value=args.result, allowed=allowed
+        )
     record = attached.read_record(args.result)
     if record is None:
         raise InputError(
             args.result,
-            "provenance",
-            None,
+            key="provenance",
+            value=None,
             allowed="a result that a verb of repose wrote",
         )
 

@@ -38,7 +38,7 @@ def _require_program(
     """
     if study.simulator is None:
         words = "a section with the command of a program (`repose docs simulators`)"
-        raise InputError(args.config, "simulator", None, words)
+        raise InputError(args.config, key="simulator", value=None, allowed=words)
     return study.simulator
 
 

@@ -94,7 +94,9 @@ def print_fault(fault: object) -> None:
     """
     if isinstance(fault, OSError) and fault.filename is not None:
         allowed = "a path that can be read or written there"
-        fault = InputError(fault.filename, "file", fault.strerror, allowed)
+        fault = InputError(
+            fault.filename, key="file", value=fault.strerror, allowed=allowed
+        )
     for line in str(fault).splitlines():
         # A text from a file could contain an escape code, which would act on the
         # terminal.

@@ -406,7 +406,7 @@ def _describe_missing_key(
     key = ".".join(error.path)
     allowed_values = describe_schema(find_schema(error.path, model))
     words = f"{allowed_values}; the key is missing"
-    return YamlError(find_file_to_edit(source, key), key, None, words)
+    return YamlError(find_file_to_edit(source, key), key=key, value=None, allowed=words)
 
 
 def _describe_invalid_value(
@@ -419,7 +419,9 @@ def _describe_invalid_value(
     if key:
         allowed_values = describe_schema(find_schema(error.path, model))
     value = follow_path(config, error.path)
-    return YamlError(find_source_file(source, key), key, value, allowed_values)
+    return YamlError(
+        find_source_file(source, key), key=key, value=value, allowed=allowed_values
+    )
 
 
 def _find_ranges_without_numbers(errors: list[_Error]) -> set[str]:
@@ -475,7 +477,10 @@ def _describe_unknown_key(
     values = {str(name): value for name, value in section.items()}
     value = values[unknown_name]
     return YamlError(
-        find_source_file(source, key), key, value, allowed=f"a known key; {hint}"
+        find_source_file(source, key),
+        key=key,
+        value=value,
+        allowed=f"a known key; {hint}",
     )
 
 
@@ -492,5 +497,8 @@ def _make_contradiction_faults(
         path = [*error.path, name] if name else error.path
         key = ".".join(path)
         yield YamlError(
-            find_file_to_edit(source, key), key, follow_path(config, path), words
+            find_file_to_edit(source, key),
+            key=key,
+            value=follow_path(config, path),
+            allowed=words,
         )

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from repose.common import attached, provenance, tables
-from repose.common.errors import InputError, require
+from repose.common.errors import InputError
 from repose.common.ledger import write_listed_file
 from repose.common.tables import Column
 
@@ -51,7 +51,8 @@ def convert_to_path(name: str, path: Any) -> Path:
         If the value is neither a text nor a path, or the system refuses such a path.
     """
     is_path = isinstance(path, StrPath) and bool(str(path))
-    require(is_path, "study", name, path, allowed="the path of a file")
+    if not is_path:
+        raise InputError("study", key=name, value=path, allowed="the path of a file")
     # Ask the system whether it allows such a path. A missing file is no fault here: it is
     # reported when the file is read or written.
     try:
@@ -61,7 +62,7 @@ def convert_to_path(name: str, path: Any) -> Path:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         allowed = f"the path of a file; {reason}"
-        raise InputError("study", name, path, allowed) from error
+        raise InputError("study", key=name, value=path, allowed=allowed) from error
     return Path(path)
 
 
@@ -163,7 +164,7 @@ def write_table(
     """
     if TURN_COLUMN not in table and _is_record_of_runs(path):
         allowed = "another name: the results in it would be lost"
-        raise InputError(path, "file", "a record of runs", allowed)
+        raise InputError(path, key="file", value="a record of runs", allowed=allowed)
     write_text(path, table.to_csv(index=index, float_format=float_format))
 
 
@@ -202,7 +203,8 @@ def write_image(path: StrPath, picture: "np.ndarray") -> None:
         # This is OpenCV's answer to a suffix that it does not know.
         is_encoded = False
     allowed = "the suffix of a picture, as in .png"
-    require(is_encoded, path, "suffix", suffix, allowed)
+    if not is_encoded:
+        raise InputError(path, key="suffix", value=suffix, allowed=allowed)
     write_bytes(path, content.tobytes())
 
 
@@ -270,10 +272,13 @@ def read_json(
         text = attached.require_plain_file(path).read_bytes().decode("utf-8-sig")
         content = json.loads(text, object_pairs_hook=_make_unique_mapping)
     except OSError as error:
-        raise InputError(path, "file", error.strerror, what) from error
+        raise InputError(
+            path, key="file", value=error.strerror, allowed=what
+        ) from error
     except (*attached.READ_ERRORS, RecursionError) as error:
-        raise InputError(path, "content", str(error), what) from error
-    require(isinstance(content, dict), path, "content", content, what)
+        raise InputError(path, key="content", value=str(error), allowed=what) from error
+    if not isinstance(content, dict):
+        raise InputError(path, key="content", value=content, allowed=what)
     content.pop(attached.RECORD_KEY, None)
 
     # Any type will do for keys that are only listed.
@@ -281,7 +286,10 @@ def read_json(
         kind = keys[key] if isinstance(keys, Mapping) else object
         if key not in content or not isinstance(content[key], kind):
             raise InputError(
-                path, key, content.get(key), allowed=f"{_describe_kind(kind)} {what}"
+                path,
+                key=key,
+                value=content.get(key),
+                allowed=f"{_describe_kind(kind)} {what}",
             )
     return content
 
@@ -336,9 +344,10 @@ def read_npz(
         with np.load(attached.require_plain_file(path), allow_pickle=False) as store:
             # Check the names before unpacking: a small file may hold gigabytes of zeros.
             for key in keys:
-                require(
-                    key in store.files, path, key, None, allowed=f"an array in {what}"
-                )
+                if key not in store.files:
+                    raise InputError(
+                        path, key=key, value=None, allowed=f"an array in {what}"
+                    )
             arrays = {
                 name: store[name] for name in store.files if name != attached.RECORD_KEY
             }
@@ -346,5 +355,5 @@ def read_npz(
         # InputError is a ValueError, which the next clause would replace.
         raise
     except unreadable as error:
-        raise InputError(path, "arrays", str(error), what) from error
+        raise InputError(path, key="arrays", value=str(error), allowed=what) from error
     return arrays

@@ -8,7 +8,7 @@ from functools import reduce
 from operator import getitem
 from typing import Any
 
-from repose.common.errors import require
+from repose.common.errors import InputError
 
 Config = Mapping[str, Any]
 
@@ -121,5 +121,6 @@ def lookup(config: Config, key: str) -> Any:
 def require_section(config: Mapping[str, Any], name: str) -> Mapping[str, Any]:
     """Return a section that may be absent; InputError if it is."""
     allowed = "a section of this name (`repose docs configuration`); a configuration may lack it"
-    require(name in config, "configuration", name, None, allowed)
+    if name not in config:
+        raise InputError("configuration", key=name, value=None, allowed=allowed)
     return config[name]

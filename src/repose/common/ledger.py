@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO, Any
 
-from repose.common.errors import InputError, require
+from repose.common.errors import InputError
 from repose.dem.io.whole import write_whole as write_atomically
 
 LEDGER = ".repose"
@@ -75,10 +75,16 @@ def check_replaceable(path: str | os.PathLike) -> None:
     path = Path(path)
     if path.name in ("", "..", LEDGER) or not path.name.isprintable():
         raise InputError(
-            path, "name", path.name, allowed="a file name of printable characters"
+            path,
+            key="name",
+            value=path.name,
+            allowed="a file name of printable characters",
         )
     is_free = not os.path.lexists(path) or is_own_file(path)
-    require(is_free, path, "file", "there already", REPLACEABLE_FILES)
+    if not is_free:
+        raise InputError(
+            path, key="file", value="there already", allowed=REPLACEABLE_FILES
+        )
 
 
 def is_own_file(path: str | os.PathLike) -> bool:
@@ -119,7 +125,10 @@ def list_file_below(
 
 def remove_own_file(path: str | os.PathLike) -> None:
     """Remove a file; raise InputError if this program did not write it as it is now."""
-    require(is_own_file(path), path, "file", "there already", REPLACEABLE_FILES)
+    if not is_own_file(path):
+        raise InputError(
+            path, key="file", value="there already", allowed=REPLACEABLE_FILES
+        )
     Path(path).unlink()
 
 
@@ -178,7 +187,7 @@ def _read_ledger(folder: Path) -> dict[str, set[str]]:
         map(CUT_OFF_PATTERN.fullmatch, [*whole_lines, last_line])
     ):
         allowed = "the list of files that repose wrote in this folder"
-        raise InputError(path, "content", "something else", allowed)
+        raise InputError(path, key="content", value="something else", allowed=allowed)
     return digests
 
 

@@ -59,7 +59,7 @@ def lock_folder(folder: str | os.PathLike) -> HeldLock:
     if lock is None:
         holder = path.read_text(encoding="utf-8") or "running"
         allowed = "one at a time; wait until it has ended"
-        raise InputError(folder, "workflow", holder, allowed)
+        raise InputError(folder, key="workflow", value=holder, allowed=allowed)
     _wait_for_jobs(folder)
     with open_descriptor(path, os.O_TRUNC) as handle:
         os.write(handle, f"process {os.getpid()} on {platform.node()}".encode())
@@ -166,8 +166,8 @@ def _acquire_lock(path: Path, wait: bool = True) -> HeldLock:
         blocked = path if path.exists() else path.parent
         raise InputError(
             blocked,
-            "access",
-            "for others",
+            key="access",
+            value="for others",
             allowed="write access for you; where a group works in one folder, each of its users "
             f"sets `umask 002`, and its owner calls `chmod -R g+rwX {path.parent}` once",
         ) from error

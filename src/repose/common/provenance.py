@@ -21,7 +21,7 @@ from typing import Any, Literal
 
 from repose import __version__
 from repose.common import attached, places
-from repose.common.errors import require
+from repose.common.errors import InputError
 from repose.common.places import PACKAGE
 from repose.common.source_code import code_hash
 
@@ -285,7 +285,8 @@ def _require_same(
     """
     expected, source = first
     allowed = f"{expected}, as in {source}: {words}"
-    require(value == expected, path, f"provenance.{key}", value, allowed)
+    if value != expected:
+        raise InputError(path, key=f"provenance.{key}", value=value, allowed=allowed)
 
 
 # --- hashes ---------------------------------------------------------------------------

@@ -11,7 +11,7 @@ from typing import Any
 import yaml
 
 from repose.common.attached import require_plain_file
-from repose.common.errors import InputError, require
+from repose.common.errors import InputError
 
 # A valid line without indentation: a key with a colon, an empty line, or a line that
 # begins with a sign of YAML, such as that of a comment, a list or a text in quotes.
@@ -70,7 +70,10 @@ class StrictLoader(yaml.SafeLoader):
             key = self._construct_key(key_node, deep)
             line = self.describe_line(key_node)
             is_new = key not in earlier_keys
-            require(is_new, line, str(key), "given again", allowed="each key once")
+            if not is_new:
+                raise InputError(
+                    line, key=str(key), value="given again", allowed="each key once"
+                )
             earlier_keys.add(key)
         return super().construct_mapping(node, deep)
 
@@ -89,7 +92,10 @@ class StrictLoader(yaml.SafeLoader):
         is_allowed = is_plain and not isinstance(key, bool)
         shown = node.value if isinstance(node.value, str) else "a list or mapping"
         allowed = "text; put it in quotes if it is a name"
-        require(is_allowed, self.describe_line(node), "key", shown, allowed)
+        if not is_allowed:
+            raise InputError(
+                self.describe_line(node), key="key", value=shown, allowed=allowed
+            )
         return key
 
     def describe_line(self, node: yaml.Node) -> str:
@@ -106,7 +112,10 @@ class StrictLoader(yaml.SafeLoader):
         """
         is_plain = PLAIN_NUMBER.fullmatch(node.value)
         allowed = "a plain number, such as 90.5, or a text in quotes"
-        require(is_plain, self.describe_line(node), "value", node.value, allowed)
+        if not is_plain:
+            raise InputError(
+                self.describe_line(node), key="value", value=node.value, allowed=allowed
+            )
         if node.tag.endswith(":int"):
             return self.construct_yaml_int(node)
         return self.construct_yaml_float(node)
@@ -146,14 +155,17 @@ def read_yaml(path: str | os.PathLike) -> dict[str, Any]:
         text = require_plain_file(path).read_text(encoding="utf-8-sig")
     except OSError as error:
         allowed = "an existing YAML or JSON file that may be read"
-        raise InputError(path, "file", error.strerror, allowed) from None
+        raise InputError(
+            path, key="file", value=error.strerror, allowed=allowed
+        ) from None
     except UnicodeDecodeError:
         allowed = "a YAML or JSON file in UTF-8"
-        raise InputError(path, "file", "not text", allowed) from None
+        raise InputError(path, key="file", value="not text", allowed=allowed) from None
     content = parse_yaml(text, str(path))
     shown = "empty" if content is None else content
     allowed = "keys with values, as `repose new` writes them"
-    require(isinstance(content, dict), path, "content", shown, allowed)
+    if not isinstance(content, dict):
+        raise InputError(path, key="content", value=shown, allowed=allowed)
     return content
 
 
@@ -192,9 +204,13 @@ def _parse_cached(text: str, name: str) -> Any:
     except yaml.YAMLError as error:
         # Errors without a line, such as an invalid byte.
         one_line = " ".join(str(error).split())
-        raise InputError(name, "content", one_line, allowed="valid YAML") from None
+        raise InputError(
+            name, key="content", value=one_line, allowed="valid YAML"
+        ) from None
     except OTHER_YAML_ERRORS as error:
-        raise InputError(name, "content", str(error), allowed="valid YAML") from None
+        raise InputError(
+            name, key="content", value=str(error), allowed="valid YAML"
+        ) from None
 
 
 def _construct(text: str, name: str) -> Any:
@@ -225,13 +241,13 @@ def _construct(text: str, name: str) -> Any:
             return None
         # A few lines with nested aliases can expand to more than the memory holds.
         n_characters = _count_characters(node, {})
-        require(
-            n_characters <= MOST_CHARACTERS,
-            name,
-            "characters once every alias is replaced",
-            n_characters,
-            allowed=f"at most {MOST_CHARACTERS}",
-        )
+        if n_characters > MOST_CHARACTERS:
+            raise InputError(
+                name,
+                key="characters once every alias is replaced",
+                value=n_characters,
+                allowed=f"at most {MOST_CHARACTERS}",
+            )
         return loader.construct_document(node)
     finally:
         loader.dispose()
@@ -259,7 +275,7 @@ def _describe_syntax_error(
     if line_without_colon is not None:
         number, line_text = line_without_colon
         allowed = "KEY: VALUE, with a space after the colon"
-        return InputError(name, f"line {number}", line_text, allowed)
+        return InputError(name, key=f"line {number}", value=line_text, allowed=allowed)
 
     if "escape" in problem:
         allowed = r"a path in single quotes, as in 'C:\data\sizes.csv'"
@@ -267,7 +283,9 @@ def _describe_syntax_error(
         allowed = "blanks in place of the tab"
     else:
         allowed = "valid YAML (indent by spaces, no tabs)"
-    return InputError(name, f"line {line_number or '?'}", error.problem, allowed)
+    return InputError(
+        name, key=f"line {line_number or '?'}", value=error.problem, allowed=allowed
+    )
 
 
 def _find_line_without_colon(lines: Sequence[str]) -> tuple[int, str] | None:

@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from repose.common.attached import require_plain_file
-from repose.common.errors import InputError, raise_together, require, shown
+from repose.common.errors import InputError, raise_together, shown
 from repose.common.numbers import format_significant
 from repose.common.summary_rows import find_summary_row
 
@@ -393,7 +393,7 @@ def refuse(source: object, faults: Iterable[Fault]) -> None:
         With a message for each fault.
     """
     raise_together(
-        InputError(f"{source}, row {row + 1}", column, value, allowed)
+        InputError(f"{source}, row {row + 1}", key=column, value=value, allowed=allowed)
         for row, column, value, allowed in sorted(faults, key=lambda fault: fault[0])
     )
 
@@ -424,7 +424,7 @@ def require_columns(
         # Point out a column whose name only looks like the missing one.
         for other in found:
             allowed += _explain_difference(name, other)
-        raise InputError(path, f"column {name}", "missing", allowed)
+        raise InputError(path, key=f"column {name}", value="missing", allowed=allowed)
 
 
 def _explain_difference(name: str, other: str) -> str:
@@ -616,7 +616,8 @@ def read_sheet(path: StrPath, what: str = TABLE) -> Table:
     positions = [k for k, name in enumerate(names) if name or (cells[k] != "").any()]
     names = [names[k] for k in positions]
     for name, count in Counter(names).items():
-        require(count == 1, path, "header", name, allowed="each column once")
+        if count != 1:
+            raise InputError(path, key="header", value=name, allowed="each column once")
     cells = cells[positions].set_axis(names, axis=1)
     if separator in (";", "\t"):
         cells = _replace_decimal_commas(path, cells)
@@ -694,7 +695,8 @@ def read_text_rows(
         cells = [" ".join(cell.split()) for cell in row]
         if any(cells):
             rows.append(cells)
-    require(len(rows), path, "rows", 0, what)
+    if not len(rows):
+        raise InputError(path, key="rows", value=0, allowed=what)
 
     # The first row is the header. Give its columns their declared names.
     declared = list(columns)
@@ -735,7 +737,10 @@ def _require_complete_last_row(
         return
     n_cells = last_line.count(separator) + 1
     allowed = f"{n_columns} cells, as in the header; was the file cut off?"
-    require(n_cells >= n_columns, path, "last row", f"{n_cells} cells", allowed)
+    if n_cells < n_columns:
+        raise InputError(
+            path, key="last row", value=f"{n_cells} cells", allowed=allowed
+        )
 
 
 def _read_text(path: StrPath, what: str) -> str:
@@ -757,14 +762,19 @@ def _read_text(path: StrPath, what: str) -> str:
     try:
         content = require_plain_file(path).read_bytes()
     except OSError as error:
-        raise InputError(path, "file", error.strerror, what) from error
+        raise InputError(
+            path, key="file", value=error.strerror, allowed=what
+        ) from error
     encoding = "utf-16" if content.startswith(UTF_16_MARKS) else "utf-8-sig"
     try:
         text = content.decode(encoding)
     except UnicodeDecodeError as error:
-        raise InputError(path, "table", str(error), allowed) from error
+        raise InputError(
+            path, key="table", value=str(error), allowed=allowed
+        ) from error
     # A text with zero bytes is UTF-16 without a byte order mark.
-    require("\0" not in text, path, "table", "a byte of zero", allowed)
+    if "\0" in text:
+        raise InputError(path, key="table", value="a byte of zero", allowed=allowed)
     return text
 
 
@@ -834,20 +844,21 @@ def _split_cells(path: StrPath, text: str, separator: str, what: str) -> "pd.Dat
             skipinitialspace=True,
         )
     except pd.errors.EmptyDataError:
-        raise InputError(path, "rows", 0, what) from None
+        raise InputError(path, key="rows", value=0, allowed=what) from None
     except pd.errors.ParserError as error:
         fault = str(error).strip().removeprefix("Error tokenizing data. C error: ")
         allowed = (
             f"{what} with as many cells in a row as in its header; "
             "a decimal comma needs ; between the columns"
         )
-        raise InputError(path, "cells", fault, allowed) from None
+        raise InputError(path, key="cells", value=fault, allowed=allowed) from None
 
     # Strip the cells, and leave out rows in which all of them are empty.
     cells = cells.map(str.strip)
     has_content = (cells != "").any(axis=1)
     cells = cells[has_content].reset_index(drop=True)
-    require(len(cells), path, "rows", 0, what)
+    if not len(cells):
+        raise InputError(path, key="rows", value=0, allowed=what)
     return cells
 
 

@@ -582,14 +582,14 @@ def require_same_study(config: Config, inputs: Inputs, source: str) -> None:
         if mismatch.current is None and isinstance(named_file, str):
             raise InputError(
                 source,
-                mismatch.key,
-                named_file,
+                key=mismatch.key,
+                value=named_file,
                 allowed=f"a file of the study of {path}; it is not found from this folder",
             )
         raise InputError(
             path,
-            mismatch.key,
-            mismatch.recorded,
+            key=mismatch.key,
+            value=mismatch.recorded,
             allowed=f"{mismatch.current}, as in {source}: results of one study; give the "
             "configuration of this file, or make the file again with this one",
         )

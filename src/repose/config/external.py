@@ -255,13 +255,15 @@ class ExternalConfig(PipelineConfig):
     @cached_property
     def _checks(self) -> "ConfigChecks":
         words = "a study without this section, whose runs repose makes itself"
-        raise InputError(self._file, "simulator", self.simulator.name, words)
+        raise InputError(
+            self._file, key="simulator", value=self.simulator.name, allowed=words
+        )
 
     def check_inputs(self) -> None:
         file = self._file
         folder = self.config["results_dir"]
         raise_together(
-            YamlError(file, key, folder, words)
+            YamlError(file, key=key, value=folder, allowed=words)
             for key, words in results_folder.find_folder_faults(folder)
         )
         simulate.check_simulator(
@@ -297,7 +299,7 @@ def _require_whole_study(merged: loader.MergedConfig) -> None:
         "a whole study by itself, or stands after the file of one, as in "
         f"`--configfile config.yaml {file}`"
     )
-    raise YamlError(file, "parameters", None, words)
+    raise YamlError(file, key="parameters", value=None, allowed=words)
 
 
 def convert_to_short_form(merged: loader.MergedConfig) -> loader.MergedConfig:

@@ -175,8 +175,8 @@ def make_trial_run(
     if run["status"] != simulate.OK:
         raise InputError(
             folder / "1",
-            "trial run",
-            describe_failure(run["status"], run["reason"]),
+            key="trial run",
+            value=describe_failure(run["status"], run["reason"]),
             allowed=f"a run that ends well; {simulate.PRINTED_FILE} there has what the program "
             "printed",
         )

@@ -127,12 +127,12 @@ class PipelineConfig:
 
         if not isinstance(config, Mapping):
             words = "a mapping of sections"
-            raise InputError(source, "configuration", config, words)
+            raise InputError(source, key="configuration", value=config, allowed=words)
         if "simulator" in config:
             raise InputError(
                 find_source_file(source, "simulator"),
-                "simulator",
-                config["simulator"],
+                key="simulator",
+                value=config["simulator"],
                 allowed="a study of our own simulator; for one of yours see "
                 "`repose docs own_simulator` and `repose docs simulators`",
             )

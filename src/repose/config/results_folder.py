@@ -217,8 +217,8 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
     if names and not has_list and not unlisted:
         raise InputError(
             "configuration",
-            "results_dir",
-            results_dir,
+            key="results_dir",
+            value=results_dir,
             allowed=f"a new folder, or the folder of a study; there is {names[0]}, which no "
             "study of repose wrote: move it away, or choose another folder",
         )
@@ -420,8 +420,8 @@ def _describe_changed_result(path: Path, folder: Path) -> InputError:
         removed = f"{removed}, and {folder / run}.json"
     return InputError(
         path,
-        "content",
-        "something else",
+        key="content",
+        value="something else",
         allowed=f"a result as {source} wrote it; remove {removed}, and give the same command "
         "again",
     )
@@ -431,7 +431,7 @@ def _describe_foreign_file(path: str) -> InputError:
     """Make the fault of a file that no study wrote, with the name of a result."""
     return InputError(
         path,
-        "file",
-        "there already",
+        key="file",
+        value="there already",
         allowed="a file that repose wrote; a result of the study has this name: move yours away",
     )

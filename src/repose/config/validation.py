@@ -218,7 +218,9 @@ class ConfigChecks:
 
     def _make_fault(self, key: str, value: Any, allowed: str) -> InputError:
         """Make the fault of a dotted key, which names the user's file."""
-        return YamlError(find_file_to_edit(self.source, key), key, value, allowed)
+        return YamlError(
+            find_file_to_edit(self.source, key), key=key, value=value, allowed=allowed
+        )
 
     def _apply_rules(self, applicable: Iterable[Rule]) -> None:
         """Add the faults of the rules whose sections have none so far."""

@@ -141,8 +141,8 @@ def _require_same_settings(study: PipelineConfig, paths: Iterable[str]) -> None:
         if mismatch is not None:
             raise InputError(
                 path,
-                mismatch.key,
-                mismatch.recorded,
+                key=mismatch.key,
+                value=mismatch.recorded,
                 allowed=f"{mismatch.current}, as in this study: this run would keep the result, and mix "
                 "results of two studies; add --forceall (pours of equal settings are "
                 "kept), take the earlier value, or choose another results_dir",

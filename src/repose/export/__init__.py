@@ -113,7 +113,9 @@ def _check_law(key: str, law: str, program: str, allowed: Sequence[str]) -> None
     expected = f"for {program} {' or '.join(allowed)}"
     if (program, law) in REASONS:
         expected += f" ({REASONS[program, law]})"
-    raise InputError("configuration", f"simulation.{key}", law, expected)
+    raise InputError(
+        "configuration", key=f"simulation.{key}", value=law, allowed=expected
+    )
 
 
 def write_deck(job: "Job", program: str, folder: str | PathLike) -> list[Path]:

@@ -207,7 +207,7 @@ def make_job(
         scene = replace(scene, particle=body)
     if not body.is_clump:
         allowed = "multisphere: other programs take spheres"
-        raise InputError("particle", "kind", body.kind, allowed)
+        raise InputError("particle", key="kind", value=body.kind, allowed=allowed)
 
     # Rolling resistance acts over the mean distance of the surface from the centre.
     materials = materials_of(scene)

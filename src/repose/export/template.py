@@ -64,7 +64,7 @@ def write_template(
     for name in names:
         if name not in parameters:
             allowed = f"some of {', '.join(parameters)}"
-            raise InputError("command line", "--names", name, allowed)
+            raise InputError("command line", key="--names", value=name, allowed=allowed)
     job = make_job(parameters)
     check_laws(job, program)
     # The first file is the main file. Only this file becomes a template.
@@ -158,4 +158,4 @@ def _make_proportion_error(name: str) -> InputError:
         "parameters to which numbers of the deck are in proportion, such as coefficients "
         "of friction; give others by --set"
     )
-    return InputError("command line", "--names", name, words)
+    return InputError("command line", key="--names", value=name, allowed=words)
