@@ -260,7 +260,7 @@ def make_parser() -> argparse.ArgumentParser:
         metavar="NAME", required=True, help="one of those below"
     )
     for name in STAGES:
-        VERBS[name].add_to(stages, STAGE)
+        VERBS[name].add_to(stages)
     return main_parser
 
 

@@ -32,9 +32,14 @@ SUPPORT = Option(
     out="results",
 )
 def dataset(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """Collect all jobs in one table: responses with standard errors, failures with their reasons.
+    """Collect all jobs in one table.
 
-    example: results/heaps --samples results/design/samples.csv --out results
+    The table has the responses with their standard errors, and the failures with their
+    reasons.
+
+    Examples
+    --------
+    $ repose stage dataset results/heaps --samples results/design/samples.csv --out results
     """
     from repose.stages import dataset
 
@@ -54,7 +59,9 @@ def dataset(args: argparse.Namespace, study: PipelineConfig) -> None:
 def network(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Train the surrogate, by default the BP network with Bayesian regularisation.
 
-    example: --dataset results/dataset.csv --runs results/runs.csv
+    Examples
+    --------
+    $ repose stage network --dataset results/dataset.csv --runs results/runs.csv
     """
     from repose.calibrate.training import describe_training
     from repose.stages import network
@@ -78,7 +85,9 @@ def network(args: argparse.Namespace, study: PipelineConfig) -> None:
 def miga(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Invert the network with the multi-island genetic algorithm (Eq. 11-12).
 
-    example: --network results/network/network.json
+    Examples
+    --------
+    $ repose stage miga --network results/network/network.json
     """
     from repose.stages import miga
 
@@ -98,9 +107,13 @@ def miga(args: argparse.Namespace, study: PipelineConfig) -> None:
 
 @verb(NETWORK, DATASET, RUNS, out="results/miga")
 def optimism(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """Compute by how much the predictions of the search are expected to be too favourable.
+    """Compute how much too favourable the predictions are expected to be.
 
-    example: --network results/network/network.json --dataset results/dataset.csv
+    They are the predictions of the search.
+
+    Examples
+    --------
+    $ repose stage optimism --network results/network/network.json --dataset results/dataset.csv
     """
     from repose.stages import optimism
 
@@ -122,7 +135,9 @@ def optimism(args: argparse.Namespace, study: PipelineConfig) -> None:
 def solutions(args: argparse.Namespace, study: PipelineConfig) -> None:
     """List the parameter sets to simulate again: the representative solution and others.
 
-    example: --feasible results/miga/feasible.csv
+    Examples
+    --------
+    $ repose stage solutions --feasible results/miga/feasible.csv
     """
     from repose.stages import validate
 
@@ -139,7 +154,9 @@ def solutions(args: argparse.Namespace, study: PipelineConfig) -> None:
 def published_solutions(args: argparse.Namespace, study: PipelineConfig) -> None:
     """List the published parameter sets to simulate.
 
-    example: --out results/validation
+    Examples
+    --------
+    $ repose stage published_solutions --out results/validation
     """
     from repose.stages import validate
 
@@ -155,9 +172,13 @@ def published_solutions(args: argparse.Namespace, study: PipelineConfig) -> None
     out="results",
 )
 def published_sets(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """Collect the runs of the published parameter sets in one table, with what was published of their piles.
+    """Collect the runs of the published parameter sets in one table.
 
-    example: results/validation/heaps/1??.json --out results
+    The table also has what was published of their piles.
+
+    Examples
+    --------
+    $ repose stage published_sets results/validation/heaps/1??.json --out results
     """
     from repose.common import provenance
     from repose.config import dependencies
@@ -238,9 +259,13 @@ def _require_published_table(args: argparse.Namespace, study: PipelineConfig) ->
     out="results/validation",
 )
 def validate(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """Compare predicted and simulated responses of the study's and the published solutions (Table 4).
+    """Compare predicted and simulated responses of the solutions (Table 4).
 
-    example: results/validation/heaps/???.json
+    The solutions are those of the study, and the published ones.
+
+    Examples
+    --------
+    $ repose stage validate results/validation/heaps/???.json
     """
     from repose.calibrate.optimism import OPTIMISM_COLUMNS
     from repose.common.files import read_table

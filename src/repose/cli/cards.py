@@ -37,11 +37,15 @@ REPRESENTATIVE_PATH = "results/validation/representative.csv"
     config=False,
 )
 def card(args: argparse.Namespace) -> int:
-    """Show a material card, the answer of a study as one file, compare two, or check whether the targets are met.
+    """Show a material card, compare two cards, or check one.
 
-    Status 0, 3 where they are not met, or 4 where this is undecided or not simulated.
+    A card is the answer of a study as one file. A check says whether the targets are
+    met. Its exit status is 0 if they are met, 3 if they are not met, and 4 if this is
+    undecided or was not simulated.
 
-    example: show results/card.json
+    Examples
+    --------
+    $ repose card show results/card.json
     """
     from repose.stages import card as card_file
     from repose.stages import card_text
@@ -101,7 +105,9 @@ def card(args: argparse.Namespace) -> int:
 def material_card(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Write the material card of a finished calibration.
 
-    example: --out results/card.json
+    Examples
+    --------
+    $ repose stage material_card --out results/card.json
     """
     from repose.stages import answer, card_study
 

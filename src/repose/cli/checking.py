@@ -81,9 +81,13 @@ def _print_smaller_scene(files: list[str], n_grains: int) -> None:
     study=_load_with_scene_advice,
 )
 def check(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """Check a configuration; print the longest time step, the softest grain and the cost of a run.
+    """Check a configuration; print its limits and the cost of its run.
 
-    example: --config config/paper.yaml
+    The limits are the longest time step and the softest grain.
+
+    Examples
+    --------
+    $ repose check --config config/paper.yaml
     """
     if args.cores < 1:
         raise InputError(
@@ -211,9 +215,14 @@ def _print_pours(pours: "Pours") -> None:
     study=_load_with_scene_advice,
 )
 def plan(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """Before any pour: the pours that the noise requires, and the probability of success by budget.
+    """Plan a study before any pour: how many pours it needs.
 
-    example: --config config/fast.yaml
+    The subcommand prints the pours that the noise requires, and the probability of
+    success for each budget.
+
+    Examples
+    --------
+    $ repose plan --config config/fast.yaml
     """
     from repose.calibrate.strategies import plan as planning
     from repose.config import check, external_check

@@ -19,7 +19,9 @@ HIDDEN_PAGES = ("docs", "reference")
 def docs(args: argparse.Namespace) -> None:
     """Print a page of the documentation; without a name, list the pages.
 
-    example: photographs
+    Examples
+    --------
+    $ repose docs photographs
     """
     known = find_pages()
 

@@ -59,9 +59,13 @@ Card = Mapping[str, Any]
     config=False,
 )
 def export(args: argparse.Namespace) -> None:
-    """Write the calibrated grain and its pour as a deck of another program, or as a table.
+    """Write the calibrated grain and its pour for another program.
 
-    example: --to yade --card results/card.json --config results/config.json --out results/export/yade
+    The result is a deck of this program, or a table.
+
+    Examples
+    --------
+    $ repose export --to yade --card results/card.json --config results/config.json --out results/export/yade
     """
     from repose.export.job import Job, make_job
     from repose.export.template import write_template

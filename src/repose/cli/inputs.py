@@ -57,9 +57,14 @@ def _load_study_of_grain(args: argparse.Namespace) -> PipelineConfig | None:
     study=_load_study_of_grain,
 )
 def berry(args: argparse.Namespace, study: PipelineConfig | None) -> None:
-    """Compute sphericity from sizes and moduli from compression tests (Eq. 1-4); or build a mesh from axes and mass.
+    """Compute sphericity and moduli of the grain, or build its mesh.
 
-    example: --axes 6.6 5.6 4.5 --mass-g 0.11 --density 1250 --stl results/crop.stl
+    The sphericity follows from measured sizes, and the moduli follow from compression
+    tests (Eq. 1-4). With --axes the mesh is built from the axes and the mass.
+
+    Examples
+    --------
+    $ repose stage berry --axes 6.6 5.6 4.5 --mass-g 0.11 --density 1250 --stl results/crop.stl
     """
     from repose.common.tables import print_columns
     from repose.grain import berry as grain_stage
@@ -127,9 +132,13 @@ def _build_mesh(args: argparse.Namespace) -> None:
 
 @verb(BERRY, out="results/berry")
 def shape(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """Make mesh and particle of the grain, with volume, mass, inertia and deviation from the mesh.
+    """Make mesh and particle of the grain.
 
-    example: --berry results/berry/berry.json
+    The result includes volume, mass, inertia and the deviation from the mesh.
+
+    Examples
+    --------
+    $ repose stage shape --berry results/berry/berry.json
     """
     from repose.grain import build
 
@@ -147,9 +156,13 @@ def shape(args: argparse.Namespace, study: PipelineConfig) -> None:
 
 @verb(out="results/design", study=load_any_study)
 def design(args: argparse.Namespace, study: "PipelineConfig | Study") -> None:
-    """Make the Latin hypercube design of the contact parameters, or of your own simulator's parameters.
+    """Make the Latin hypercube design of the parameters.
 
-    example: --out results/design
+    They are the contact parameters, or those of your own simulator.
+
+    Examples
+    --------
+    $ repose design --out results/design
     """
     from repose.stages import design as design_stage
 

@@ -125,9 +125,13 @@ EXPECTED_PILE = "a pile with two flanks, seen from the side"
     config=False,
 )
 def measure(args: argparse.Namespace) -> None:
-    """Measure piles in photographs or in files of particles; the drum or the box in photographs.
+    """Measure piles in photographs or in files of particles.
 
-    example: *.jpg --square-mm 20 --out measured
+    Photographs may also show the drum or the box.
+
+    Examples
+    --------
+    $ repose measure *.jpg --square-mm 20 --out measured
     """
     if _are_particle_files(args.pictures):
         _measure_particle_files(args)
@@ -818,7 +822,9 @@ def _make_measure_settings(args: argparse.Namespace) -> "MeasureSettings":
 def marker(args: argparse.Namespace) -> None:
     """Write the sheet (PDF, A4) for the scale, tilt and lens of a photograph.
 
-    example: --out sheet.pdf
+    Examples
+    --------
+    $ repose marker --out sheet.pdf
     """
     from repose.common.files import write_bytes
     from repose.measure.photographs import sheet
@@ -852,7 +858,9 @@ def marker(args: argparse.Namespace) -> None:
 def silhouette(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Draw the side view of a simulated pile, dark on light.
 
-    example: results/try/heap.npz --particle results/berry/particle.json
+    Examples
+    --------
+    $ repose stage silhouette results/try/heap.npz --particle results/berry/particle.json
     """
     from repose.common.files import write_image
     from repose.grain.particle import Particle
@@ -889,7 +897,9 @@ def silhouette(args: argparse.Namespace, study: PipelineConfig) -> None:
 def measure_silhouette(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Measure the side view that the verb silhouette drew, as a photograph is measured.
 
-    example: silhouette.png --overlay overlay.png
+    Examples
+    --------
+    $ repose stage measure_silhouette silhouette.png --overlay overlay.png
     """
     from repose.common.files import write_image, write_json
     from repose.grain.berry_files import read_grain

@@ -16,9 +16,14 @@ NAME_PLACEHOLDER = "NAME"
     config=False,
 )
 def new(args: argparse.Namespace) -> None:
-    """Make a folder for a crop of your own: a short configuration, a table of sizes, and what to do next.
+    """Make a folder for a crop of your own.
 
-    example: wheat
+    It holds a short configuration, a table of sizes, and a text that says what to do
+    next.
+
+    Examples
+    --------
+    $ repose new wheat
     """
     from repose.common import faults
     from repose.common.ledger import write_atomically

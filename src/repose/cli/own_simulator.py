@@ -84,7 +84,9 @@ def _warn(text: str) -> None:
 def tell(args: argparse.Namespace, study: "Study") -> None:
     """Own simulator: add a table of runs to the record of all runs.
 
-    example: new_runs.csv --config own.yaml --out own/runs.csv
+    Examples
+    --------
+    $ repose tell new_runs.csv --config own.yaml --out own/runs.csv
     """
     from repose.calibrate.record import Record
     from repose.common.tables import print_columns
@@ -116,7 +118,9 @@ def tell(args: argparse.Namespace, study: "Study") -> None:
 def ask(args: argparse.Namespace, study: "Study") -> None:
     """Own simulator: list the runs to make next, or say that the answer is good enough.
 
-    example: --runs own/runs.csv --config own.yaml --out own/next.csv
+    Examples
+    --------
+    $ repose ask --runs own/runs.csv --config own.yaml --out own/next.csv
     """
     from repose.calibrate.strategies.base import Answer
     from repose.calibrate.strategies.sequential.strategy import (
@@ -165,9 +169,13 @@ def ask(args: argparse.Namespace, study: "Study") -> None:
     study=_load_own_study,
 )
 def calibrate(args: argparse.Namespace, study: "Study") -> None:
-    """Own simulator: the parameters that meet the targets, from a table of runs of any simulator.
+    """Own simulator: find the parameters that meet the targets.
 
-    example: results.csv --config own.yaml --out own
+    They follow from a table of runs of any simulator.
+
+    Examples
+    --------
+    $ repose calibrate results.csv --config own.yaml --out own
     """
     from repose.calibrate import calibration
     from repose.calibrate.strategies import strategy

@@ -26,7 +26,9 @@ SMALL_FILM_FRAMES = 20
 def figure(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Draw one figure from the files that it shows.
 
-    example: convergence --input history=results/miga/history.csv --out convergence.png
+    Examples
+    --------
+    $ repose figure convergence --input history=results/miga/history.csv --out convergence.png
     """
     from repose.report import figures
 
@@ -43,7 +45,9 @@ def figure(args: argparse.Namespace, study: PipelineConfig) -> None:
 def film(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Make an animation of a pour or of a drum.
 
-    example: results/try/heap_trajectory_1.npz --particle results/berry/particle.json
+    Examples
+    --------
+    $ repose film results/try/heap_trajectory_1.npz --particle results/berry/particle.json
     """
     from repose.grain.particle import Particle
     from repose.report.renderer import film as animation
@@ -99,7 +103,9 @@ def film(args: argparse.Namespace, study: PipelineConfig) -> None:
 def report(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Write the report of a study, one page for a browser.
 
-    example: results/validation/heaps/001.json --input network=results/network/network.json --out report.html
+    Examples
+    --------
+    $ repose stage report results/validation/heaps/001.json --input network=results/network/network.json --out report.html
     """
     from repose.report.page import page
 

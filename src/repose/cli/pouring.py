@@ -54,9 +54,13 @@ MEASURE = Option(
     Option("--cores", type=int, default=1, help="compile on one core or on two (1)"),
 )
 def warm_up(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """Compile the engine for a study's particle, so that runs that start together do not each compile it.
+    """Compile the engine for a study's particle.
 
-    example: --config config/quick.yaml
+    Runs that start together then need not compile it each.
+
+    Examples
+    --------
+    $ repose stage warm_up --config config/quick.yaml
     """
     from repose.dem.cache import cache_folder
     from repose.stages import warm_up
@@ -71,9 +75,13 @@ def warm_up(args: argparse.Namespace, study: PipelineConfig) -> None:
 
 @verb(APPARATUS, *POUR_OPTIONS, KEEP_RUNS, MEASURE, out="results/try", runs="made")
 def pour(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """Run a bench test with one parameter set and one or more seeds; save the runs for measure_runs.
+    """Run a bench test with one parameter set and one or more seeds.
 
-    example: --apparatus funnel --set mus_gg=0.5 --seed 1 --out results/try
+    The runs are saved for measure_runs.
+
+    Examples
+    --------
+    $ repose stage pour --apparatus funnel --set mus_gg=0.5 --seed 1 --out results/try
     """
     from repose.stages.job import run_job
 
@@ -120,9 +128,13 @@ def _keep_measurement(
     runs="made",
 )
 def heap(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """Pour grains through the funnel and measure the pile: pour and measure_runs in one verb.
+    """Pour grains through the funnel and measure the pile.
 
-    example: --set e_gg=0.3 --set mus_gg=0.5 --seed 1 --out results/try --json
+    This does the work of pour and measure_runs in one subcommand.
+
+    Examples
+    --------
+    $ repose heap --set e_gg=0.3 --set mus_gg=0.5 --seed 1 --out results/try --json
     """
     from repose.stages.job import measure_job, run_job
 
@@ -269,7 +281,9 @@ def _choose_file_name(sample: int | None, apparatus: str) -> str:
 def measure_runs(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Measure the saved runs of any bench test, without running it again.
 
-    example: results/try/heap.pours.json --out results/try
+    Examples
+    --------
+    $ repose stage measure_runs results/try/heap.pours.json --out results/try
     """
     from repose.bench import bench_of
     from repose.measure.saved_pours import POURS_ENDING
@@ -291,9 +305,13 @@ def measure_runs(args: argparse.Namespace, study: PipelineConfig) -> None:
     runs="made",
 )
 def drum(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """Fill a drum and turn it until the bed slips; save the runs for drum_tables, print the measurement.
+    """Fill a drum and turn it until the bed slips.
 
-    example: --set mus_gg=0.5 --set mus_gp=0.6 --seed 1 --out results/try
+    The runs are saved for drum_tables, and the measurement is printed.
+
+    Examples
+    --------
+    $ repose stage drum --set mus_gg=0.5 --set mus_gp=0.6 --seed 1 --out results/try
     """
     from repose.bench import bench
     from repose.stages import drum_tables
@@ -314,9 +332,14 @@ def drum(args: argparse.Namespace, study: PipelineConfig) -> None:
     out="results/drum",
 )
 def drum_tables(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """Measure the drum's runs and make tables: angles, first slip, slipping layer, with standard errors.
+    """Measure the drum's runs, and make tables of them.
 
-    example: results/drum/drum_*.json --out results/drum
+    The tables have the angles, the first slip and the slipping layer, with standard
+    errors.
+
+    Examples
+    --------
+    $ repose stage drum_tables results/drum/drum_*.json --out results/drum
     """
     from repose.stages import drum_tables
 

@@ -19,8 +19,8 @@ PROGRAM = "repose"
 Loader: TypeAlias = (
     "Callable[[argparse.Namespace], PipelineConfig | Study | None] | None"
 )
-# Separates the summary from the example in the docstring of a verb.
-EXAMPLE_SEPARATOR = "\n\nexample: "
+# Heading of the example in the docstring of a verb, as in other docstrings.
+EXAMPLE_HEADING = "\n\nExamples\n--------\n$ "
 HELP_COLUMNS = 78
 
 
@@ -119,15 +119,21 @@ class Verb(NamedTuple):
 
     @property
     def summary(self) -> str:
-        """The summary in the function's docstring, in one line."""
-        summary, _, _ = cleandoc(self.run.__doc__ or "").partition(EXAMPLE_SEPARATOR)
-        return " ".join(summary.split())
+        """The first line of the function's docstring."""
+        return self.description.partition("\n\n")[0]
+
+    @property
+    def description(self) -> str:
+        """The docstring of the function before its example."""
+        return cleandoc(self.run.__doc__ or "").partition(EXAMPLE_HEADING)[0]
 
     @property
     def example(self) -> str:
-        """The words after the verb in the example of the function's docstring."""
-        _, _, example = cleandoc(self.run.__doc__ or "").partition(EXAMPLE_SEPARATOR)
-        return example
+        """The command in the example of the function's docstring."""
+        text_after_heading = cleandoc(self.run.__doc__ or "").partition(
+            EXAMPLE_HEADING
+        )[2]
+        return text_after_heading.partition("\n")[0]
 
     def __call__(self, args: argparse.Namespace) -> int | None:
         """Run the verb and return its exit status, where None means success."""
@@ -138,22 +144,19 @@ class Verb(NamedTuple):
             status = self.run(args, self.study(args))
         return status
 
-    def add_to(self, subparsers: Any, group: str = "") -> None:
+    def add_to(self, subparsers: Any) -> None:
         """Add the parser of this verb to a group of parsers.
 
         Parameters
         ----------
         subparsers
             Result of `argparse.ArgumentParser.add_subparsers`. It is changed.
-        group : str, optional
-            The word before the verb in a call, such as ``stage``.
         """
-        # Without a group there are two blanks, of which one is removed below.
-        call = f"example: {PROGRAM} {group} {self.name} {self.example}"
+        description = " ".join(self.description.split())
         parser = subparsers.add_parser(
             self.name,
-            description=textwrap.fill(self.summary, HELP_COLUMNS),
-            epilog=" ".join(call.split()),
+            description=textwrap.fill(description, HELP_COLUMNS),
+            epilog=f"example: {self.example}",
             # The default formatter would wrap the example, which breaks the command.
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
@@ -199,8 +202,8 @@ def verb(
 ) -> Callable[[Callable], Callable]:
     """Register a function as the verb of the same name (a decorator).
 
-    The docstring of the function becomes the help. It has a summary and an example. After
-    ``example:`` it gives the words that follow the verb in a call.
+    The docstring of the function becomes the help. It ends with the section "Examples",
+    which has one call of the verb.
 
     Parameters
     ----------
@@ -213,7 +216,7 @@ def verb(
     study : callable or None, optional
         Makes the study from the parsed options, which the function then receives.
     **fields
-        Further fields of `Verb`.
+        Further fields of `Verb`: `forwards_words` and `runs`.
 
     Returns
     -------
@@ -225,7 +228,7 @@ def verb(
     ValueError
         If the name is taken by another verb.
     """
-    # Options that most verbs have.
+    # Add the options --config and --out, which most verbs have.
     common_options = []
     if isinstance(config, Option):
         common_options.append(config)

@@ -69,7 +69,9 @@ def run(args: argparse.Namespace) -> int:
 
     Every further option goes to snakemake (snakemake --help).
 
-    example: uncertainty --cores 2 --configfile mine.yaml
+    Examples
+    --------
+    $ repose run uncertainty --cores 2 --configfile mine.yaml
     """
     try:
         from snakemake.cli import main

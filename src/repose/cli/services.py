@@ -15,9 +15,14 @@ from repose.stages import published
 
 @verb(JSON)
 def bench(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """Measure the speed: microseconds per step and seconds per pour, with a reference for the speed of the machine.
+    """Measure the speed of the simulator.
 
-    example: --json
+    The result is in microseconds per step and seconds per pour. A reference calculation
+    gives the speed of the machine.
+
+    Examples
+    --------
+    $ repose bench --json
     """
     from repose.bench import speed
 
@@ -37,9 +42,13 @@ def bench(args: argparse.Namespace, study: PipelineConfig) -> None:
 
 @verb(Option("result", help="a file that a verb wrote"), JSON, config=False)
 def provenance(args: argparse.Namespace) -> None:
-    """Print the provenance of a result: stage, settings, engine, origin, seed, versions and processor.
+    """Print the provenance of a result.
 
-    example: results/dataset.csv
+    It consists of stage, settings, engine, origin, seed, versions and processor.
+
+    Examples
+    --------
+    $ repose provenance results/dataset.csv
     """
     from repose.common import attached
 

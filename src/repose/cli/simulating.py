@@ -52,9 +52,13 @@ def _require_program(
     runs="measured",
 )
 def simulate(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """Run the study's own program for one sample; a run that fails is recorded with its reason.
+    """Run the study's own program for one sample.
 
-    example: --samples results/design/samples.csv --sample 1 --run 1
+    A run that fails is recorded with its reason.
+
+    Examples
+    --------
+    $ repose stage simulate --samples results/design/samples.csv --sample 1 --run 1
     """
     from repose.stages import simulate
     from repose.stages.parameter_sets import read_sample
@@ -86,7 +90,9 @@ def simulate(args: argparse.Namespace, study: PipelineConfig) -> None:
 def measure_simulated(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Read the responses of a program's runs, or measure their piles of particles.
 
-    example: results/runs/001=2 results/runs/002=2 --out results/runs
+    Examples
+    --------
+    $ repose stage measure_simulated results/runs/001=2 results/runs/002=2 --out results/runs
     """
     from repose.stages import simulated
 

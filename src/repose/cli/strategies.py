@@ -19,9 +19,13 @@ STRATEGY = Option("strategy", help="name of the strategy", recorded=False)
     out=f"{DEFAULT_FOLDER}/batch_0",
 )
 def propose(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """List the samples that a strategy simulates after the batches so far, or those of its answer, and say why.
+    """List the samples that a strategy simulates next, and say why.
 
-    example: sequential results/sequential/batch_0 --out results/sequential/batch_1
+    These follow the batches so far, or belong to the answer of the strategy.
+
+    Examples
+    --------
+    $ repose stage propose sequential results/sequential/batch_0 --out results/sequential/batch_1
     """
     from repose.stages import batches
 
@@ -47,9 +51,13 @@ def propose(args: argparse.Namespace, study: PipelineConfig) -> None:
     out=DEFAULT_FOLDER,
 )
 def conclude(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """Compare a strategy's simulated answer with its prediction and the targets, collect all batches.
+    """Compare a strategy's simulated answer with its prediction and the targets.
 
-    example: sequential results/sequential/batch_0 results/sequential/batch_1
+    All batches are collected in one table.
+
+    Examples
+    --------
+    $ repose stage conclude sequential results/sequential/batch_0 results/sequential/batch_1
     """
     from repose.stages import batches
 

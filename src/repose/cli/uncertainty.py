@@ -16,9 +16,13 @@ PREDICTIONS = Option(
 
 @verb(RUNS, out="results/noise")
 def noise(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """Split the variance of the responses into within and between samples; print the gain of more seeds.
+    """Split the variance of the responses into within and between samples.
 
-    example: --runs results/runs.csv
+    The subcommand also prints what more seeds would gain.
+
+    Examples
+    --------
+    $ repose noise --runs results/runs.csv
     """
     from repose.calibrate.uncertainty import noise
 
@@ -28,9 +32,13 @@ def noise(args: argparse.Namespace, study: PipelineConfig) -> None:
 
 @verb(NETWORK, PREDICTIONS, DATASET, RUNS, FEASIBLE, out="results/posterior")
 def posterior(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """Sample the posterior of the free parameters; name the parameters that the measurements do not determine.
+    """Sample the posterior of the free parameters.
 
-    example: --network results/network/network.json
+    The subcommand names the parameters that the measurements do not determine.
+
+    Examples
+    --------
+    $ repose posterior --network results/network/network.json
     """
     from repose.calibrate.uncertainty import posterior
 
@@ -58,7 +66,9 @@ def posterior(args: argparse.Namespace, study: PipelineConfig) -> None:
 def sensitivity(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Compute Sobol indices of the responses, with intervals, and main effects.
 
-    example: --network results/network/network.json
+    Examples
+    --------
+    $ repose sensitivity --network results/network/network.json
     """
     from repose.calibrate.uncertainty import sensitivity
 
@@ -83,9 +93,13 @@ def sensitivity(args: argparse.Namespace, study: PipelineConfig) -> None:
     out="results/next/samples.csv",
 )
 def plausible(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """Choose parameter sets of the posterior, to be run in all bench tests for the verb next.
+    """Choose parameter sets of the posterior for the verb next.
 
-    example: --draws results/posterior/draws.csv
+    They are to be run in all bench tests.
+
+    Examples
+    --------
+    $ repose stage plausible --draws results/posterior/draws.csv
     """
     from repose.stages import next_measurement
 
@@ -104,9 +118,11 @@ def plausible(args: argparse.Namespace, study: PipelineConfig) -> None:
     out="results/next",
 )
 def next(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """Rank further responses of saved runs by the information that each is expected to add.
+    """Rank further responses of saved runs by their expected information.
 
-    example: results/next/heaps/001.pours.json results/next/heaps/002.pours.json
+    Examples
+    --------
+    $ repose next results/next/heaps/001.pours.json results/next/heaps/002.pours.json
     """
     from repose.bench import Scene
     from repose.stages import next_measurement
