@@ -26,6 +26,9 @@ SLOPES_DEG = (15.0, 45.0)
 # Largest ratio of the volumes of a pile and of its cone, either way. A real pile differs
 # from a cone because it has a rounded top and a tail at the foot.
 VOLUME_FACTOR = 1.5
+# Hertz's law: sinking is in proportion to the modulus to the power of -2/3, so the
+# modulus is in proportion to the sinking to the power of -3/2.
+MODULUS_EXPONENT = 1.5
 
 
 class PileTargets(NamedTuple):
@@ -93,7 +96,7 @@ def give_funnel_hints(
     str
         A line of text.
     """
-    # The rolling law, the stiffness of the grains, and their volume.
+    # Describe the rolling law, the stiffness of the grains, and their volume.
     rolling_law = SceneSettings(config).simulation.rolling_law
     if ROLLING_LAWS.entry(rolling_law).creeps:
         yield (
@@ -115,7 +118,7 @@ def give_funnel_hints(
             f"{outlet_mm:g} mm and stops the flow"
         )
 
-    # Size the scene for the number of grains that would fill the target pile.
+    # Describe the number of grains that would fill the target pile.
     n_grains = funnel.berries
     beginning = "ok, the pile is"
     if not filling.fits:
@@ -123,14 +126,16 @@ def give_funnel_hints(
         beginning = f"{n_needed} would fill the target pile, which is"
         n_grains = max(n_grains, n_needed)
     grain_mm = compute_diameter_mm(grain)
-    definition = SceneSettings(config).measure_of({}).response
     yield _describe_number_of_grains(
         n_grains,
-        height=height_mm / grain_mm,
-        definition=definition,
+        height_in_grains=height_mm / grain_mm,
+        # The choice of the calibrated angle does not depend on the grain.
+        angle_name=SceneSettings(config).measure_of({}).response,
         beginning=beginning,
     )
-    # Leave out the first line of this advice, because the last hint says the same.
+
+    # Describe a smaller scene for this number of grains. The first line of this advice
+    # says the same as the line above, so leave it out.
     _, *smaller_scene = scene_size.advise(
         config, grain_mm, height_mm=height_mm, poured=n_grains
     )
@@ -138,7 +143,7 @@ def give_funnel_hints(
 
 
 def _describe_number_of_grains(
-    n_grains: int, height: float, definition: str, beginning: str
+    n_grains: int, height_in_grains: float, angle_name: str, beginning: str
 ) -> str:
     """Describe how the angle of a pile depends on the number of its grains.
 
@@ -146,10 +151,10 @@ def _describe_number_of_grains(
     ----------
     n_grains : int
         Number of grains of the pile.
-    height : float
-        Its height in diameters of a grain.
-    definition : str
-        Definition of the angle.
+    height_in_grains : float
+        Height of the pile in diameters of a grain.
+    angle_name : str
+        Which angle of the pile is calibrated, as in the key `measure.response`.
     beginning : str
         The first words of the line, which say whether the number suits the target pile.
 
@@ -158,10 +163,10 @@ def _describe_number_of_grains(
     str
         A line of text.
     """
-    # The table of simulated piles has a largest number of grains, and only some
-    # definitions of the angle. Other definitions use the most similar one.
+    # The table of simulated piles has a largest number of grains. It also has only some
+    # angles, so use the most similar one for an angle that is not in the table.
     n_tabulated = min(n_grains, max(scene_size.list_tabulated_numbers()))
-    tabulated_angle = scene_size.TABULATED.get(definition, definition)
+    tabulated_angle = scene_size.TABULATED.get(angle_name, angle_name)
 
     # Say by how much half of the grains would change the angle.
     change_deg = scene_size.interpolate_change(
@@ -169,7 +174,7 @@ def _describe_number_of_grains(
     ).angle_deg
     direction = "lower" if change_deg < 0 else "raise"
     text = (
-        f"grains: {beginning} {format_significant(height, 2)} grains high; {n_tabulated // 2} "
+        f"grains: {beginning} {format_significant(height_in_grains, 2)} grains high; {n_tabulated // 2} "
         f"in place of {n_tabulated} would {direction} the {tabulated_angle} angle by "
         f"{abs(change_deg):.1f} deg"
     )
@@ -238,8 +243,8 @@ def compute_softening(config: Config, grain: Grain) -> Softening:
     diameter_m = 1e-3 * compute_diameter_mm(grain)
     gravity = SceneSettings(config).simulation.gravity_m_s2
 
-    # Compute the pressure at the bottom of the pile, and by how much it pushes two
-    # grains there into each other.
+    # Compute the pressure at the bottom of the pile, and by Hertz's law how much it
+    # pushes two grains there into each other.
     pressure_pa = (
         PACKING
         * grain["density_kg_m3"]
@@ -254,9 +259,12 @@ def compute_softening(config: Config, grain: Grain) -> Softening:
         / (4 * contact_modulus_pa * math.sqrt(diameter_m / 4))
     ) ** (2 / 3)
 
-    # The mean over the depth of the pile, and the modulus at the largest sinking.
+    # The mean over the depth of the pile is 3/5 of the value at its bottom.
     sinking = 0.6 * approach_m / diameter_m
-    softest_pa = grain["shear_modulus_pa"] * (sinking / LARGEST_SINKING) ** 1.5
+
+    # Change the modulus until the pile sinks by the largest acceptable share.
+    sinking_ratio = sinking / LARGEST_SINKING
+    softest_pa = grain["shear_modulus_pa"] * sinking_ratio**MODULUS_EXPONENT
     return Softening(sinking, softest_pa)
 
 
@@ -305,32 +313,40 @@ def compare_volumes(config: Config, grain_m3: float) -> Filling:
     volume_m3 = n_grains * grain_m3 / PACKING
     poured_text = f"{n_grains} grains hold {_format_volume(volume_m3)} as poured"
 
+    # The comparison depends on which of the two targets the study has.
+    if height_mm is not None and angle_deg is not None:
+        return _compare_with_cone(
+            volume_m3, poured_text, height_mm=height_mm, angle_deg=angle_deg
+        )
+    if height_mm is not None:
+        return _compare_slope(volume_m3, poured_text, height_mm)
+
     # Without a target for the height, a cone of any size fits.
-    if height_mm is None:
-        if angle_deg is None:
-            return Filling(poured_text, fits=True)
+    sentence = poured_text
+    if angle_deg is not None:
         cone_mm = format_significant(
             1e3 * _compute_cone_height_m(volume_m3, angle_deg), 3
         )
-        return Filling(
-            f"{poured_text}: a cone of {angle_deg:g} deg and {cone_mm} mm Height",
-            fits=True,
-        )
+        sentence += f": a cone of {angle_deg:g} deg and {cone_mm} mm Height"
+    return Filling(sentence, fits=True)
 
-    # Without a target for the angle, any slope that poured grains can have fits.
-    if angle_deg is None:
-        slope_deg = _compute_cone_slope_deg(volume_m3, height_mm)
-        cone = f"a cone of {height_mm:g} mm Height with a slope of {slope_deg:.3g} deg"
-        low_deg, high_deg = SLOPES_DEG
-        if low_deg <= slope_deg <= high_deg:
-            return Filling(f"{poured_text}: {cone}", fits=True)
-        return Filling(
-            f"WARNING: {poured_text}: {cone}; slopes of poured grains are {low_deg:g} to "
-            f"{high_deg:g} deg",
-            fits=False,
-        )
 
-    # Compare volumes only. `repose.bench.reach` checks the angle against the height.
+def _compare_with_cone(
+    volume_m3: float, poured_text: str, *, height_mm: float, angle_deg: float
+) -> Filling:
+    """Compare the volume of the poured grains with the cone of both targets.
+
+    Only the volumes are compared. `repose.bench.reach` compares the angle with the height.
+
+    Parameters
+    ----------
+    volume_m3 : float
+        Volume of the poured grains, with the gaps between them.
+    poured_text : str
+        The same volume in words.
+    height_mm, angle_deg : float
+        The targets.
+    """
     cone_m3 = _compute_cone_volume_m3(height_mm, angle_deg)
     sentence = (
         f"{poured_text}; the cone of {angle_deg:g} deg and {height_mm:g} mm Height holds "
@@ -345,12 +361,37 @@ def compare_volumes(config: Config, grain_m3: float) -> Filling:
     )
 
 
+def _compare_slope(volume_m3: float, poured_text: str, height_mm: float) -> Filling:
+    """Check whether the poured grains form a cone of this height with a possible slope.
+
+    Parameters
+    ----------
+    volume_m3 : float
+        Volume of the poured grains, with the gaps between them.
+    poured_text : str
+        The same volume in words.
+    height_mm : float
+        The target for the height. The study has no target for the angle.
+    """
+    slope_deg = _compute_cone_slope_deg(volume_m3, height_mm)
+    cone_text = f"a cone of {height_mm:g} mm Height with a slope of {slope_deg:.3g} deg"
+    flattest_deg, steepest_deg = SLOPES_DEG
+    if flattest_deg <= slope_deg <= steepest_deg:
+        return Filling(f"{poured_text}: {cone_text}", fits=True)
+    return Filling(
+        f"WARNING: {poured_text}: {cone_text}; slopes of poured grains are "
+        f"{flattest_deg:g} to {steepest_deg:g} deg",
+        fits=False,
+    )
+
+
 def count_needed_grains(config: Config, grain_m3: float) -> int:
     """Count the grains that fill the target pile.
 
-    Without a target for the height, the result is the configured number. Without a target
-    for the angle, the pile may have any slope that poured grains can have, and the result
-    is the possible number that is nearest to the configured one.
+    Without a target for the height, a pile of any size is right, so the result is the
+    configured number. Without a target for the angle, the pile may have any slope that
+    poured grains can have. The result is then the possible number that is nearest to the
+    configured one.
 
     Parameters
     ----------
@@ -364,7 +405,7 @@ def count_needed_grains(config: Config, grain_m3: float) -> int:
     if height_mm is None:
         return n_grains
 
-    # A target for the angle leaves a single slope.
+    # A target for the angle leaves only one possible slope.
     flattest_deg, steepest_deg = SLOPES_DEG
     if angle_deg is not None:
         flattest_deg = angle_deg

@@ -21,6 +21,8 @@ from repose.config.pipeline import PipelineConfig
 from repose.stages.job import run_once
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from repose.dem.time_steps import Limit
     from repose.grain.particle import Particle
     from repose.grain.settings import GrainSettings
@@ -46,6 +48,8 @@ TRIAL_SHARES = {
     "centre of the ranges": (0.5, 0.5),
     "least bounce, most friction": (0.0, 1.0),
 }
+# All trial runs begin with the same random numbers.
+TRIAL_SEED = 1
 # A target that lies further outside the trial runs than this share of their span gets a
 # warning. Three single runs seldom include the extremes. In config/paper.yaml the trial
 # runs span 11.8 degrees and end at 30.5 degrees. There 2.5 % of all runs are steeper by
@@ -122,15 +126,15 @@ def describe_study(study: PipelineConfig) -> Iterator[str]:
     grain = study.grain
     particle = study.particle
 
-    # Targets and ranges. If the study has runs already, they show which angles its piles
-    # can have.
+    # Describe targets and ranges. If the study has runs already, they show which angles
+    # its piles can have.
     dataset_csv = dependencies.find_own_dataset(config)
     for assessment in reach.assess_targets(config, particle, dataset_csv).values():
         yield describe_reach(assessment)
     for sentence in describe_wide_ranges(study.settings.parameters.entries):
         yield f"ranges: WARNING: {sentence}"
 
-    # The time step, and the restitution that a hit has with it.
+    # Describe the time step, and the restitution that a hit has with it.
     limit = computed.find_longest_step(config, particle, grain)
     yield describe_time_step(study.settings.simulation.time_step_s, limit)
     lowest_values = {}
@@ -140,9 +144,10 @@ def describe_study(study: PipelineConfig) -> Iterator[str]:
     yield from hits.describe_low_restitutions(scene, lowest_values)
 
     def find_longest_step_s(other_grain: Mapping[str, Any]) -> float:
+        """Find the longest stable time step of the study with another mean grain."""
         return computed.find_longest_step(config, particle, other_grain).time_step_s
 
-    # The scene and the grain.
+    # Describe the scene and the grain.
     yield from advice.give_funnel_hints(
         config, grain, particle=particle, longest_step_s=find_longest_step_s
     )
@@ -180,7 +185,7 @@ def _compute_volume_change(particle: "Particle") -> float:
 
 
 def _describe_grain(study: PipelineConfig) -> Iterator[str]:
-    """Yield warnings of a coarse particle, and of grain settings without an effect."""
+    """Yield warnings about a coarse particle, and about grain settings that are not used."""
     particle = study.particle
     section = study.settings.berry
     if is_coarse(particle):
@@ -220,8 +225,12 @@ def _describe_volume(section: "GrainSettings", percent: float) -> str:
 
 
 def _describe_sizes(study: PipelineConfig) -> Iterator[str]:
-    """Yield warnings if one grain cannot represent the measured sizes, or their mass."""
-    from repose.grain import berry, size_checks
+    """Yield warnings if one mean grain cannot represent the measured grains.
+
+    The reason may be two kinds of grains, widely different sizes, or a mass that does not
+    suit the sizes.
+    """
+    from repose.grain import size_checks
     from repose.grain.berry_files import SIZE_COLUMNS, read_sizes
 
     # The volume of each measured grain is proportional to the product of its axes.
@@ -229,30 +238,49 @@ def _describe_sizes(study: PipelineConfig) -> Iterator[str]:
     axes_mm = read_sizes(section.sizes)[list(SIZE_COLUMNS)]
     products_mm3 = axes_mm.prod(axis="columns")
 
-    # Two kinds of grains in one table.
+    # The table may contain two kinds of grains.
     diameters_mm = np.cbrt(products_mm3)
     groups = size_checks.find_size_groups(diameters_mm)
     if groups is not None and groups.ratio > 1 + LARGEST_SPREAD:
         yield _describe_groups(groups, section.size_distribution)
 
-    # One kind of grains of widely different sizes: the mean axes hold less than the
-    # mean volume.
+    # The sizes may differ widely. A grain with the mean axes then has less than the mean
+    # volume.
     spread = study.grain["scale_sd"]
     if spread > LARGEST_SPREAD:
         lost_share = 1 - axes_mm.mean().prod() / products_mm3.mean()
         yield _describe_spread(section, spread=spread, lost_share=lost_share)
 
-    # Compare the volume by mass and density with the largest body that has these axes.
-    # A scan gives the volume directly, so there is nothing to check.
-    if section.mass_g is None or section.stl is not None:
-        return
+    # The mass may be too large for the sizes. A scan gives the volume directly, so the
+    # mass is then not used.
+    if section.mass_g is not None and section.stl is None:
+        yield from _warn_of_large_mass(section, section.mass_g, axes_mm)
+
+
+def _warn_of_large_mass(
+    section: "GrainSettings", mass_g: float, axes_mm: "pd.DataFrame"
+) -> Iterator[str]:
+    """Yield a warning if no body with the mean axes has room for the mass.
+
+    Parameters
+    ----------
+    section : GrainSettings
+        The section of the grain.
+    mass_g : float
+        The mass in this section.
+    axes_mm : DataFrame
+        The axes of each measured grain.
+    """
+    from repose.grain import berry, size_checks
+
+    # Compare the volume by mass and density with that of the largest body.
     mean_axes = berry.compute_mean_axes(axes_mm, keeps_volume=False)
     largest_mm3 = size_checks.compute_largest_volume(list(mean_axes.values()))
-    volume_mm3 = 1e6 * section.mass_g / section.density_kg_m3
+    volume_mm3 = 1e6 * mass_g / section.density_kg_m3
     excess = volume_mm3 / largest_mm3 - 1
     if excess > LARGEST_EXCESS:
         yield (
-            f"mass: WARNING: berry.mass_g {format_significant(section.mass_g)} makes the body "
+            f"mass: WARNING: berry.mass_g {format_significant(mass_g)} makes the body "
             f"{format_significant(100 * excess, 2)} % fuller than its mean axes allow, at most "
             f"{format_significant(largest_mm3)} mm3 (equal axes: a sphere); check mass, density and "
             "sizes, or leave out berry.mass_g"
@@ -366,7 +394,8 @@ def run_trials(
 ) -> Iterator[str]:
     """Run each bench test of the targets at three points of the parameter ranges.
 
-    The lines describe each run, and warn of each target far outside the results.
+    The function yields a line about each run, and a warning about each target that lies
+    far outside the results.
 
     Parameters
     ----------
@@ -396,11 +425,13 @@ def run_trials(
         runs = []
         with show_message(f"three trial runs of {name}, about {3 * expected_s:.0f} s"):
             for parameters in parameter_sets:
-                run, _ = run_once(test, study.scene(parameters, 1))
+                run, _ = run_once(test, study.scene(parameters, seed=TRIAL_SEED))
                 runs.append(run)
 
+        # All trial runs have the same seed, so do not repeat it in each line.
         for point, run in zip(TRIAL_SHARES, runs, strict=True):
-            sentence = describe_run(run, test.summary).removeprefix("seed 1: ")
+            sentence = describe_run(run, test.summary)
+            sentence = sentence.removeprefix(f"seed {TRIAL_SEED}: ")
             yield f"{name}: {point}: {sentence}"
         yield from _warn_of_trials(study, test, runs)
 
@@ -449,7 +480,8 @@ def _warn_of_trials(
         )
         return
 
-    # Compare each target of this bench test with the range of the runs.
+    # Compare each target of this bench test with the range of the runs. The range is
+    # extended on both sides, because single runs seldom include the extremes.
     responses = test.target_responses(study.config)
     for target in study.targets:
         if target.response not in responses:
@@ -487,18 +519,20 @@ def tabulate_costs(
     """
     # Find the strategies that cannot run with this configuration.
     settings = study.settings
-    misfits: dict[str, str] = {}
+    reasons_against: dict[str, str] = {}
     for name in strategies.list_strategies_with_section():
         reason = cost.explain_strategy_misfit(settings, name)
         if reason is not None:
-            misfits[name] = reason
+            reasons_against[name] = reason
 
-    # Write the header and the rows: one for each budget, then one for each other
-    # strategy.
+    # Write the header, in which each cell is the name of its column.
     yield _align_costs({column: column for column in COST_COLUMNS})
-    if "sequential" not in misfits:
+
+    # Write the rows: one for each budget, then one for each other strategy.
+    if "sequential" not in reasons_against:
         section = settings.sequential
         for budget in budgets:
+            # The first entry is for learning: batches of runs, each with all seeds.
             n_batches = math.ceil(budget / section.seeds)
             pours = (
                 ("batches", n_batches, section.seeds),
@@ -507,14 +541,15 @@ def tabulate_costs(
             yield _format_cost_row(
                 study, "sequential", pours=pours, grain_step_s=grain_step_s
             )
-    if "response_surface" not in misfits:
+    if "response_surface" not in reasons_against:
         most_pours = cost.list_strategy_pours(settings, "response_surface")
         yield _format_cost_row(
             study, "response_surface", pours=most_pours, grain_step_s=grain_step_s
         )
     yield _format_cost_row(study, "published", pours=None, grain_step_s=grain_step_s)
 
-    for name, reason in misfits.items():
+    # Explain the missing rows and the table.
+    for name, reason in reasons_against.items():
         yield f"{name}: {reason}"
     yield (
         "*: the configured strategy; response_surface: at most so many; minutes: as fast "
@@ -585,24 +620,24 @@ def list_studies(files: list[str]) -> str:
     InputError
         If a file cannot be read.
     """
-    config, _ = loader.merge_with_defaults(files)
+    # Merging fails only if a file cannot be read. It does not check the values.
+    label = loader.merge_with_defaults(files).config.get("label")
     try:
         study = PipelineConfig.load(*files)
-        config = study.config
         if study.simulator is not None:
             return _list_studies_of_program(study)
-        cost_texts = cost.describe_costs(config)
+        label = study.config.get("label")
+        cost_texts = cost.describe_costs(study.config)
         for name in strategies.list_strategies_with_section():
             cost_texts[name] = _describe_strategy_cost(study, name)
     except InputError:
-        # The studies can be listed all the same.
+        # A faulty configuration has no costs, but its studies can still be listed.
         names = ", ".join(files) or "config.yaml"
-        unknown = (
+        unknown_cost = (
             f"cost: once {names} is complete; `repose check` lists the missing keys"
         )
-        cost_texts = dict.fromkeys(cost.STUDY_SUMMARIES, unknown)
+        cost_texts = dict.fromkeys(cost.STUDY_SUMMARIES, unknown_cost)
 
-    label = config.get("label")
     lines = [f"repose run TARGET; without one, all of calibration. Studies of {label}:"]
     for target, sentence in cost.STUDY_SUMMARIES.items():
         lines.append(f"  {target:24} {sentence}")
