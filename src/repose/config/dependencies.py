@@ -428,10 +428,10 @@ def _hash_named_files(selected: dict[str, Any]) -> dict[str, Any]:
     """
     hashed = dict(selected)
     for dotted_key in list_file_keys():
-        # Either the key of the file was selected by itself ...
+        # The key of the file may have been selected by itself.
         if hashed.get(dotted_key) is not None:
             hashed[dotted_key] = _hash_content(hashed[dotted_key])
-        # ... or the whole section around it.
+        # The whole section around the key may have been selected.
         section_name, _, key = dotted_key.rpartition(".")
         section = hashed.get(section_name, {})
         if section.get(key) is not None:
@@ -482,34 +482,52 @@ def find_difference(
     Returns
     -------
     Difference or None
-        The first difference, in the order of the keys. None if there is none, or if the
-        settings cannot be compared.
+        The first difference, in the order of the keys. None if no difference is known: a
+        result that cannot be compared is not blamed.
     """
-    if record is None or record["verb"] not in COMPARED_STAGES:
+    if record is None or not _is_comparable(config, record):
         return None
+
+    # Compare the settings.
     recorded = record["settings"]
-    # Before version 0.5 a record had a hash of its settings.
-    if not isinstance(recorded, Mapping):
-        return None
-
-    # The settings of an unknown bench test or strategy cannot be selected.
-    apparatus = record.get("apparatus")
-    strategy_name = record.get("strategy")
-    if apparatus not in (None, OWN_BENCH, *config):
-        return None
-    if strategy_name is not None and strategy_name not in names():
-        return None
-
-    # Compare the settings, and then the engine.
     current = convert_to_recorded_form(
-        select_stage_settings(config, record["verb"], apparatus, strategy_name)
+        select_stage_settings(
+            config,
+            record["verb"],
+            apparatus=record.get("apparatus"),
+            strategy_name=record.get("strategy"),
+        )
     )
     if recorded != current:
         return _find_first_difference(recorded, current)
+
+    # Compare the engine. A result that depends on no run has none.
     engine = engine_hash()
     if compares_engine and record["engine"] not in (None, engine):
-        return Difference("engine", record["engine"], engine)
+        return Difference("engine", recorded=record["engine"], current=engine)
     return None
+
+
+def _is_comparable(config: Config, record: Record) -> bool:
+    """Tell whether the settings of a result can be compared with those of a study.
+
+    Parameters
+    ----------
+    config : mapping
+        The resolved configuration of the study.
+    record : mapping
+        The record of the result.
+    """
+    # Before version 0.5 a record had only a hash of its settings.
+    has_settings = isinstance(record["settings"], Mapping)
+    if record["verb"] not in COMPARED_STAGES or not has_settings:
+        return False
+
+    # The settings of an unknown bench test or strategy cannot be selected in the study.
+    knows_bench_test = record.get("apparatus") in (None, OWN_BENCH, *config)
+    strategy_name = record.get("strategy")
+    knows_strategy = strategy_name is None or strategy_name in names()
+    return knows_bench_test and knows_strategy
 
 
 def _find_first_difference(recorded: Any, current: Any, prefix: str = "") -> Difference:
@@ -526,7 +544,7 @@ def _find_first_difference(recorded: Any, current: Any, prefix: str = "") -> Dif
     -------
     Difference
     """
-    # Search the first key, or the first entry of a list, in which they differ.
+    # In two sections, search the first key whose values differ.
     if isinstance(recorded, Mapping) and isinstance(current, Mapping):
         for key in _sort_keys_with_scene_last({*recorded, *current}):
             recorded_part = recorded.get(key)
@@ -535,16 +553,17 @@ def _find_first_difference(recorded: Any, current: Any, prefix: str = "") -> Dif
                 inner_prefix = f"{prefix}.{key}"
                 return _find_first_difference(recorded_part, current_part, inner_prefix)
 
+    # In two lists of sections, search the first section that differs. A list of plain
+    # values, such as a range, is reported as a whole.
     if _are_lists_of_one_length(recorded, current):
         for position, recorded_part in enumerate(recorded):
-            # A list of plain values, such as a range, is reported as a whole.
             current_part = current[position]
             if recorded_part != current_part and isinstance(recorded_part, Mapping):
                 inner_prefix = f"{prefix}.{position}"
                 return _find_first_difference(recorded_part, current_part, inner_prefix)
 
-    # They differ as a whole.
-    return Difference(prefix.removeprefix("."), recorded, current)
+    # Any other two values differ as a whole.
+    return Difference(prefix.removeprefix("."), recorded=recorded, current=current)
 
 
 def _sort_keys_with_scene_last(keys: Iterable[str]) -> list[str]:
@@ -573,30 +592,32 @@ def require_same_study(config: Config, inputs: Inputs, source: str) -> None:
         The file of the configuration, for the message.
     """
     for path, record in inputs:
-        mismatch = find_difference(config, record, compares_engine=False)
-        if mismatch is None:
+        difference = find_difference(config, record, compares_engine=False)
+        if difference is None:
             continue
-        # A missing file has no hash. If the study names such a file, the user has probably
-        # called the subcommand in another folder.
-        named_file = get_value(config, mismatch.key)
-        if mismatch.current is None and isinstance(named_file, str):
+
+        # The key may name a file, whose content is compared by a hash. If there is no
+        # hash, the file is missing. The user has probably called the subcommand in another
+        # folder.
+        named_file = get_value(config, difference.key)
+        if difference.current is None and isinstance(named_file, str):
             raise InputError(
                 source,
-                key=mismatch.key,
+                key=difference.key,
                 value=named_file,
                 allowed=f"a file of the study of {path}; it is not found from this folder",
             )
         raise InputError(
             path,
-            key=mismatch.key,
-            value=mismatch.recorded,
-            allowed=f"{mismatch.current}, as in {source}: results of one study; give the "
+            key=difference.key,
+            value=difference.recorded,
+            allowed=f"{difference.current}, as in {source}: results of one study; give the "
             "configuration of this file, or make the file again with this one",
         )
 
 
 def find_outdated_files(config: Config, paths: Iterable[str | PathLike]) -> list[str]:
-    """Find results of other settings or of another engine.
+    """Find the results that were made with other settings or by another engine.
 
     Parameters
     ----------
@@ -628,8 +649,9 @@ def find_own_dataset(config: Config) -> Path | None:
     Returns
     -------
     Path or None
-        The path of dataset.csv. None if the table, the piles or the grain come from other
-        settings, or if a pile is newer than the table.
+        The path of dataset.csv. None if the study has no table of all its piles. This is
+        also the case if the table, the piles or the grain come from other settings, or if
+        a pile is newer than the table.
     """
     folder = Path(config["results_dir"])
     table = folder / "dataset.csv"
@@ -637,15 +659,13 @@ def find_own_dataset(config: Config) -> Path | None:
     if not piles:
         return None
 
-    # Every file must have a record, and the settings of the study.
+    # Every file must exist, have a record, and have the settings of the study.
     files = [*folder.glob("berry/*.json"), *piles, table]
-    if any(attached.read_record(path) is None for path in files):
-        return None
-    if find_outdated_files(config, files):
+    lacks_records = any(attached.read_record(path) is None for path in files)
+    if lacks_records or find_outdated_files(config, files):
         return None
 
-    # A pile newer than the table is missing from it.
+    # The table lacks a pile that is newer than itself.
     newest_pile_s = max(path.stat().st_mtime for path in piles)
-    if table.stat().st_mtime < newest_pile_s:
-        return None
-    return table
+    is_complete = table.stat().st_mtime >= newest_pile_s
+    return table if is_complete else None

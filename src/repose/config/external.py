@@ -230,6 +230,8 @@ class ExternalConfig(PipelineConfig):
             The study, with the noise and the definitions that the targets give.
         """
         study = super().study(file)
+
+        # Add what only the targets of such a study can give, each by its response.
         noise_sd = {}
         definitions = {}
         for entry in self.config["targets"]:
@@ -326,11 +328,13 @@ def convert_to_short_form(merged: loader.MergedConfig) -> loader.MergedConfig:
     if not isinstance(targets, list):
         return merged
 
-    # Leave out the sections of our simulator. Keep a mistyped key, which is refused later.
-    dropped = set(make_settings_type().model_fields) - set(
-        make_file_model().model_fields
-    )
-    short = {name: value for name, value in content.items() if name not in dropped}
+    # Leave out the sections that only our simulator reads. Keep a mistyped key, which is
+    # refused later.
+    kept_names = set(make_file_model().model_fields)
+    dropped_names = set(make_settings_type().model_fields) - kept_names
+    short = {
+        name: value for name, value in content.items() if name not in dropped_names
+    }
     files_by_key = dict(merged.origin.files_by_key)
 
     # Map the targets by name. All of them belong to the file that has the list.
@@ -339,25 +343,44 @@ def convert_to_short_form(merged: loader.MergedConfig) -> loader.MergedConfig:
         for key in keys:
             files_by_key[f"targets.{name}.{key}"] = merged.origin.find_file("targets")
 
-    # Both forms have these keys, and different defaults.
+    # Both forms have these keys. Their defaults differ, so add those of our simulator.
     defaults = loader.read_file(places.find_file(places.METHOD_CONFIG))
     for key in ("strategy", "surrogate"):
         short.setdefault(key, defaults[key])
 
     # Move the number of runs and the seed to the top.
-    for key, old_key in MOVED_KEYS.items():
-        value = get_value(content, old_key)
-        if key not in content and value is not None:
-            short[key] = value
-            files_by_key[key] = merged.origin.find_file(old_key)
+    for key, value in _find_moved_values(content).items():
+        short[key] = value
+        files_by_key[key] = merged.origin.find_file(MOVED_KEYS[key])
     short.setdefault("seed", defaults["design"]["seed"])
     if _has_bench_test_seeds(short["strategy"]):
         short.setdefault("seeds", defaults["funnel"]["seeds"])
-    if isinstance(content.get("design"), Mapping):
-        design = dict(content["design"])
-        design.pop("seed", None)
-        short["design"] = design
+    design = content.get("design")
+    if isinstance(design, Mapping):
+        short["design"] = {key: design[key] for key in design if key != "seed"}
     return loader.MergedConfig(short, Origin(files_by_key, merged.origin.default_file))
+
+
+def _find_moved_values(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Find the values that move from a section to the top of the short form.
+
+    Parameters
+    ----------
+    content : mapping
+        The values of a study with our simulator.
+
+    Returns
+    -------
+    dict
+        The values by their keys in the short form. A key that is at the top already, or
+        that has no value, is left out.
+    """
+    values = {}
+    for key, old_key in MOVED_KEYS.items():
+        value = get_value(content, old_key)
+        if key not in content and value is not None:
+            values[key] = value
+    return values
 
 
 def _map_targets_by_name(entries: Iterable[Any]) -> dict[Any, dict[str, Any]]:
@@ -397,14 +420,16 @@ def list_unread_sections(content: Mapping[str, Any]) -> list[str]:
     Returns
     -------
     list of str
-        Names of sections and keys, in the order of the files. If one key of a section is
-        used, a note in parentheses names this key.
+        Names of sections and keys, in the order of the files. If some keys of a section
+        are used, a note in parentheses names them.
     """
     known_names = make_file_model().model_fields
     unread = []
     for name, value in content.items():
         if name in known_names:
             continue
+        # A section may have keys that are moved to the top of the short form and read
+        # there.
         keys_read = [
             old_key.removeprefix(f"{name}.")
             for old_key in MOVED_KEYS.values()

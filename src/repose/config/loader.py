@@ -155,14 +155,7 @@ def locate_workflow_values(
     config_files = []
     for path in files or places.list_default_configs()[-1:]:
         config_files.append(ConfigFile(str(path), read_file(places.find_file(path))))
-    files_by_key: dict[str, str] = {}
-    values = _find_in_files(
-        workflow_config,
-        "",
-        config_files=config_files,
-        files_by_key=files_by_key,
-        default_source=default_source,
-    )
+    values, files_by_key = _locate_values(workflow_config, config_files, default_source)
     return MergedConfig(
         values, Origin(files_by_key, default_file=config_files[-1].path)
     )
@@ -193,42 +186,70 @@ def merge_workflow_values(
     MergedConfig
     """
     read_once: Any = functools.cache(read_file)
-    files = [places.find_file(path) for path in files]
-    method = places.find_file(places.METHOD_CONFIG)
-    study = places.list_default_configs()[-1]
+    user_files = [places.find_file(path) for path in files]
+    method_file = places.find_file(places.METHOD_CONFIG)
 
     # Choose the default files. If the values define a crop, only the method is needed.
-    default_files: list[StrPath] = [method]
-    if files or not _defines_crop(workflow_config):
-        contents = [*map(read_once, files), workflow_config]
+    default_files: list[StrPath] = [method_file]
+    if user_files or not _defines_crop(workflow_config):
+        contents = [*map(read_once, user_files), workflow_config]
         default_files = list_files_with_defaults((), read_once, contents)
+
+    # A complete configuration needs no defaults.
     needed_files = default_files if _lacks_keys(workflow_config) else []
     defaults = _merge_files(needed_files, read=read_once)
 
-    # Find the file that each value comes from.
+    # Find the file that each value comes from. Without files of the user, Snakemake has
+    # read the last default file.
     config_files = []
-    for path in (*default_files, study, *files):
+    last_default_file = places.list_default_configs()[-1]
+    for path in (*default_files, last_default_file, *user_files):
         config_files.append(ConfigFile(str(path), read_once(path)))
-    files_by_key: dict[str, str] = {}
-    values = _find_in_files(
-        workflow_config,
-        "",
-        config_files=config_files,
-        files_by_key=files_by_key,
-        default_source=default_source,
-    )
+    values, files_by_key = _locate_values(workflow_config, config_files, default_source)
 
-    # Merge the values over the defaults. Messages about a missing key name the user's last
-    # file.
+    # Merge the values over the defaults. The files are known, so `_merge` need not note
+    # them. Messages about a missing key name the user's last file.
     config = _merge(defaults.config, values, files_by_key={}, source="")
     return MergedConfig(
         _resolve_named_files(config),
         Origin(
             {**defaults.origin.files_by_key, **files_by_key},
-            default_file=str(files[-1]) if files else default_source,
-            method_file=str(method),
+            default_file=str(user_files[-1]) if user_files else default_source,
+            method_file=str(method_file),
         ),
     )
+
+
+def _locate_values(
+    workflow_config: Config, config_files: Sequence[ConfigFile], default_source: str
+) -> tuple[dict[str, Any], dict[str, str]]:
+    """Find the files from which the values of Snakemake's `config` come.
+
+    Parameters
+    ----------
+    workflow_config : mapping
+        Snakemake's `config`.
+    config_files : sequence of ConfigFile
+        The files; each overrides those before it.
+    default_source : str
+        Name of the source of values that are in no file.
+
+    Returns
+    -------
+    values : dict
+        The values as the files have them. Snakemake may have converted some to text.
+    files_by_key : dict of str to str
+        The source of each dotted key.
+    """
+    files_by_key: dict[str, str] = {}
+    values = _find_in_files(
+        workflow_config,
+        dotted_key="",
+        config_files=config_files,
+        files_by_key=files_by_key,
+        default_source=default_source,
+    )
+    return values, files_by_key
 
 
 def _find_in_files(
@@ -306,7 +327,8 @@ def _find_single_value(
     if default_source == COMMAND_LINE or EXPONENT_PATTERN.match(str(value)):
         parsed_value = _parse_texts(value)
 
-    # None may be a value in a file, so use another default for a missing key.
+    # Search the last file first. None may be a value in a file, so use another default for
+    # a missing key.
     for config_file in reversed(config_files):
         value_in_file = get_value(config_file.content, dotted_key, MISSING)
         if value_in_file in (value, parsed_value):
@@ -368,7 +390,7 @@ def list_files_with_defaults(
 
 
 def find_substitute_crop(*files: StrPath) -> Path | None:
-    """Find out whether the built-in crop replaces a missing configuration.
+    """Find the built-in crop if it replaces a missing configuration.
 
     This is the case if the working folder has no configuration, and the user's files
     need the built-in crop.
@@ -556,7 +578,7 @@ def _merge(
             config[key] = copy.deepcopy(value)
             continue
 
-        # A section. Replace the old one, unless both are to be merged.
+        # The value is a section. Replace the old one, unless both are to be merged.
         is_merged = dotted_key not in REPLACED_SECTIONS and isinstance(
             config.get(key), dict
         )

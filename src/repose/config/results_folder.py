@@ -111,13 +111,15 @@ def require_separate_folder(results_dir: str) -> str:
     # Unlike `Path.resolve`, this function accepts a link to itself.
     folder = Path(os.path.realpath(results_dir))
 
-    # The project may be the working folder, or the place of the installation.
-    roots = {Path.cwd(), places.find_program_folder().resolve()}
+    # The project may be in the working folder, or where the program is installed.
+    project_roots = {Path.cwd(), places.find_program_folder().resolve()}
     project_folders = [places.PACKAGE]
-    for root in roots:
+    for root in project_roots:
         project_folders += [root / name for name in PROJECT_FOLDERS]
     is_inside = any(folder.is_relative_to(path) for path in project_folders)
-    is_around = any(path.is_relative_to(folder) for path in {*roots, Path.home()})
+    is_around = any(
+        path.is_relative_to(folder) for path in {*project_roots, Path.home()}
+    )
     if is_inside or is_around:
         allowed = (
             "a folder of its own, not around the project and outside "
@@ -189,7 +191,7 @@ def _make_path_pattern(path: str, wildcards: dict[str, str]) -> str:
 
 
 def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
-    """Check that a study can write its results without destroying other files.
+    """Check that a study can write its results without replacing files of the user.
 
     Parameters
     ----------
@@ -209,12 +211,13 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
     if not os.path.isdir(results_dir):
         return
 
-    # Refuse a folder with names of results in which no study has written.
+    # Refuse a folder that contains names of results, but in which no study has written.
     outputs = list(outputs)
     names = _list_names_of_results(results_dir, outputs)
-    unlisted = set(_find_unlisted_results(results_dir, names))
-    has_list = (Path(results_dir) / LEDGER).is_file()
-    if names and not has_list and not unlisted:
+    unlisted_results = set(_find_unlisted_results(results_dir, names))
+    has_ledger = (Path(results_dir) / LEDGER).is_file()
+    is_folder_of_study = has_ledger or bool(unlisted_results)
+    if names and not is_folder_of_study:
         raise InputError(
             "configuration",
             key="results_dir",
@@ -223,7 +226,7 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
             "study of repose wrote: move it away, or choose another folder",
         )
 
-    # Collect the faults by path, and the files that no study has listed.
+    # Collect the faulty results by path, and the files that no study has written.
     faults: dict[str, InputError] = {}
     unknown_files = []
     for folder, files in _walk_folders_of_results(results_dir, names):
@@ -231,10 +234,11 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
         listed_names = ledger.list_names(folder)
         for name in files:
             path = f"{folder}/{name}"
-            if name not in listed_names and path not in unlisted:
+            if name not in listed_names and path not in unlisted_results:
                 unknown_files.append(path)
 
-    # A rule may write over an unknown file, if this has the name of a result.
+    # An unknown file is a fault if it has the name of a result, because a rule would
+    # replace it.
     for path in _select_results_in_the_way(unknown_files, outputs):
         faults[path] = _describe_foreign_file(path)
     raise_together(faults[path] for path in sorted(faults))
@@ -259,13 +263,14 @@ def _find_faulty_results(
     dict of str to InputError
         The fault by the path of the result.
     """
-    # Results that were edited or damaged.
+    # Find results that were edited or damaged.
     faults: dict[str, InputError] = {}
     for changed in ledger.find_changed_files(folder):
         if folder != results_dir or changed.name in names:
             faults[str(changed)] = _describe_changed_result(changed, Path(folder))
 
-    # Folders that have the name of a result. Snakemake would take them for the result.
+    # Find folders that have the name of a result. Snakemake would mistake such a folder
+    # for the result.
     for name in ledger.list_names(folder):
         path = f"{folder}/{name}"
         if os.path.isdir(path):
@@ -374,8 +379,8 @@ def _find_unlisted_results(results_dir: str, names: list[str]) -> Iterator[str]:
                     yield path
 
 
-def relist_results(results_dir: str, outputs: Iterable[str]) -> int:
-    """List the results again in folders that have lost their lists of files.
+def relist_results(results_dir: str, outputs: Iterable[str]) -> list[str]:
+    """List the results again in the ledgers of folders that have lost their ledgers.
 
     Results are recognised by their records of provenance. The resolved configuration
     and the times of the runs have no records and are listed as well.
@@ -389,21 +394,21 @@ def relist_results(results_dir: str, outputs: Iterable[str]) -> int:
 
     Returns
     -------
-    int
-        The number of results that were listed.
+    list of str
+        The paths of the results that have a record and were listed again.
     """
     names = _list_names_of_results(results_dir, outputs)
     results = list(_find_unlisted_results(results_dir, names))
     if not results:
-        return 0
+        return []
 
-    # List them with their sidecars, and the files without records.
+    # List the results, their sidecars, and the files without records.
     records = [f"{path}{attached.SIDECAR_SUFFIX}" for path in results]
     files_of_runs = [f"{results_dir}/{name}" for name in FILES_WITHOUT_RECORD]
     for path in (*results, *records, *files_of_runs):
         if os.path.isfile(path) and not os.path.islink(path):
             ledger.list_file(path)
-    return len(results)
+    return results
 
 
 def _describe_changed_result(path: Path, folder: Path) -> InputError:
