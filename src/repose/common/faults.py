@@ -102,17 +102,18 @@ def convert_whole_numbers(config: Any, model: Model) -> Any:
     object
         The configuration itself, or a copy with such numbers replaced.
     """
+    converted = config
     for error in _find_errors(config, model):
         value = follow_path(config, error.path)
         if not isinstance(value, float) or not value.is_integer():
             continue
-        # A key that allows several types lists them in its schema.
+        # A key that allows several types has a schema for each of them.
         key_schema = find_schema(error.path, model)
-        schemas = (key_schema, *key_schema.get("anyOf", ()))
-        allowed_types = [one.get("type") for one in schemas]
+        type_schemas = (key_schema, *key_schema.get("anyOf", ()))
+        allowed_types = [type_schema.get("type") for type_schema in type_schemas]
         if "integer" in allowed_types:
-            config = _replace_value(config, error.path, int(value))
-    return config
+            converted = _replace_value(converted, error.path, int(value))
+    return converted
 
 
 def _replace_value(config: Any, path: Sequence[str], value: Any) -> Any:
@@ -128,10 +129,11 @@ def _replace_value(config: Any, path: Sequence[str], value: Any) -> Any:
     value : object
         The new value.
     """
+    # At the end of the path, the new value takes the place of the old one.
     if not path:
         return value
 
-    # Copy this level, and replace the part in it that the first step leads to.
+    # Copy this level, and replace the part to which the first step leads.
     step, *inner_path = path
     if isinstance(config, Mapping):
         return {**config, step: _replace_value(config[step], inner_path, value)}
@@ -200,11 +202,11 @@ def describe_schema(schema: Mapping[str, Any]) -> str:
     str
         Such as ``a number from 0 to 1``. A message writes it after "expected".
     """
-    # The model of the section may have its own words.
+    # A key with `section.Allowed` in its type brings its own description.
     if "allowed" in schema:
         return schema["allowed"]
 
-    # A few values, several alternatives, or a section.
+    # The key may have one value, a few values, several alternatives or inner keys.
     if "const" in schema:
         return str(schema["const"])
     if "enum" in schema:
@@ -252,7 +254,7 @@ def _format_bound(number: float) -> str:
 
 
 def _find_inner_schema(
-    outer: Mapping[str, Any], step: int | str, whole: Mapping[str, Any]
+    outer: Mapping[str, Any], step: int | str, whole_schema: Mapping[str, Any]
 ) -> Any:
     """Return the schema of one key inside an outer schema, or None if it is unknown.
 
@@ -263,17 +265,18 @@ def _find_inner_schema(
     step : int or str
         A key of the section, the position of an entry in the list, or any name in a
         section whose names are free.
-    whole : mapping
-        The schema of the whole configuration, which holds the targets of references.
+    whole_schema : mapping
+        The schema of the whole configuration. References in `outer` are resolved in it.
     """
     entry_schema = outer.get("items", {})
     inner: Any = None
     if "$ref" in entry_schema:
-        # A list of sections: the step is the position of one of them.
+        # The outer schema is that of a list of sections. The step is a position in it.
         if str(step).isdigit():
             inner = entry_schema
     elif isinstance(step, str):
-        # A section: the step is one of its keys, or a free name.
+        # The outer schema is that of a section. The step is one of its keys, or any name
+        # if the section allows it.
         inner = outer.get("properties", {}).get(step)
         if not inner:
             inner = outer.get("additionalProperties") or None
@@ -281,7 +284,7 @@ def _find_inner_schema(
     # Follow references such as #/$defs/NAME to the schema that they stand for.
     while inner and "$ref" in inner:
         name = inner["$ref"].rsplit("/", 1)[1]
-        inner = whole["$defs"][name]
+        inner = whole_schema["$defs"][name]
     return inner
 
 
@@ -309,7 +312,8 @@ def _find_errors(config: Any, model: Model) -> list[_Error]:
         return []
 
     errors = [_locate_error(detail, make_schema(model)) for detail in details]
-    # Pydantic also calls a list too short if its entries are invalid. Drop this error.
+    # Pydantic also reports a list as too short if its entries are invalid. Leave out this
+    # error, because the errors of the entries are reported.
     keys_with_inner_errors = {error.path[0] for error in errors if len(error.path) > 1}
     reported = [
         error
@@ -321,7 +325,7 @@ def _find_errors(config: Any, model: Model) -> list[_Error]:
     )
 
 
-def _locate_error(detail: ErrorDetails, whole: Mapping[str, Any]) -> _Error:
+def _locate_error(detail: ErrorDetails, whole_schema: Mapping[str, Any]) -> _Error:
     """Find the key of the configuration to which an error of pydantic belongs.
 
     Parameters
@@ -329,15 +333,15 @@ def _locate_error(detail: ErrorDetails, whole: Mapping[str, Any]) -> _Error:
     detail : ErrorDetails
         The error. Its location is a path of keys, which may continue beyond the key with
         a type of the value.
-    whole : mapping
+    whole_schema : mapping
         The schema of the whole configuration.
     """
     # Follow the location as long as it names keys of the schema.
     path: list[str] = []
-    key_schema = whole
+    key_schema = whole_schema
     location = detail["loc"]
     for step in location:
-        inner = _find_inner_schema(key_schema, step, whole)
+        inner = _find_inner_schema(key_schema, step, whole_schema)
         if inner is None:
             break
         key_schema = inner
@@ -374,7 +378,8 @@ def _make_faults(
     """
     from difflib import get_close_matches  # slow to import, and few files have faults
 
-    # Keys that are missing only because of another fault are not reported.
+    # Collect the keys that are missing only because of another fault. They are not
+    # reported.
     explained_keys = _find_ranges_without_numbers(errors)
     n_guesses = 0
     for error in errors:

@@ -5,6 +5,9 @@ import math
 # Numbers from this size on, and numbers below the smallest, are written with an exponent.
 LARGEST_PLAIN = 1e5
 SMALLEST_PLAIN = 1e-4
+# Significant digits of a standard error, which is itself uncertain, and of a number.
+DIGITS_OF_ERROR = 2
+MOST_DIGITS = 4
 
 
 def format_significant(value: float, digits: int = 4, sign: str = "") -> str:
@@ -43,19 +46,32 @@ def format_with_error(mean: float, error: float | None) -> str:
     """
     if error is None:
         return format_significant(mean)
-    has_decimals = SMALLEST_PLAIN <= error < math.inf and math.isfinite(mean)
-    if not has_decimals:
-        return f"{format_significant(mean)} +- {format_significant(error, 2)}"
-    # An error of 9.96 is written as 10, so its power of ten is that of the rounded number.
-    rounded_error = float(f"{error:.2g}")
-    decimals = max(1 - _power_of_ten(rounded_error), 0)
-    decimals_of_mean = decimals
-    if mean:
-        most_decimals = max(3 - _power_of_ten(mean), 0)
-        decimals_of_mean = min(decimals, most_decimals)
-    return f"{mean:.{decimals_of_mean}f} +- {rounded_error:.{decimals}f}"
+
+    # A tiny or infinite number is not written with decimals, so do not align the two.
+    can_align = SMALLEST_PLAIN <= error < math.inf and math.isfinite(mean)
+    if not can_align:
+        mean_text = format_significant(mean)
+        return f"{mean_text} +- {format_significant(error, DIGITS_OF_ERROR)}"
+
+    # Round the error first: 9.96 becomes 10, which has fewer decimals.
+    rounded_error = float(f"{error:.{DIGITS_OF_ERROR}g}")
+    decimals_of_error = _count_decimals(rounded_error, DIGITS_OF_ERROR)
+    decimals_of_mean = decimals_of_error
+    if mean != 0:
+        decimals_of_mean = min(decimals_of_error, _count_decimals(mean, MOST_DIGITS))
+    return f"{mean:.{decimals_of_mean}f} +- {rounded_error:.{decimals_of_error}f}"
 
 
-def _power_of_ten(value: float) -> int:
-    """Return the power of ten of the first digit of a number other than 0."""
-    return math.floor(math.log10(abs(value)))
+def _count_decimals(value: float, digits: int) -> int:
+    """Count the decimals of a number that is written with some significant digits.
+
+    Parameters
+    ----------
+    value : float
+        The number, which must not be 0.
+    digits : int
+        The number of significant digits. For example, 65.98 has two decimals if it is
+        written with four digits.
+    """
+    power_of_ten = math.floor(math.log10(abs(value)))
+    return max(digits - 1 - power_of_ten, 0)

@@ -38,21 +38,24 @@ def list_default_configs() -> list[Path]:
     Returns
     -------
     list of Path
-        The first file is the method. If the working folder has a file `config.yaml`,
-        this file is the second. Otherwise the built-in crop is the second file, and a
-        file `config/config.yaml` of the working folder is the third.
+        The first file is the method. If the working folder has a file
+        `config/config.yaml`, the built-in crop is the second file, and this file is the
+        third. Otherwise the second file is `config.yaml` of the working folder if there
+        is one, or else the built-in crop.
     """
     method = find_file(METHOD_CONFIG)
     built_in_crop = find_program_folder() / DEFAULT_CONFIG
 
-    # The working folder may be laid out like the project ...
+    # If the working folder has the same folders as the project, its file changes single
+    # values of the built-in crop.
     users_config = Path(DEFAULT_CONFIG)
     if users_config.is_file():
-        # In a checkout of the project both are the same file.
+        # In a checkout of the project both are the same file, which is listed once.
         if users_config.resolve() == built_in_crop.resolve():
             return [method, users_config]
         return [method, built_in_crop, users_config]
 
-    # ... or be the folder of one crop.
+    # If the working folder is that of another crop, its file replaces the built-in crop.
     users_crop = Path("config.yaml")
-    return [method, users_crop if users_crop.is_file() else built_in_crop]
+    crop = users_crop if users_crop.is_file() else built_in_crop
+    return [method, crop]

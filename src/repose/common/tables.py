@@ -14,7 +14,7 @@ import unicodedata
 from collections import Counter
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -29,6 +29,28 @@ if TYPE_CHECKING:
 StrPath = str | os.PathLike
 # A faulty cell: its row, counted from 0, its column, its value, and the allowed values.
 Fault = tuple[int, str, Any, str]
+
+
+class CellFault(NamedTuple):
+    """A `Fault` whose parts have names.
+
+    Attributes
+    ----------
+    row : int
+        The row, counted from 0.
+    column : str
+        The name of the column.
+    value : object
+        The value of the cell, as the message shows it.
+    allowed : str
+        Describes the allowed values.
+    """
+
+    row: int
+    column: str
+    value: Any
+    allowed: str
+
 
 TABLE = "a CSV file"
 UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
@@ -613,12 +635,18 @@ def read_sheet(path: StrPath, what: str = TABLE) -> Table:
     cells = cells_with_header.iloc[1:].reset_index(drop=True)
 
     # Leave out empty columns without a name. So far the columns are numbered from 0.
-    positions = [k for k, name in enumerate(names) if name or (cells[k] != "").any()]
-    names = [names[k] for k in positions]
-    for name, count in Counter(names).items():
+    kept_positions = [
+        position
+        for position, name in enumerate(names)
+        if name or (cells[position] != "").any()
+    ]
+    kept_names = [names[position] for position in kept_positions]
+    for name, count in Counter(kept_names).items():
         if count != 1:
             raise InputError(path, key="header", value=name, allowed="each column once")
-    cells = cells[positions].set_axis(names, axis=1)
+    cells = cells[kept_positions].set_axis(kept_names, axis=1)
+
+    # A comma between columns cannot be a decimal comma, too.
     if separator in (";", "\t"):
         cells = _replace_decimal_commas(path, cells)
     return Table(path, cells, comments)
@@ -682,7 +710,7 @@ def read_text_rows(
     InputError
         If the file is not a text, or lacks a column that is needed.
     """
-    # Split the lines into cells. Blanks around a cell and empty rows are left out.
+    # Split the lines into cells, without the blanks around them. Leave out empty rows.
     lines, _ = _read_lines_and_comments(path, what)
     separator = _find_separator(_read_header(lines))
     reader = csv.reader(
@@ -695,7 +723,7 @@ def read_text_rows(
         cells = [" ".join(cell.split()) for cell in row]
         if any(cells):
             rows.append(cells)
-    if not len(rows):
+    if not rows:
         raise InputError(path, key="rows", value=0, allowed=what)
 
     # The first row is the header. Give its columns their declared names.
@@ -853,11 +881,11 @@ def _split_cells(path: StrPath, text: str, separator: str, what: str) -> "pd.Dat
         )
         raise InputError(path, key="cells", value=fault, allowed=allowed) from None
 
-    # Strip the cells, and leave out rows in which all of them are empty.
+    # Remove the blanks around each cell, and leave out rows in which all cells are empty.
     cells = cells.map(str.strip)
     has_content = (cells != "").any(axis=1)
     cells = cells[has_content].reset_index(drop=True)
-    if not len(cells):
+    if len(cells) == 0:
         raise InputError(path, key="rows", value=0, allowed=what)
     return cells
 
@@ -884,7 +912,8 @@ def _replace_decimal_commas(path: StrPath, cells: "pd.DataFrame") -> "pd.DataFra
     if not has_comma.to_numpy().any():
         return cells
 
-    # Refuse the first number with a point, and name one with a comma.
+    # If there are numbers with a point, refuse the first of them. The message also shows a
+    # number with a comma.
     has_point = cells.map(
         lambda cell: DECIMAL_POINT_PATTERN.fullmatch(cell) is not None
     )
@@ -893,10 +922,13 @@ def _replace_decimal_commas(path: StrPath, cells: "pd.DataFrame") -> "pd.DataFra
         first_with_comma = cells.to_numpy()[has_comma.to_numpy()][0]
         row = int(rows[0])
         column = columns[0]
-        allowed = f"one decimal sign in the whole table; {first_with_comma} has a comma"
-        refuse(
-            path, [(row, str(cells.columns[column]), cells.iat[row, column], allowed)]
+        fault = CellFault(
+            row,
+            column=str(cells.columns[column]),
+            value=cells.iat[row, column],
+            allowed=f"one decimal sign in the whole table; {first_with_comma} has a comma",
         )
+        refuse(path, [fault])
 
     with_points = cells.map(lambda cell: cell.replace(",", "."))
     return cells.where(~has_comma, with_points)
@@ -980,8 +1012,13 @@ def _read_column(
             try:
                 value = column.read(cell)
             except (TypeError, ValueError, OverflowError):
-                shown_cell = _format_invalid_cell(column, cell)
-                faults.append((row, column.name, shown_cell, column.allowed))
+                fault = CellFault(
+                    row,
+                    column=column.name,
+                    value=_format_invalid_cell(column, cell),
+                    allowed=column.allowed,
+                )
+                faults.append(fault)
         values.append(value)
 
         # NaN stands for a cell that is empty or invalid. Only NaN differs from itself.
@@ -989,8 +1026,13 @@ def _read_column(
         if column.once and not is_nan:
             first_row = first_row_of_value.setdefault(value, row)
             if first_row != row:
-                allowed = f"each {column.name} once; row {first_row + 1} has it, too"
-                faults.append((row, column.name, value, allowed))
+                fault = CellFault(
+                    row,
+                    column=column.name,
+                    value=value,
+                    allowed=f"each {column.name} once; row {first_row + 1} has it, too",
+                )
+                faults.append(fault)
     return values, faults
 
 
@@ -1055,9 +1097,11 @@ def _find_summary_faults(
     summary = find_summary_row(number_columns)
     if summary is None:
         return []
-    allowed = (
-        f"a row of its own measurement; this one has the {summary.statistic} of the "
-        "rows above it in each column: leave it out"
+    fault = CellFault(
+        summary.row,
+        column=str(cells.columns[0]),
+        value=cells.iat[summary.row, 0],
+        allowed=f"a row of its own measurement; this one has the {summary.statistic} of "
+        "the rows above it in each column: leave it out",
     )
-    first_cell = cells.iat[summary.row, 0]
-    return [(summary.row, str(cells.columns[0]), first_cell, allowed)]
+    return [fault]
