@@ -66,11 +66,12 @@ def card(args: argparse.Namespace) -> int:
         return 0
 
     # Check the card. The exit status says what the check finds.
-    print(card_text.format_verdict(cards[0]))
-    are_met = card_text.get_verdict(cards[0]).met
-    if are_met is None:
+    (checked_card,) = cards
+    print(card_text.format_verdict(checked_card))
+    are_targets_met = card_text.get_verdict(checked_card).met
+    if are_targets_met is None:
         return UNDECIDED_STATUS
-    return 0 if are_met else NOT_MET_STATUS
+    return 0 if are_targets_met else NOT_MET_STATUS
 
 
 @verb(

@@ -42,6 +42,7 @@ class Interruption:
         self._has_ended = threading.Event()
 
     def __enter__(self) -> Self:
+        """Handle the signals, and start the thread that forwards SIGTERM and SIGHUP."""
         self._earlier_threads = set(threading.enumerate())
         # A process under nohup ignores SIGHUP, and must go on ignoring it.
         self._forwarded_signals = [
@@ -49,6 +50,9 @@ class Interruption:
             for number in (signal.SIGTERM, signal.SIGHUP)
             if signal.getsignal(number) is not signal.SIG_IGN
         ]
+
+        # Replace the handlers, and remember the earlier ones. The new handler of a
+        # forwarded signal does nothing, because the thread below sees the signal, too.
         earlier_handler = signal.signal(signal.SIGINT, self._handle_interrupt)
         self._earlier_handlers = {signal.SIGINT: earlier_handler}
         for number in self._forwarded_signals:
@@ -71,13 +75,17 @@ class Interruption:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
+        """After a signal, wait for the jobs to end; then restore the earlier handlers."""
         if self.signal_number is not None:
             self._wait_for_threads()
-        # Restore the earlier handlers, and then end the thread that reads the pipe.
         self._has_ended.set()
+
+        # Restore the earlier handlers.
         signal.set_wakeup_fd(self._earlier_wakeup_fd)
         for number, handler in self._earlier_handlers.items():
             signal.signal(number, handler)
+
+        # End the thread that reads the pipe, and only then close the pipe.
         os.write(self._writing_end, END_BYTE)
         self._thread.join()
         os.close(self._reading_end)
@@ -143,8 +151,9 @@ class Interruption:
 
         now = time.monotonic()
         for job in psutil.Process().children(recursive=True):
-            earlier = self._interrupted_at.get(job)
-            if earlier is None or now - earlier >= REPEAT_AFTER_S:
+            last_signal_s = self._interrupted_at.get(job)
+            if last_signal_s is None or now - last_signal_s >= REPEAT_AFTER_S:
                 self._interrupted_at[job] = now
+                # The job may have ended in the meantime.
                 with contextlib.suppress(psutil.NoSuchProcess):
                     job.send_signal(signal.SIGINT)

@@ -518,6 +518,8 @@ def _measure_piles(
         write_tables,
     )
 
+    # Measure the photographs. The overlays are written even if none can be measured,
+    # because they show why.
     lens_pictures = [Path(name) for name in args.lens]
     photographs = measure_photographs(
         pictures, settings, scale=scale, lens=lens_pictures
@@ -625,10 +627,9 @@ def _measure_beds(
     require_section(scene.config, args.bench)
 
     # Measure the photographs, and show in an overlay what was measured.
-    points = args.points or ()
     results = photographs.measure_all(
         pictures,
-        points_px=points,
+        points_px=args.points or (),
         settings=scene,
         bench=args.bench,
         pile_settings=settings,

@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from repose.cli.registry import Option, load_study, verb
+from repose.cli.registry import Option, load_study, verb, was_given
 from repose.common import places
 from repose.common.errors import InputError
 
@@ -36,25 +36,28 @@ def _load_own_study(args: argparse.Namespace) -> "Study":
     from repose.common.reading import read_yaml
 
     # The message names the file of the user, or the option if the user gave no file.
-    names_simulator = has_own_simulator(places.find_file(args.config))
-    is_given = "config" in vars(args).get("given", ())
-    source = args.config if is_given else "command line"
-    key = "simulator" if is_given else "--config"
-    allowed = (
-        "the name of your simulator, in a configuration as `repose docs own_simulator` "
-        "shows; `repose run` calls the program of a section simulator"
-    )
-    if not names_simulator:
-        raise InputError(source, key=key, value=None, allowed=allowed)
+    if not has_own_simulator(places.find_file(args.config)):
+        has_file = was_given(args, "config")
+        raise InputError(
+            args.config if has_file else "command line",
+            key="simulator" if has_file else "--config",
+            value=None,
+            allowed="the name of your simulator, in a configuration as "
+            "`repose docs own_simulator` shows; `repose run` calls the program of a "
+            "section simulator",
+        )
 
+    # Only the verb `ask` needs the runs so far, to choose the next ones.
     runs_csv = args.runs if args.verb == "ask" else None
     study = Study.own(args.config, runs_csv)
 
-    # Warn of keys without an effect, and of ranges that are too wide.
-    keys = list_unread_keys(read_yaml(args.config))
-    if keys:
-        strategy = study.settings.strategy
-        _warn(f"{args.config}: the strategy {strategy} does not read {', '.join(keys)}")
+    # Warn of keys that the strategy does not use, and of ranges that are too wide.
+    unread_keys = list_unread_keys(read_yaml(args.config))
+    if unread_keys:
+        _warn(
+            f"{args.config}: the strategy {study.settings.strategy} does not read "
+            f"{', '.join(unread_keys)}"
+        )
     for sentence in describe_wide_ranges(study.config["parameters"]):
         _warn(f"{args.config}: {sentence}")
     return study
@@ -98,12 +101,14 @@ def tell(args: argparse.Namespace, study: "Study") -> None:
     for sentence in record.new_unread_columns():
         _warn(f"{args.runs}: {sentence}")
 
-    # Count the runs of the whole record.
+    # Print the number of all runs in the record, and of those that failed.
     runs = record.data
-    n_failed = int((runs["status"] != "ok").sum())
-    failed = f", {n_failed} failed" if n_failed else ""
     n_samples = runs["sample"].nunique()
-    print(f"{args.out}: {len(runs)} runs of {n_samples} samples{failed}")
+    line = f"{args.out}: {len(runs)} runs of {n_samples} samples"
+    n_failed = int((runs["status"] != "ok").sum())
+    if n_failed:
+        line += f", {n_failed} failed"
+    print(line)
 
 
 @verb(
@@ -130,37 +135,35 @@ def ask(args: argparse.Namespace, study: "Study") -> None:
     from repose.common.files import write_table
 
     # If the record does not exist, this is the first call, or the name is misspelt.
-    is_given = "runs" in vars(args).get("given", ())
-    if is_given and not Path(args.runs).exists():
+    if was_given(args, "runs") and not Path(args.runs).exists():
         print(
             f"repose: note: there is no record {args.runs}: these are the runs of the "
             "start",
             file=sys.stderr,
         )
 
-    # Write the runs to make next.
-    table = study.ask()
+    # Write the runs to make next. `ask` also stores the proposal behind them in the study.
+    next_runs = study.ask()
     proposal = study.proposal
-    runs = study.runs
-    write_table(args.out, table)
+    write_table(args.out, next_runs)
 
     # Print what the strategy has learned from the runs so far. Only the first proposal,
     # made before any runs, has no notes.
     if proposal.notes:
-        observed = arrange_runs(runs, study.parameters, study.targets)
+        observed = arrange_runs(study.runs, study.parameters, study.targets)
         warning = estimate_noise(study, observed).warning
         if warning is not None:
             _warn(warning)
     if "probability" in proposal.notes:
         tolerance = study.settings.sequential.tolerance_percent
         print(
-            f"{len(runs)} runs; the best point lies within {tolerance:g} % of all "
+            f"{len(study.runs)} runs; the best point lies within {tolerance:g} % of all "
             f"targets with probability {proposal.notes['probability']:.2f}"
         )
     if isinstance(proposal, Answer):
         print(f"{args.out}: the answer. No more runs: {proposal.why}")
     else:
-        print(f"{args.out}: {len(table)} runs to make next")
+        print(f"{args.out}: {len(next_runs)} runs to make next")
 
 
 @verb(
@@ -188,10 +191,16 @@ def calibrate(args: argparse.Namespace, study: "Study") -> None:
     from repose.common.tables import print_columns
 
     # Before minutes of work, check that no file of somebody else would be replaced.
-    report_html = Path(args.out) / "report.html"
-    written = (*calibration.TABLE_FILES, *calibration.RECORD_FILES, report_html.name)
-    for name in (*written, *strategy(study.settings.strategy).files):
-        check_replaceable(Path(args.out) / name)
+    out = Path(args.out)
+    report_html = out / "report.html"
+    file_names = (
+        *calibration.TABLE_FILES,
+        *calibration.RECORD_FILES,
+        *strategy(study.settings.strategy).files,
+        report_html.name,
+    )
+    for file_name in file_names:
+        check_replaceable(out / file_name)
 
     # Read the runs, and show what was read.
     rows = read_rows(args.runs, study)

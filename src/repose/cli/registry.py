@@ -88,6 +88,19 @@ class NoteGivenOption(argparse.Action):
         setattr(namespace, self.dest, values)
 
 
+def was_given(args: argparse.Namespace, option: str) -> bool:
+    """Tell whether the user gave an option, so that its value is not the default.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The parsed options of a verb.
+    option : str
+        The attribute of the option, such as ``config`` for --config.
+    """
+    return option in vars(args).get("given", ())
+
+
 class Verb(NamedTuple):
     """A step of the program that runs by name.
 

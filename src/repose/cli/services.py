@@ -26,6 +26,7 @@ def bench(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.bench import speed
 
+    # Simulate the study's grain with the parameters of the published answer.
     settings = study.settings
     parameters = published.read_representative(
         settings.validation.published, study.parameters.names

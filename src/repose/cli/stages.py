@@ -144,7 +144,7 @@ def _list_paths(args: argparse.Namespace, option: str) -> list[str]:
     """
     value = getattr(args, option)
 
-    # Options whose value may be a folder, which stands for the files in it.
+    # The value of a few options may be a folder, which stands for the files in it.
     if (args.verb, option) in FOLDER_OPTIONS:
         ending = FOLDER_OPTIONS[args.verb, option]
         return [str(path) for path in list_job_files(value, args.samples, ending)]
@@ -154,10 +154,9 @@ def _list_paths(args: argparse.Namespace, option: str) -> list[str]:
         records = simulated.list_record_files(value)
         return [str(path) for paths in records.values() for path in paths]
 
-    # Any other option has one value or several.
+    # Any other option has one value or several. Those of --input have the form NAME=PATH.
     values = value if isinstance(value, list) else [value]
     texts = [text for text in values if isinstance(text, str)]
     if option == "input":
-        # These have the form NAME=PATH.
         return [text.partition("=")[2] for text in texts]
     return texts
