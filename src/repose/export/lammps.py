@@ -110,9 +110,9 @@ def compute_restitutions(job: Job) -> dict[str, float]:
         damping `tsuji` of older versions. They are negative if no restitution gives the
         damping of the study.
     """
-    numbers_by_name = {}
+    restitutions = {}
     for name, pair in job.pairs.items():
-        numbers_by_name[f"e_{name}"] = compute_equivalent_restitution(
+        restitutions[f"e_{name}"] = compute_equivalent_restitution(
             pair, LEAST_RESTITUTION
         )
 
@@ -120,9 +120,10 @@ def compute_restitutions(job: Job) -> dict[str, float]:
         # smallest real root of the polynomial less this damping.
         constant = TSUJI_COEFFICIENTS[-1] - math.sqrt(5.0) * pair.damping_ratio
         roots = np.roots((*TSUJI_COEFFICIENTS[:-1], constant))
+        # Rounding leaves a tiny imaginary part in a real root.
         real_roots = roots[np.abs(roots.imag) < 1e-9].real
-        numbers_by_name[f"tsuji_{name}"] = float(real_roots.min())
-    return numbers_by_name
+        restitutions[f"tsuji_{name}"] = float(real_roots.min())
+    return restitutions
 
 
 def write_molecule(job: Job) -> str:

@@ -29,6 +29,7 @@ def make_deck(job: Job) -> dict[str, str]:
     dict
         The texts of the files by name. A single sphere needs no clump.txt.
     """
+    # Write the laws of the contacts in the words of LIGGGHTS.
     simulation = job.simulation
     spheres_m = job.particle.spheres_m
     has_cohesion = simulation.contact_law == "sjkr"

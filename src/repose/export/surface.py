@@ -33,7 +33,8 @@ def compute_profile(funnel: Funnel) -> np.ndarray:
         Points (N, 2) [m] from the inlet to the underside of the outlet's edge: distance
         from the axis, and height.
     """
-    # The centres of both arcs lie at the same distance from the axis.
+    # Both edges have the same radius, and the centres of their arcs have the same distance
+    # from the axis.
     edge_radius = funnel.rim_radius_m
     centre_r = 0.5 * funnel.outlet_diameter_m + edge_radius
 
@@ -97,9 +98,9 @@ def divide_surface(funnel: Funnel) -> np.ndarray:
         Corners (T, 3, 3) of T triangles [m], counterclockwise as seen from the axis.
     """
     # Rotate the profile about the axis: each of its N points becomes a ring of points.
-    line = compute_profile(funnel)
-    radii = line[:, :1]
-    heights = line[:, 1:]
+    profile = compute_profile(funnel)
+    radii = profile[:, :1]
+    heights = profile[:, 1:]
     angles = 2.0 * math.pi * np.arange(N_FACETS) / N_FACETS
     x = radii * np.cos(angles)
     y = radii * np.sin(angles)

@@ -67,20 +67,24 @@ def write_template(
             raise InputError("command line", key="--names", value=name, allowed=allowed)
     job = make_job(parameters)
     check_laws(job, program)
-    # The first file is the main file. Only this file becomes a template.
-    files = PROGRAMS[program](job)
-    deck_name = next(iter(files))
 
-    def write_deck(values: Mapping[str, float]) -> str:
-        """Write the text of the deck with other values of the parameters."""
-        return PROGRAMS[program](make_job(values))[deck_name]
+    # Only the main file becomes a template. It is the first file of the deck.
+    make_deck = PROGRAMS[program]
+    files = make_deck(job)
+    main_name = next(iter(files))
 
-    files[deck_name] = make_template(write_deck, parameters, names)
+    def write_main_file(values: Mapping[str, float]) -> str:
+        """Write the text of the main file with other values of the parameters."""
+        return make_deck(make_job(values))[main_name]
+
+    template = make_template(write_main_file, parameters, names)
+    texts = {f"{main_name}{TEMPLATE_SUFFIX}": template}
+    texts |= {name: text for name, text in files.items() if name != main_name}
+
+    # Write the files.
     paths = []
-    for name, text in files.items():
-        path = Path(folder) / (
-            f"{name}{TEMPLATE_SUFFIX}" if name == deck_name else name
-        )
+    for name, text in texts.items():
+        path = Path(folder) / name
         write_text(path, text)
         paths.append(path)
     return paths
@@ -93,8 +97,8 @@ def make_template(
 ) -> str:
     """Replace the numbers of a text that are in proportion to a parameter by its name.
 
-    The text is written again with another value of each parameter. The numbers that
-    change depend on this parameter.
+    To find these numbers, the text is written again for each parameter, with another
+    value of this parameter. The numbers that change depend on the parameter.
 
     Parameters
     ----------
@@ -117,27 +121,51 @@ def make_template(
     """
     # Words and numbers alternate. Even entries are words, and odd entries are numbers.
     parts = NUMBER.split(render(parameters))
-    template = list(parts)
+    template_parts = list(parts)
     for name in names:
         value = parameters[name]
         changed_parts = NUMBER.split(
             render({**parameters, name: CHANGE_FACTOR * value})
         )
-        if len(changed_parts) != len(parts):
+        positions = _find_changed_positions(parts, changed_parts)
+        if not positions:
             raise _make_proportion_error(name)
-        changed = [k for k, part in enumerate(parts) if part != changed_parts[k]]
-        if not changed:
-            raise _make_proportion_error(name)
-        for k in changed:
-            # Only a number that no other parameter has replaced may be replaced.
-            is_free_number = k % 2 == 1 and template[k] == parts[k]
-            if not is_free_number:
+
+        # Replace each number that has changed, if it is in proportion to the parameter and
+        # no other parameter has replaced it.
+        for position in positions:
+            is_number = position % 2 == 1
+            is_replaced = template_parts[position] != parts[position]
+            if not is_number or is_replaced:
                 raise _make_proportion_error(name)
-            number = float(parts[k])
-            if not _are_equal(float(changed_parts[k]), CHANGE_FACTOR * number):
+            number = float(parts[position])
+            changed_number = float(changed_parts[position])
+            if not _are_equal(changed_number, CHANGE_FACTOR * number):
                 raise _make_proportion_error(name)
-            template[k] = _write_in_braces(name, number / value)
-    return "".join(template)
+            template_parts[position] = _write_in_braces(name, number / value)
+    return "".join(template_parts)
+
+
+def _find_changed_positions(
+    parts: Sequence[str], changed_parts: Sequence[str]
+) -> list[int]:
+    """Find the positions at which two split texts differ.
+
+    Parameters
+    ----------
+    parts, changed_parts : sequence of str
+        The words and numbers of the two texts.
+
+    Returns
+    -------
+    list of int
+        Empty if the texts are equal, or if they cannot be compared because one of them has
+        more parts.
+    """
+    if len(parts) != len(changed_parts):
+        return []
+    pairs = zip(parts, changed_parts, strict=True)
+    return [position for position, (old, new) in enumerate(pairs) if old != new]
 
 
 def _are_equal(first: float, second: float) -> bool:

@@ -85,14 +85,16 @@ def distribute_mass(job: Job) -> tuple[np.ndarray, np.ndarray]:
     x, y, z = particle.spheres_m[:, :3].T
     n_spheres = len(x)
 
-    # Write the conditions on sum, centre and products of inertia as linear equations.
-    # Divide lengths by a scale, so that all coefficients are of order one.
+    # Write the conditions on sum, centre and products of inertia as seven linear
+    # equations. Divide lengths by a scale, so that all coefficients are of order one.
     scale_m = particle.bounding_radius_m
     conditions = np.stack(
         [np.ones_like(x), x / scale_m, y / scale_m, z / scale_m, x * y, x * z, y * z]
     )
+    # The last three rows are products of two lengths.
     conditions[4:] /= scale_m**2
-    required = np.zeros(7)
+    # The sum must be 1, and everything else must be 0.
+    required = np.zeros(len(conditions))
     required[0] = 1.0
 
     # Find the smallest change of equal shares with which the conditions are met.
