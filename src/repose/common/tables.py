@@ -166,14 +166,10 @@ class Column:
         if self.kind is bool:
             return _read_truth_value(cell)
 
-        # Any other column contains numbers.
+        # Any other column contains numbers. A whole number may be written as 3.0.
         number = parse_number(cell)
-        is_allowed = self._is_inside(number)
-        if self.kind is int:
-            # Accept whole numbers that are written as 3.0.
-            is_whole = math.isfinite(number) and number == int(number)
-            is_allowed = is_allowed and is_whole
-        if not is_allowed:
+        lacks_whole_number = self.kind is int and not number.is_integer()
+        if lacks_whole_number or not self._is_inside(number):
             raise ValueError(f"{cell!r} is not {self.allowed}")
         return int(number) if self.kind is int else number
 
@@ -307,21 +303,23 @@ def read(
         If the file is not a table, lacks a column, has a cell that its column does not
         allow, or ends with a row that sums up the others (`find_summary_row`).
     """
-    # List the columns with rules for their cells, all names, and the required ones.
+    # Columns that are given as `Column` are declared. Only these may be missing.
     columns = list(columns)
     declared = {column.name: column for column in columns if isinstance(column, Column)}
     names = [
         column.name if isinstance(column, Column) else column for column in columns
     ]
-    needed = [name for name in names if name not in declared or declared[name].needed]
+    needed_names = [
+        name for name in names if name not in declared or declared[name].needed
+    ]
 
     # Rename columns whose names differ only in form from those that the caller uses.
     table = read_sheet(path, what)
     new_names = match_column_names(table.text, [*names, *optional])
     table.text = table.text.rename(columns=new_names)
-    require_columns(path, table.text, needed, what)
+    require_columns(path, table.text, needed_names, what)
 
-    # Check all cells. Those of undeclared columns are only checked to be numbers.
+    # Check all cells. A cell of an undeclared column is only checked to be a number.
     checked_columns = list(declared.values())
     for name in table.text:
         if name not in declared:

@@ -82,19 +82,24 @@ def record_process(folder: str | os.PathLike) -> None:
         return
     ancestors = " ".join(str(parent.pid) for parent in psutil.Process().parents())
     process = Process(
-        time.time(), measure_processor_time_s(), _find_log(), platform.node(), ancestors
+        ended_s=time.time(),
+        cpu_s=measure_processor_time_s(),
+        log=_find_log(),
+        host=platform.node(),
+        ancestors=ancestors,
     )
     line = ",".join(map(str, process)) + "\n"
 
-    # Append it to the table, which begins with a header.
+    # Append this line to the table, which begins with a header. Ignore a full disk,
+    # because the files of the job itself are complete.
     table = Path(folder) / TABLE_PATH
-    # Ignore a full disk, since the files of the job itself are complete.
     with suppress(OSError):
         table.parent.mkdir(exist_ok=True)
         with open_descriptor(table, os.O_APPEND) as handle:
             is_new = os.fstat(handle).st_size == 0
             header = ",".join(Process._fields) + "\n" if is_new else ""
-            # Use a single write, so that lines of processes that end together do not mix.
+            # Write all bytes at once. Otherwise the lines of processes that end at the same
+            # time could mix.
             os.write(handle, f"{header}{line}".encode())
 
 

@@ -77,29 +77,35 @@ def list_rules_after_numbers(config: Mapping[str, Any]) -> list[Rule]:
     # Each bench test has rules of its own.
     test_rules = []
     for test in bench_tests_in_use:
-        find_faults = partial(test.contradictions, scene)
-        test_rules.append(Rule((test.name, "simulation"), find_faults))
+        rule = Rule(
+            reads=(test.name, "simulation"),
+            find_faults=partial(test.contradictions, scene),
+        )
+        test_rules.append(rule)
+
+    # The other rules are about the method of the calibration.
+    strategy_names = cost.list_strategies_with_section()
     return [
         *test_rules,
         Rule(
-            ("surrogate", "parameters", "network", "design"),
-            partial(_find_surrogate_faults, settings),
+            reads=("surrogate", "parameters", "network", "design"),
+            find_faults=partial(_find_surrogate_faults, settings),
         ),
         Rule(
-            ("surrogate", "network", "design", "targets"),
-            partial(_find_validation_faults, settings),
+            reads=("surrogate", "network", "design", "targets"),
+            find_faults=partial(_find_validation_faults, settings),
         ),
         Rule(
-            ("network", "targets", "strategy", "refine", *test_names),
-            partial(_find_seed_faults, settings),
+            reads=("network", "targets", "strategy", "refine", *test_names),
+            find_faults=partial(_find_seed_faults, settings),
         ),
         Rule(
-            ("strategy", *cost.list_strategies_with_section(), "targets", "parameters"),
-            partial(_find_strategy_faults, settings),
+            reads=("strategy", *strategy_names, "targets", "parameters"),
+            find_faults=partial(_find_strategy_faults, settings),
         ),
         Rule(
-            ("strategy", "parameters", "constraints"),
-            partial(_find_constraint_faults, settings),
+            reads=("strategy", "parameters", "constraints"),
+            find_faults=partial(_find_constraint_faults, settings),
         ),
     ]
 
@@ -196,19 +202,20 @@ def _find_contact_law_faults(settings: StudySettings) -> KeyFaults:
     entries = settings.parameters.entries
 
     # Some contact laws have additional parameters, which the study must give.
-    missing = [
+    missing_parameters = [
         f"parameters.{name} ({LABELS[name]})"
         for name in parameters_of_law(contact_law)
         if name not in entries
     ]
-    if missing:
+    if missing_parameters:
         yield (
             "simulation.contact_law",
-            f"{contact_law} with {' and '.join(missing)}, each a range or a fixed value",
+            f"{contact_law} with {' and '.join(missing_parameters)}, each a range or a "
+            "fixed value",
         )
 
-    # A parameter of another law would have no effect. Parameters that every study has,
-    # whatever its laws, are not in this table.
+    # A parameter of another law would have no effect, so it must be absent. Parameters
+    # that every study has are not in this table.
     for name, parameter in LAW_PARAMETERS.items():
         if name not in entries:
             continue

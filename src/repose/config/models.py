@@ -85,6 +85,9 @@ Number = Annotated[float, Field(ge=-MAX_SIZE, le=MAX_SIZE)]
 
 # --- the contact parameters -----------------------------------------------------------
 
+# Stands for infinity where a parameter has no largest value. No parameter is so large.
+HIGHEST_JSON_NUMBER = 1.0e9
+
 
 class ParametersSettings(Section):
     """The contact parameters.
@@ -115,16 +118,17 @@ def _make_parameters_model() -> type[ParametersSettings]:
     type of ParametersSettings
         A subclass, whose fields pydantic checks.
     """
-    # Every study has these six.
+    # Every study has the six parameters of Table 2.
     fields: dict[str, Any] = {}
     for name in PARAMETERS:
         field = Field(description=LABELS[name], json_schema_extra={"source": "Table 2"})
         fields[name] = (make_parameter_type(*ALLOWED[name]), field)
-    # A parameter of a law may be absent, since only studies with this law have it.
+
+    # A parameter of a contact law may be absent, because only studies with this law have it.
     for name, law_parameter in LAW_PARAMETERS.items():
         limits = law_parameter.constant
-        # A bound without a limit would be infinite, which JSON cannot hold.
-        highest = min(limits.most, 1.0e9)
+        # The schema of the model is written as JSON, which has no infinite numbers.
+        highest = min(limits.most, HIGHEST_JSON_NUMBER)
         laws = ", ".join(f"`{law}`" for law in law_parameter.laws)
         meaning = f"{law_parameter.label}; with {laws} alone"
         field = Field(default=ABSENT, description=meaning)
@@ -237,14 +241,14 @@ class TargetSettings(Section):
             A key of this section and its allowed values. Only the first fault is
             reported, because it usually causes the others.
         """
-        # The value itself.
+        # The value must lie within the limits of the response.
         low, high = self.range
         within_limits = f"from {limits.low:g} to {limits.high:g}"
         if not limits.low <= self.value <= limits.high:
             yield "value", within_limits
             return
 
-        # The range. If the range was computed, the fault is that of the scatter.
+        # So must the range. If it was computed from the scatter, the scatter is at fault.
         is_range_allowed = limits.low <= low and high <= limits.high
         if not is_range_allowed and self._is_range_of_the_scatter():
             yield (
@@ -257,7 +261,8 @@ class TargetSettings(Section):
             yield "range", f"a pair [low, high] {within_limits}"
             return
 
-        # The search aims at the value of the target, or at its aim if it has one.
+        # The search aims at the value of the target, or at `aim` if it is set. This number
+        # must lie inside the range.
         inside_range = f"inside its range, {low:g} to {high:g}"
         if self.aim is None:
             if not low <= self.value <= high:

@@ -84,17 +84,18 @@ class PipelineConfig:
             return cls.of_results(files[0])
 
         # A study with another program has other sections and defaults.
-        given = loader.merge_without_defaults(files, overrides)
-        if loader.is_external(given.config):
+        users_values = loader.merge_without_defaults(files, overrides)
+        if loader.is_external(users_values.config):
             from repose.config.external import ExternalConfig
 
-            return ExternalConfig.from_merged(given, inputs=inputs)
+            return ExternalConfig.from_merged(users_values, inputs=inputs)
 
-        # Merge the files over the defaults.
-        content, source = loader.merge_with_defaults(files, overrides)
-        config = cls.of(content, source, inputs=inputs)
-        provenance.note_config(config.config)
-        return config
+        # Merge the files over the defaults, and check all values together.
+        values, origin = loader.merge_with_defaults(files, overrides)
+        study = cls.of(values, origin, inputs=inputs)
+        # The record of each result of the current stage will have this configuration.
+        provenance.note_config(study.config)
+        return study
 
     @classmethod
     def of(
@@ -126,8 +127,12 @@ class PipelineConfig:
         from repose.config.validation import ConfigChecks
 
         if not isinstance(config, Mapping):
-            words = "a mapping of sections"
-            raise InputError(source, key="configuration", value=config, allowed=words)
+            raise InputError(
+                source,
+                key="configuration",
+                value=config,
+                allowed="a mapping of sections",
+            )
         if "simulator" in config:
             raise InputError(
                 find_source_file(source, "simulator"),
@@ -227,7 +232,7 @@ class PipelineConfig:
         """
         from repose.bench import bench_tests
 
-        # Responses of the bench tests, and what the targets select from them.
+        # List the responses of the bench tests, and what the targets select from them.
         definitions: dict[str, dict[str, Any]] = {}
         for test in bench_tests():
             if test.name not in self.targets.apparatus:
@@ -236,7 +241,7 @@ class PipelineConfig:
             for response in responses:
                 definitions[response.name] = response.settings(self.config)
 
-        # Scores of measured profiles.
+        # Add the points at which measured profiles are compared.
         for target in self.settings.targets:
             if target.profile is not None:
                 profile = target.profile.abscissae
