@@ -388,10 +388,12 @@ def _check_bench_options(args: argparse.Namespace, pile_tests: Iterable[str]) ->
     from repose.bench.photographs import RESPONSES
 
     known = (*pile_tests, *RESPONSES)
-    allowed = f"one of {', '.join(known)}"
     if args.bench not in known:
         raise InputError(
-            "command line", key="--bench", value=args.bench, allowed=allowed
+            "command line",
+            key="--bench",
+            value=args.bench,
+            allowed=f"one of {', '.join(known)}",
         )
 
     # The scale of a drum or a box comes from points of known distance.
@@ -402,8 +404,12 @@ def _check_bench_options(args: argparse.Namespace, pile_tests: Iterable[str]) ->
         value = getattr(args, name)
         if value:
             option = f"--{name.replace('_', '-')}"
-            allowed = f"nothing with --bench {args.bench}"
-            raise InputError("command line", key=option, value=value, allowed=allowed)
+            raise InputError(
+                "command line",
+                key=option,
+                value=value,
+                allowed=f"nothing with --bench {args.bench}",
+            )
 
 
 def _select_readable_pictures(names: Iterable[str]) -> list[Path]:
@@ -802,9 +808,11 @@ def _make_measure_settings(args: argparse.Namespace) -> "MeasureSettings":
             sizes = read_sizes(sizes_csv)
         except InputError as error:
             # Mention the option that makes the faulty table unnecessary.
-            allowed = f"{error.allowed}; or give the size of a grain by --grain-mm"
             raise InputError(
-                error.source, key=error.key, value=error.value, allowed=allowed
+                error.source,
+                key=error.key,
+                value=error.value,
+                allowed=f"{error.allowed}; or give the size of a grain by --grain-mm",
             ) from None
         return settings.for_grain(compute_mean_axes(sizes, keeps_volume))
     return settings

@@ -108,9 +108,11 @@ def read_parameters(
     texts = split_pairs(entries, "--set")
     if samples:
         if texts or sample is None:
-            allowed = "together with --sample, without --set"
             raise InputError(
-                "command line", key="--samples", value=samples, allowed=allowed
+                "command line",
+                key="--samples",
+                value=samples,
+                allowed="together with --sample, without --set",
             )
         return _read_parameters_of_sample(samples, sample, study)
     if sample is not None:
@@ -125,10 +127,12 @@ def read_parameters(
     names = study.parameters.names
     for name, text in texts.items():
         labelled = ", ".join(f"{known} ({LABELS[known]})" for known in names)
-        allowed = f"a parameter of {labelled}"
         if name not in names:
             raise InputError(
-                "command line", key=f"--set {name}", value=text, allowed=allowed
+                "command line",
+                key=f"--set {name}",
+                value=text,
+                allowed=f"a parameter of {labelled}",
             )
 
     # Begin with the centres of the ranges, and replace what the user gives.

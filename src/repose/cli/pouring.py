@@ -226,9 +226,11 @@ def _make_job_arguments(
     duration_s = test.duration_s(SceneSettings(study.config))
     interval_s = args.trajectory
     if interval_s is not None and not step_s <= interval_s <= duration_s:
-        allowed = f"from {step_s:g} to {duration_s:g} s"
         raise InputError(
-            "command line", key="--trajectory", value=interval_s, allowed=allowed
+            "command line",
+            key="--trajectory",
+            value=interval_s,
+            allowed=f"from {step_s:g} to {duration_s:g} s",
         )
 
     def make_display(seed: int) -> Any:

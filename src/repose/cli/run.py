@@ -76,9 +76,11 @@ def run(args: argparse.Namespace) -> int:
     try:
         from snakemake.cli import main
     except ImportError:
-        needed = "snakemake, which comes with: pip install 'repose-dem[workflow]'"
         raise InputError(
-            "installation", key="snakemake", value=None, allowed=needed
+            "installation",
+            key="snakemake",
+            value=None,
+            allowed="snakemake, which comes with: pip install 'repose-dem[workflow]'",
         ) from None
 
     args.configfile = [str(places.find_file(path)) for path in args.configfile]
@@ -120,26 +122,34 @@ def _check_number(option: str, text: str | None, word: str) -> None:
     if text is None:
         return
     is_number = text.isdecimal() and int(text) >= 1
-    allowed = f"a whole number from 1, or {word}"
     if not is_number and text != word:
-        raise InputError("command line", key=option, value=text, allowed=allowed)
+        raise InputError(
+            "command line",
+            key=option,
+            value=text,
+            allowed=f"a whole number from 1, or {word}",
+        )
 
 
 def _check_folder(args: argparse.Namespace) -> None:
     """Refuse a working folder that does not exist or cannot be written."""
     if args.directory is not None:
         is_folder = os.path.isdir(args.directory)
-        allowed = "a folder that is there"
         if not is_folder:
             raise InputError(
-                "command line", key="--directory", value=args.directory, allowed=allowed
+                "command line",
+                key="--directory",
+                value=args.directory,
+                allowed="a folder that is there",
             )
         return
     is_dry = not DRY_RUN_WORDS.isdisjoint(args.rest)
     if not is_dry and not os.access(".", os.W_OK):
-        allowed = "a folder into which you may write"
         raise InputError(
-            "command line", key="folder", value=os.getcwd(), allowed=allowed
+            "command line",
+            key="folder",
+            value=os.getcwd(),
+            allowed="a folder into which you may write",
         )
 
 
@@ -163,20 +173,26 @@ def _check_configuration_options(args: argparse.Namespace) -> None:
     for entry in args.config:
         key, sign, value = entry.partition("=")
         if not sign and Path(entry).suffix in (".yaml", ".yml", ".json"):
-            allowed = f"KEY=VALUE; a file is given by --configfile {entry}"
             raise InputError(
-                "command line", key="--config", value=entry, allowed=allowed
+                "command line",
+                key="--config",
+                value=entry,
+                allowed=f"KEY=VALUE; a file is given by --configfile {entry}",
             )
-        allowed = "KEY=VALUE; a target goes before the options"
         if not sign:
             raise InputError(
-                "command line", key="--config", value=entry, allowed=allowed
+                "command line",
+                key="--config",
+                value=entry,
+                allowed="KEY=VALUE; a target goes before the options",
             )
         # Snakemake does not accept dotted keys.
-        allowed = f"a section with its keys, as in '{_nest_in_section(key, value)}'"
         if not key.isidentifier():
             raise InputError(
-                "command line", key="--config", value=entry, allowed=allowed
+                "command line",
+                key="--config",
+                value=entry,
+                allowed=f"a section with its keys, as in '{_nest_in_section(key, value)}'",
             )
 
 
@@ -253,8 +269,12 @@ def _check_rule_names(names: list[str], options: list[str]) -> None:
     for name in names:
         if rules and name not in rules:
             guess = did_you_mean(name, rules)
-            expected = f"a rule of the workflow, or a file{guess}"
-            raise InputError("command line", key="target", value=name, allowed=expected)
+            raise InputError(
+                "command line",
+                key="target",
+                value=name,
+                allowed=f"a rule of the workflow, or a file{guess}",
+            )
 
 
 def _check_paths(paths: list[str], options: list[str]) -> None:
@@ -273,8 +293,12 @@ def _check_paths(paths: list[str], options: list[str]) -> None:
     for path in paths:
         guess = did_you_mean(path, results)
         if guess and path not in results:
-            expected = f"a file that a rule of the workflow makes{guess}"
-            raise InputError("command line", key="target", value=path, allowed=expected)
+            raise InputError(
+                "command line",
+                key="target",
+                value=path,
+                allowed=f"a file that a rule of the workflow makes{guess}",
+            )
 
 
 def _list_with_snakemake(option: str, options: list[str]) -> list[str]:

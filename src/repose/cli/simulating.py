@@ -37,8 +37,12 @@ def _require_program(
         If the study has no such section.
     """
     if study.simulator is None:
-        words = "a section with the command of a program (`repose docs simulators`)"
-        raise InputError(args.config, key="simulator", value=None, allowed=words)
+        raise InputError(
+            args.config,
+            key="simulator",
+            value=None,
+            allowed="a section with the command of a program (`repose docs simulators`)",
+        )
     return study.simulator
 
 

@@ -93,9 +93,11 @@ def print_fault(fault: object) -> None:
         of an InputError.
     """
     if isinstance(fault, OSError) and fault.filename is not None:
-        allowed = "a path that can be read or written there"
         fault = InputError(
-            fault.filename, key="file", value=fault.strerror, allowed=allowed
+            fault.filename,
+            key="file",
+            value=fault.strerror,
+            allowed="a path that can be read or written there",
         )
     for line in str(fault).splitlines():
         # A text from a file could contain an escape code, which would act on the

@@ -410,8 +410,12 @@ def _describe_missing_key(
     """Make the fault of a key that the user's file lacks."""
     key = ".".join(error.path)
     allowed_values = describe_schema(find_schema(error.path, model))
-    words = f"{allowed_values}; the key is missing"
-    return YamlError(find_file_to_edit(source, key), key=key, value=None, allowed=words)
+    return YamlError(
+        find_file_to_edit(source, key),
+        key=key,
+        value=None,
+        allowed=f"{allowed_values}; the key is missing",
+    )
 
 
 def _describe_invalid_value(

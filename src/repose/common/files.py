@@ -61,8 +61,9 @@ def convert_to_path(name: str, path: Any) -> Path:
         pass
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
-        allowed = f"the path of a file; {reason}"
-        raise InputError("study", key=name, value=path, allowed=allowed) from error
+        raise InputError(
+            "study", key=name, value=path, allowed=f"the path of a file; {reason}"
+        ) from error
     return Path(path)
 
 
@@ -163,8 +164,12 @@ def write_table(
         record would be lost.
     """
     if TURN_COLUMN not in table and _is_record_of_runs(path):
-        allowed = "another name: the results in it would be lost"
-        raise InputError(path, key="file", value="a record of runs", allowed=allowed)
+        raise InputError(
+            path,
+            key="file",
+            value="a record of runs",
+            allowed="another name: the results in it would be lost",
+        )
     write_text(path, table.to_csv(index=index, float_format=float_format))
 
 
@@ -202,9 +207,13 @@ def write_image(path: StrPath, picture: "np.ndarray") -> None:
     except cv2.error:
         # This is OpenCV's answer to a suffix that it does not know.
         is_encoded = False
-    allowed = "the suffix of a picture, as in .png"
     if not is_encoded:
-        raise InputError(path, key="suffix", value=suffix, allowed=allowed)
+        raise InputError(
+            path,
+            key="suffix",
+            value=suffix,
+            allowed="the suffix of a picture, as in .png",
+        )
     write_bytes(path, content.tobytes())
 
 

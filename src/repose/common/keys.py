@@ -120,7 +120,11 @@ def lookup(config: Config, key: str) -> Any:
 
 def require_section(config: Mapping[str, Any], name: str) -> Mapping[str, Any]:
     """Return a section that may be absent; InputError if it is."""
-    allowed = "a section of this name (`repose docs configuration`); a configuration may lack it"
     if name not in config:
-        raise InputError("configuration", key=name, value=None, allowed=allowed)
+        raise InputError(
+            "configuration",
+            key=name,
+            value=None,
+            allowed="a section of this name (`repose docs configuration`); a configuration may lack it",
+        )
     return config[name]

@@ -186,8 +186,12 @@ def _read_ledger(folder: Path) -> dict[str, set[str]]:
     if not digests and not all(
         map(CUT_OFF_PATTERN.fullmatch, [*whole_lines, last_line])
     ):
-        allowed = "the list of files that repose wrote in this folder"
-        raise InputError(path, key="content", value="something else", allowed=allowed)
+        raise InputError(
+            path,
+            key="content",
+            value="something else",
+            allowed="the list of files that repose wrote in this folder",
+        )
     return digests
 
 

@@ -58,8 +58,12 @@ def lock_folder(folder: str | os.PathLike) -> HeldLock:
     lock = _try_lock(path)
     if lock is None:
         holder = path.read_text(encoding="utf-8") or "running"
-        allowed = "one at a time; wait until it has ended"
-        raise InputError(folder, key="workflow", value=holder, allowed=allowed)
+        raise InputError(
+            folder,
+            key="workflow",
+            value=holder,
+            allowed="one at a time; wait until it has ended",
+        )
     _wait_for_jobs(folder)
     with open_descriptor(path, os.O_TRUNC) as handle:
         os.write(handle, f"process {os.getpid()} on {platform.node()}".encode())

@@ -284,9 +284,13 @@ def _require_same(
         What is required of all files, for the message.
     """
     expected, source = first
-    allowed = f"{expected}, as in {source}: {words}"
     if value != expected:
-        raise InputError(path, key=f"provenance.{key}", value=value, allowed=allowed)
+        raise InputError(
+            path,
+            key=f"provenance.{key}",
+            value=value,
+            allowed=f"{expected}, as in {source}: {words}",
+        )
 
 
 # --- hashes ---------------------------------------------------------------------------

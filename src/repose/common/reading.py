@@ -91,10 +91,12 @@ class StrictLoader(yaml.SafeLoader):
         is_plain = isinstance(key, str | int | float | None)
         is_allowed = is_plain and not isinstance(key, bool)
         shown = node.value if isinstance(node.value, str) else "a list or mapping"
-        allowed = "text; put it in quotes if it is a name"
         if not is_allowed:
             raise InputError(
-                self.describe_line(node), key="key", value=shown, allowed=allowed
+                self.describe_line(node),
+                key="key",
+                value=shown,
+                allowed="text; put it in quotes if it is a name",
             )
         return key
 
@@ -111,10 +113,12 @@ class StrictLoader(yaml.SafeLoader):
             If the number is written in an unusual form. The message names its line.
         """
         is_plain = PLAIN_NUMBER.fullmatch(node.value)
-        allowed = "a plain number, such as 90.5, or a text in quotes"
         if not is_plain:
             raise InputError(
-                self.describe_line(node), key="value", value=node.value, allowed=allowed
+                self.describe_line(node),
+                key="value",
+                value=node.value,
+                allowed="a plain number, such as 90.5, or a text in quotes",
             )
         if node.tag.endswith(":int"):
             return self.construct_yaml_int(node)
@@ -154,18 +158,25 @@ def read_yaml(path: str | os.PathLike) -> dict[str, Any]:
     try:
         text = require_plain_file(path).read_text(encoding="utf-8-sig")
     except OSError as error:
-        allowed = "an existing YAML or JSON file that may be read"
         raise InputError(
-            path, key="file", value=error.strerror, allowed=allowed
+            path,
+            key="file",
+            value=error.strerror,
+            allowed="an existing YAML or JSON file that may be read",
         ) from None
     except UnicodeDecodeError:
-        allowed = "a YAML or JSON file in UTF-8"
-        raise InputError(path, key="file", value="not text", allowed=allowed) from None
+        raise InputError(
+            path, key="file", value="not text", allowed="a YAML or JSON file in UTF-8"
+        ) from None
     content = parse_yaml(text, str(path))
     shown = "empty" if content is None else content
-    allowed = "keys with values, as `repose new` writes them"
     if not isinstance(content, dict):
-        raise InputError(path, key="content", value=shown, allowed=allowed)
+        raise InputError(
+            path,
+            key="content",
+            value=shown,
+            allowed="keys with values, as `repose new` writes them",
+        )
     return content
 
 
@@ -274,8 +285,12 @@ def _describe_syntax_error(
     line_without_colon = _find_line_without_colon(text.splitlines()[:line_number])
     if line_without_colon is not None:
         number, line_text = line_without_colon
-        allowed = "KEY: VALUE, with a space after the colon"
-        return InputError(name, key=f"line {number}", value=line_text, allowed=allowed)
+        return InputError(
+            name,
+            key=f"line {number}",
+            value=line_text,
+            allowed="KEY: VALUE, with a space after the colon",
+        )
 
     if "escape" in problem:
         allowed = r"a path in single quotes, as in 'C:\data\sizes.csv'"

@@ -762,10 +762,12 @@ def _require_complete_last_row(
     if not last_line.strip() or is_within_quotes or is_blank_separated:
         return
     n_cells = last_line.count(separator) + 1
-    allowed = f"{n_columns} cells, as in the header; was the file cut off?"
     if n_cells < n_columns:
         raise InputError(
-            path, key="last row", value=f"{n_cells} cells", allowed=allowed
+            path,
+            key="last row",
+            value=f"{n_cells} cells",
+            allowed=f"{n_columns} cells, as in the header; was the file cut off?",
         )
 
 
@@ -873,11 +875,13 @@ def _split_cells(path: StrPath, text: str, separator: str, what: str) -> "pd.Dat
         raise InputError(path, key="rows", value=0, allowed=what) from None
     except pd.errors.ParserError as error:
         fault = str(error).strip().removeprefix("Error tokenizing data. C error: ")
-        allowed = (
-            f"{what} with as many cells in a row as in its header; "
-            "a decimal comma needs ; between the columns"
-        )
-        raise InputError(path, key="cells", value=fault, allowed=allowed) from None
+        raise InputError(
+            path,
+            key="cells",
+            value=fault,
+            allowed=f"{what} with as many cells in a row as in its header; "
+            "a decimal comma needs ; between the columns",
+        ) from None
 
     # Remove the blanks around each cell, and leave out rows in which all cells are empty.
     cells = cells.map(str.strip)

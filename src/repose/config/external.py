@@ -256,9 +256,11 @@ class ExternalConfig(PipelineConfig):
 
     @cached_property
     def _checks(self) -> "ConfigChecks":
-        words = "a study without this section, whose runs repose makes itself"
         raise InputError(
-            self._file, key="simulator", value=self.simulator.name, allowed=words
+            self._file,
+            key="simulator",
+            value=self.simulator.name,
+            allowed="a study without this section, whose runs repose makes itself",
         )
 
     def check_inputs(self) -> None:
@@ -296,12 +298,14 @@ def _require_whole_study(merged: loader.MergedConfig) -> None:
     if "parameters" in merged.config:
         return
     file = merged.origin.find_file_to_edit("simulator")
-    words = (
-        "a section with a range for each parameter; a file with a section simulator is "
+    raise YamlError(
+        file,
+        key="parameters",
+        value=None,
+        allowed="a section with a range for each parameter; a file with a section simulator is "
         "a whole study by itself, or stands after the file of one, as in "
-        f"`--configfile config.yaml {file}`"
+        f"`--configfile config.yaml {file}`",
     )
-    raise YamlError(file, key="parameters", value=None, allowed=words)
 
 
 def convert_to_short_form(merged: loader.MergedConfig) -> loader.MergedConfig:

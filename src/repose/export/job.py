@@ -206,8 +206,12 @@ def make_job(
         notes += _list_losses_of_sphere(particle, body)
         scene = replace(scene, particle=body)
     if not body.is_clump:
-        allowed = "multisphere: other programs take spheres"
-        raise InputError("particle", key="kind", value=body.kind, allowed=allowed)
+        raise InputError(
+            "particle",
+            key="kind",
+            value=body.kind,
+            allowed="multisphere: other programs take spheres",
+        )
 
     # Rolling resistance acts over the mean distance of the surface from the centre.
     materials = materials_of(scene)

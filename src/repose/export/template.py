@@ -63,8 +63,12 @@ def write_template(
     """
     for name in names:
         if name not in parameters:
-            allowed = f"some of {', '.join(parameters)}"
-            raise InputError("command line", key="--names", value=name, allowed=allowed)
+            raise InputError(
+                "command line",
+                key="--names",
+                value=name,
+                allowed=f"some of {', '.join(parameters)}",
+            )
     job = make_job(parameters)
     check_laws(job, program)
 
@@ -182,8 +186,10 @@ def _write_in_braces(name: str, factor: float) -> str:
 
 def _make_proportion_error(name: str) -> InputError:
     """Make the error for a parameter without a number in proportion to it."""
-    words = (
-        "parameters to which numbers of the deck are in proportion, such as coefficients "
-        "of friction; give others by --set"
+    return InputError(
+        "command line",
+        key="--names",
+        value=name,
+        allowed="parameters to which numbers of the deck are in proportion, such as coefficients "
+        "of friction; give others by --set",
     )
-    return InputError("command line", key="--names", value=name, allowed=words)
