@@ -74,7 +74,7 @@ def run(args: argparse.Namespace) -> int:
     $ repose run uncertainty --cores 2 --configfile mine.yaml
     """
     try:
-        from snakemake.cli import main
+        from snakemake.cli import main as snakemake_main
     except ImportError:
         raise InputError(
             "installation",
@@ -97,7 +97,7 @@ def run(args: argparse.Namespace) -> int:
     _choose_cache_folder(args.directory or ".")
 
     arguments = build_snakemake_arguments(args)
-    status = call_snakemake(main, arguments)
+    status = call_snakemake(snakemake_main, arguments)
     if status > SIGNAL_STATUS:
         _print_how_to_continue(args.words)
     elif status != 0:
@@ -106,7 +106,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check_number(option: str, text: str | None, word: str) -> None:
-    """Refuse a number of cores or jobs that is neither 1 or more nor a word.
+    """Refuse a number of cores or jobs that is no whole number from 1.
 
     With 0 snakemake would wait for ever.
 
@@ -117,7 +117,7 @@ def _check_number(option: str, text: str | None, word: str) -> None:
     text : str or None
         Its value; None if the user does not give the option.
     word : str
-        The word that snakemake accepts in place of a number.
+        The word that snakemake accepts in place of a number, which is also allowed.
     """
     if text is None:
         return
@@ -134,8 +134,7 @@ def _check_number(option: str, text: str | None, word: str) -> None:
 def _check_folder(args: argparse.Namespace) -> None:
     """Refuse a working folder that does not exist or cannot be written."""
     if args.directory is not None:
-        is_folder = os.path.isdir(args.directory)
-        if not is_folder:
+        if not os.path.isdir(args.directory):
             raise InputError(
                 "command line",
                 key="--directory",

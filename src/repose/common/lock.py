@@ -57,6 +57,7 @@ def lock_folder(folder: str | os.PathLike) -> HeldLock:
     path = folder / WORKFLOW_LOCK
     lock = _try_lock(path)
     if lock is None:
+        # The holder writes its process into the file soon after it has the lock.
         holder = path.read_text(encoding="utf-8") or "running"
         raise InputError(
             folder,
@@ -65,6 +66,8 @@ def lock_folder(folder: str | os.PathLike) -> HeldLock:
             allowed="one at a time; wait until it has ended",
         )
     _wait_for_jobs(folder)
+
+    # Tell the next workflow who holds the lock.
     with open_descriptor(path, os.O_TRUNC) as handle:
         os.write(handle, f"process {os.getpid()} on {platform.node()}".encode())
     return lock

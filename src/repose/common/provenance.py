@@ -185,6 +185,7 @@ def _make_record(current_stage: _Stage) -> dict[str, Any]:
     else:
         engine = _first_entry(current_stage.inputs, "engine")
 
+    # The settings are unknown if the stage has read no configuration.
     settings = None
     seed = None
     if current_stage.config is not None:
@@ -253,20 +254,30 @@ def refuse_mixture(inputs: Inputs) -> None:
         if engine:
             if first_engine is None:
                 first_engine = (engine, path)
-            words = "results of one engine"
-            _require_same(path, "engine", engine, first_engine, words)
+            _require_same(
+                path,
+                key="engine",
+                value=engine,
+                first=first_engine,
+                requirement="results of one engine",
+            )
 
         # Compare the origin. Only runs name their bench test.
         if "apparatus" in record:
             group_of_runs = (record["verb"], record["apparatus"])
             origin = record["origin"]
             first_origin = first_origins.setdefault(group_of_runs, (origin, path))
-            words = "runs of the same settings, grain and particle"
-            _require_same(path, "origin", origin, first_origin, words)
+            _require_same(
+                path,
+                key="origin",
+                value=origin,
+                first=first_origin,
+                requirement="runs of the same settings, grain and particle",
+            )
 
 
 def _require_same(
-    path: Path, key: str, value: str, first: tuple[str, Path], words: str
+    path: Path, *, key: str, value: str, first: tuple[str, Path], requirement: str
 ) -> None:
     """Raise InputError if a record has another value than the first one.
 
@@ -280,8 +291,8 @@ def _require_same(
         Its value.
     first : (str, Path)
         The value in the first record, and the file of this record.
-    words : str
-        What is required of all files, for the message.
+    requirement : str
+        What all files must be, for the message.
     """
     expected, source = first
     if value != expected:
@@ -289,7 +300,7 @@ def _require_same(
             path,
             key=f"provenance.{key}",
             value=value,
-            allowed=f"{expected}, as in {source}: {words}",
+            allowed=f"{expected}, as in {source}: {requirement}",
         )
 
 
@@ -365,10 +376,11 @@ def _find_commit() -> str | None:
 
 
 def _describe_processor() -> str:
-    """Describe the processor, and list variables that make it act as another one.
+    """Describe the processor, as far as the results may depend on it.
 
-    The variables are those of `FORCED_TYPES`. The description includes the family and the
-    model, because virtual machines use one name for several generations of processors.
+    The description includes the family and the model, because virtual machines use one
+    name for several generations of processors. It also includes the variables of
+    `FORCED_TYPES`, which make libraries use the code for another processor.
     """
     try:
         lines = CPU_INFO.read_text(encoding="utf-8", errors="replace").splitlines()

@@ -47,10 +47,14 @@ def find_summary_row(columns: Mapping[str, Sequence[str]]) -> SummaryRow | None:
     Returns
     -------
     SummaryRow or None
-        The first such row, or None. In every column that varies, the row equals the same
-        statistic to all the digits that it prints. A row that repeats a row above it is
-        ignored. Columns with few levels are ignored, too, because they belong to a
-        design: its centre equals the mean, and its corners equal the extremes.
+        The first such row, or None.
+
+    Notes
+    -----
+    A summary row equals one statistic in every column that varies, to all the digits that
+    it prints. A row that repeats a row above it is no summary. Columns with few different
+    values are not compared. They belong to the design of an experiment, where the centre
+    equals the mean and the corners equal the extremes.
     """
     # Read the cells as an array of the form (rows, columns).
     cells_of_columns = list(columns.values())

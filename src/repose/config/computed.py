@@ -134,18 +134,20 @@ def find_longest_step(
 
     # Make the parameter set that needs the shortest step. A low restitution means strong
     # damping, which requires a short step. So use the lowest value of each parameter in
-    # all sets that are simulated.
-    simulated_sets = [{name: ranges[name][0] for name in PARAMETERS}]
-    simulated_sets += read_parameter_sets(settings.validation.published)
+    # the ranges and in the published sets, which are simulated, too.
+    published_sets = read_parameter_sets(settings.validation.published)
     critical_set = {}
     for name in PARAMETERS:
-        critical_set[name] = min(values[name] for values in simulated_sets)
+        lowest_in_range, _ = ranges[name]
+        published_values = [values[name] for values in published_sets]
+        critical_set[name] = min([lowest_in_range, *published_values])
 
     # Additional parameters of contact laws, such as cohesion, make contacts stiffer, which
     # also requires a short step. So use their highest value.
     for name in LAW_PARAMETERS:
         if name in ranges:
-            critical_set[name] = ranges[name][1]
+            _, highest_in_range = ranges[name]
+            critical_set[name] = highest_in_range
     scene = Scene.of(config, critical_set, grain=mean_grain, particle=particle)
     return longest_time_step(scene)
 
@@ -234,23 +236,23 @@ def _estimate_duration_s(config: Config, grain: Grain, particle: "Particle") -> 
     funnel = settings.funnel
     gravity_m_s2 = settings.simulation.gravity_m_s2
 
-    # Time until the last grain has run out.
+    # Compute the time until the last grain has run out.
     discharge_per_s = _compute_discharge_per_s(config, grain, particle)
     flow_per_s = funnel.rate_per_s
     if discharge_per_s > 0.0:
         flow_per_s = min(flow_per_s, discharge_per_s)
     pour_s = funnel.berries / flow_per_s
 
-    # Time of its fall. Another rule refuses a negative height, so ignore it here.
+    # Add the time of its fall. Another rule refuses a negative height, so ignore it here.
     fall_m = max(funnel.funnel.inlet_height_m, 0.0)
     fall_s = math.sqrt(2 * fall_m / gravity_m_s2)
 
-    # Time until the pile rests.
+    # Add the time until the pile rests.
     rest_s = round_to_digits(
         REST_TIME * _make_grain_scale(config, particle).time_s, digits=2
     )
     duration_s = pour_s + fall_s + rest_s
-    # Round up to a tenth of a second.
+    # Round the sum up to a tenth of a second.
     return math.ceil(10 * duration_s) / 10
 
 

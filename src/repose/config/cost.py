@@ -3,7 +3,7 @@
 import math
 import time
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from repose.bench import bench
 from repose.bench.parameters import parameters_among
@@ -17,6 +17,9 @@ from repose.config.contradictions import find_tests_in_use
 from repose.config.models import StudySettings, select_valid_sections
 from repose.grain.particle import Particle
 from repose.stages.published import list_sets_to_simulate
+
+if TYPE_CHECKING:
+    from repose.bench import Scene
 
 # Times that were measured on one core of a common server: of one step of one grain, and
 # of the measurement of one view of a pile.
@@ -176,9 +179,9 @@ def measure_grain_step_s(
         Time [s].
     """
     from repose.bench import Scene
-    from repose.bench.funnel import FunnelTest
 
-    # Choose the number of grains by the work, which is grains times steps.
+    # Choose the number of grains so that each pour takes about as long. Its work is the
+    # number of grains times the number of steps.
     settings = select_valid_sections(config)
     n_steps = TIMED_POUR_S / settings.simulation.time_step_s
     n_grains = max(
@@ -196,22 +199,38 @@ def measure_grain_step_s(
     small_config = {**config, "funnel": small_funnel}
     parameters = contact_space(settings.parameters.entries).centre
 
+    # The fastest pour was disturbed least by other programs.
     grain_steps_s = []
     for _ in range(N_TIMED_POURS):
         scene = Scene.of(
             small_config, parameters, grain=grain, particle=particle, seed=1
         )
-        start_s = time.perf_counter()
-        cpu_start_s = time.process_time()
-        # Do not stop at rest, because an early stop would leave too few steps.
-        run = FunnelTest().pour(scene, until_rest=False)
-        cpu_s = time.process_time() - cpu_start_s
-
-        # The run gives its wall time per step in microseconds. Count only the share of
-        # the time in which this process had the core.
-        cpu_share = cpu_s / (time.perf_counter() - start_s)
-        grain_steps_s.append(1e-6 * min(1.0, cpu_share) * run.us_per_step / n_grains)
+        grain_steps_s.append(_time_grain_step_s(scene, n_grains))
     return min(grain_steps_s)
+
+
+def _time_grain_step_s(scene: "Scene", n_grains: int) -> float:
+    """Pour grains once, and measure the processor time of one step of one grain [s].
+
+    Parameters
+    ----------
+    scene : Scene
+        The scene of the pour.
+    n_grains : int
+        The number of grains in it.
+    """
+    from repose.bench.funnel import FunnelTest
+
+    start_s = time.perf_counter()
+    cpu_start_s = time.process_time()
+    # Do not stop at rest, because an early stop would leave too few steps.
+    run = FunnelTest().pour(scene, until_rest=False)
+    cpu_s = time.process_time() - cpu_start_s
+
+    # The run gives its wall time per step in microseconds. Count only the share of the
+    # time in which this process had the core.
+    cpu_share = cpu_s / (time.perf_counter() - start_s)
+    return 1e-6 * min(1.0, cpu_share) * run.us_per_step / n_grains
 
 
 def estimate_work(
@@ -316,7 +335,8 @@ def _compute_article_time_s(
     if settings.get_bench_section("drum") is not None:
         total_s += settings.count_seeds("drum") * (JOB_START_S + times_s["drum"])
 
-    # Every further bench test of the targets runs all parameter sets.
+    # All parameter sets run in every bench test of the targets. The funnel was counted
+    # above.
     n_sets = sum(sets for _, sets, _ in pours)
     for test in _list_tests_of_targets(settings):
         if test == "funnel":
@@ -366,7 +386,7 @@ def describe_costs(config: Config) -> dict[str, str]:
     # Most studies reuse the runs of the calibration.
     descriptions = dict.fromkeys(STUDY_SUMMARIES, "no pours besides the calibration")
 
-    # The calibration itself.
+    # Describe the calibration.
     n_calibration = count_runs(calibration["pours"])
     minutes = calibration["total_s"] / 60
     test_names = {test.name for test in find_tests_in_use(config)}
@@ -375,7 +395,7 @@ def describe_costs(config: Config) -> dict[str, str]:
         f"{n_calibration} pours{other_tests}, about {minutes:.0f} min on one core"
     )
 
-    # Studies with runs of their own.
+    # Describe the studies that make further runs.
     n_refined = settings.refine.pours + settings.refine.seeds
     descriptions["refined"] = _describe_pours(n_refined, pour_s)
 

@@ -59,7 +59,7 @@ def describe_program(
             if name not in used_names:
                 yield (
                     f"{name} is fixed at {value:g}, and no name in the deck; the deck "
-                    "must hold the number that its program needs for it, as that of "
+                    "must hold the number that its program needs for it, as a deck of "
                     "`repose export` does"
                 )
 
@@ -95,11 +95,14 @@ def describe_strategy(study: PipelineConfig, files: Sequence[StrPath]) -> Iterat
         surrogate = f", surrogate {study.settings.surrogate}"
     yield f"strategy: {name}{surrogate}"
 
+    # List the keys that the strategy does not read.
     merged = loader.merge_without_defaults(files)
     short_form = convert_to_short_form(merged).config
     keys = list_unread_keys({**short_form, "simulator": study.simulator.name})
     if keys:
         yield f"keys: the strategy {name} does not read {', '.join(keys)}"
+
+    # List the sections that only our simulator reads.
     sections = list_unread_sections(merged.config)
     if sections:
         yield (
@@ -163,7 +166,7 @@ def make_trial_run(
     )
     elapsed_s = time.perf_counter() - start_s
 
-    # Read its responses, or measure its pile.
+    # Read the responses of the run, or measure its pile.
     job = simulated.measure_sample(
         [folder / "1.json"],
         folder / "measured.json",
@@ -181,7 +184,7 @@ def make_trial_run(
             "printed",
         )
 
-    # Compare them with the targets.
+    # Compare the responses with the targets.
     point = ", ".join(
         f"{name} {format_significant(value)}" for name, value in parameters.items()
     )

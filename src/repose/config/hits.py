@@ -83,7 +83,7 @@ def _simulate_rebound_speed(
     Returns
     -------
     float
-        The speed, positive as the bodies part. They start at speed 1, so it is the
+        The speed, positive if the bodies part. Because they start at speed 1, it equals the
         restitution of this hit.
     """
     # A negative overlap is a gap.
@@ -92,7 +92,7 @@ def _simulate_rebound_speed(
     for _ in range(MOST_STEPS):
         force = 0.0
         if overlap > 0.0:
-            # The tangent stiffness of the force overlap^1.5.
+            # The tangent stiffness is the derivative of the elastic force overlap^1.5.
             stiffness = 1.5 * math.sqrt(overlap)
             force = overlap**1.5 + damping * math.sqrt(stiffness) * approach_speed
             if tension == "release":
@@ -182,12 +182,11 @@ def _compute_contact_time_s(
 
     # A hit of two equal grains is equivalent to a hit of one grain with half the mass and
     # half the radius on a wall.
+    partner = "wall"
+    effective_share = 1.0
     if pair == "gg":
         partner = "berry"
-        share = 0.5
-    else:
-        partner = "wall"
-        share = 1.0
+        effective_share = 0.5
     shape = scene.particle.dem_shape("berry")
     materials = materials_of(scene)
     parameters = {**scene.parameters, f"e_{pair}": restitution}
@@ -196,7 +195,7 @@ def _compute_contact_time_s(
         materials["berry"],
         materials[partner],
         contact,
-        share * shape.mass_kg,
-        share * shape.smallest_radius_m,
+        effective_share * shape.mass_kg,
+        effective_share * shape.smallest_radius_m,
         FASTEST_IMPACT_M_S,
     )

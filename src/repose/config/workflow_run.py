@@ -65,8 +65,8 @@ def prepare_run(
     if loader.is_external(config):
         from repose.config.external import ExternalConfig
 
-        given = loader.locate_workflow_values(config, files, source)
-        return WorkflowRun(ExternalConfig.from_merged(given, inputs=inputs))
+        values = loader.locate_workflow_values(config, files, source)
+        return WorkflowRun(ExternalConfig.from_merged(values, inputs=inputs))
     merged = loader.merge_workflow_values(config, files, source)
 
     # Reuse the result of an earlier check.
@@ -75,7 +75,7 @@ def prepare_run(
     if resolved is not None:
         return WorkflowRun(PipelineConfig(resolved, merged.origin))
 
-    # Check now. Only a full check is worth keeping for later runs.
+    # Check the configuration now. Later runs may reuse only a check of all input files.
     study = PipelineConfig.of(merged.config, merged.origin, inputs=inputs)
     return WorkflowRun(study, new_fingerprint=fingerprint if inputs else None)
 
@@ -274,10 +274,11 @@ class WorkflowRun:
             return
         usage.correct_benchmarks(self.folder, processes)
 
+        # Add a row to the table of earlier runs.
         path = f"{self.folder}/benchmarks/calls.csv"
-        began = time.gmtime(self.start_s)
+        start = time.gmtime(self.start_s)
         row = {
-            "began": time.strftime("%Y-%m-%dT%H:%M:%SZ", began),
+            "began": time.strftime("%Y-%m-%dT%H:%M:%SZ", start),
             "wall_s": round(time.time() - self.start_s, 1),
             "cpu_s": round(_sum_processor_time_s(processes), 1),
             "processor": describe_machine()["processor"],
@@ -286,6 +287,7 @@ class WorkflowRun:
         if os.path.exists(path):
             runs = pd.concat([read_table(path, row), runs])
 
+        # Print the time of this run, and that of all runs.
         text = f"time: {_format_total_times(runs[-1:])} on {row['processor']}"
         if len(runs) > 1:
             text += f"; all {len(runs)} calls: {_format_total_times(runs)}"
