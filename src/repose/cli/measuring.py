@@ -642,7 +642,6 @@ def _measure_beds(
     )
     for result, overlay in zip(results, overlays, strict=True):
         write_image(overlay, photographs.stack_views(result.views))
-
     _require_measured_bed(results, args.bench)
 
     # Write and print the numbers.
@@ -700,7 +699,7 @@ def _read_scale(args: argparse.Namespace) -> "Scale":
             value=args.length,
             allowed="without --mm-per-pixel",
         )
-    _require_between("--square-mm", args.square_mm, 1, 1000)
+    _require_between("--square-mm", args.square_mm, low=1, high=1000)
     if args.length:
         return _compute_scale_of_length(args)
     if args.mm_per_pixel is not None:
@@ -731,7 +730,8 @@ def _compute_scale_of_length(args: argparse.Namespace) -> "Scale":
         measure_level_length,
     )
 
-    _require_between("--length", args.length[0], 1, 1e5)
+    length_mm, *ends_px = args.length
+    _require_between("--length", length_mm, low=1, high=1e5)
     result = measure_level_length(*args.length)
     if result is None:
         raise InputError(
@@ -749,7 +749,7 @@ def _compute_scale_of_length(args: argparse.Namespace) -> "Scale":
         mm_per_pixel,
         base_row=args.base_row,
         level_deg=level_deg,
-        ends=tuple(args.length[1:]),
+        ends=tuple(ends_px),
     )
 
 
@@ -781,14 +781,12 @@ def _make_measure_settings(args: argparse.Namespace) -> "MeasureSettings":
     Without a study these are the default settings. The height of a grain then comes from
     the file sizes.csv in the working folder, if there is one.
     """
-    from repose.grain.berry import compute_mean_axes
-    from repose.grain.berry_files import read_sizes
     from repose.measure.settings import MeasureSettings
 
     if args.grain_mm is not None:
-        _require_between("--grain-mm", args.grain_mm, 0.1, 1000)
+        _require_between("--grain-mm", args.grain_mm, low=0.1, high=1000)
 
-    # Find the settings, and the table of the measured sizes.
+    # Find the settings, and the table of the measured sizes if there is one.
     if args.config is None:
         settings = MeasureSettings.with_defaults()
         sizes_csv = SIZES_FILE if Path(SIZES_FILE).is_file() else None
@@ -804,18 +802,44 @@ def _make_measure_settings(args: argparse.Namespace) -> "MeasureSettings":
     if args.grain_mm is not None:
         return settings.model_copy(update={"berry_height_mm": args.grain_mm})
     if settings.berry_height_mm is None and sizes_csv is not None:
-        try:
-            sizes = read_sizes(sizes_csv)
-        except InputError as error:
-            # Mention the option that makes the faulty table unnecessary.
-            raise InputError(
-                error.source,
-                key=error.key,
-                value=error.value,
-                allowed=f"{error.allowed}; or give the size of a grain by --grain-mm",
-            ) from None
-        return settings.for_grain(compute_mean_axes(sizes, keeps_volume))
+        return settings.for_grain(_read_mean_axes(sizes_csv, keeps_volume))
     return settings
+
+
+def _read_mean_axes(sizes_csv: str, keeps_volume: bool) -> dict[str, float]:
+    """Read a table of measured sizes, and compute the axes of the mean grain.
+
+    Parameters
+    ----------
+    sizes_csv : str
+        The table.
+    keeps_volume : bool
+        Whether the mean grain has the mean volume.
+
+    Returns
+    -------
+    dict of str to float
+        The axes by name [mm].
+
+    Raises
+    ------
+    InputError
+        If the table is faulty. The message also names the option --grain-mm, which makes
+        the table unnecessary.
+    """
+    from repose.grain.berry import compute_mean_axes
+    from repose.grain.berry_files import read_sizes
+
+    try:
+        sizes = read_sizes(sizes_csv)
+    except InputError as error:
+        raise InputError(
+            error.source,
+            key=error.key,
+            value=error.value,
+            allowed=f"{error.allowed}; or give the size of a grain by --grain-mm",
+        ) from None
+    return compute_mean_axes(sizes, keeps_volume)
 
 
 @verb(

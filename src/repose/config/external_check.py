@@ -10,6 +10,7 @@ from typing import Any
 from repose.calibrate.parameter_types import describe_wide_ranges
 from repose.calibrate.strategies import strategy
 from repose.calibrate.study_file import list_unread_keys
+from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 from repose.common.files import StrPath
 from repose.common.numbers import format_significant
@@ -128,6 +129,32 @@ def list_runs(settings: StudySettings) -> Pours:
     return (*list_article_pours(settings, test=""), *strategy_runs)
 
 
+def _compare_with_targets(targets: Targets, run: Mapping[str, Any]) -> Iterator[str]:
+    """Write a line for each target: the response of a run, the target and its range.
+
+    Parameters
+    ----------
+    targets : Targets
+        The targets of the study.
+    run : mapping
+        The measured run; each response has its name as key.
+
+    Yields
+    ------
+    str
+        A line of text.
+    """
+    for target in targets:
+        unit = f" {target.response.unit}".rstrip()
+        response = format_significant(run[target.name])
+        low = format_significant(target.low)
+        high = format_significant(target.high)
+        yield (
+            f"  {target.name} {response}{unit}; the target is {target.value:g}{unit}, "
+            f"{low} to {high}"
+        )
+
+
 def make_trial_run(
     study: PipelineConfig, simulator: SimulatorSettings, cores: int
 ) -> Iterator[str]:
@@ -189,12 +216,7 @@ def make_trial_run(
         f"{name} {format_significant(value)}" for name, value in parameters.items()
     )
     yield f"trial run, seed {record['seed']}, {elapsed_s:.1f} s, at {point}:"
-    for target in study.targets:
-        unit = f" {target.response.unit}".rstrip()
-        yield (
-            f"  {target.name} {format_significant(run[target.name])}{unit}; the target is "
-            f"{target.value:g}{unit}, {format_significant(target.low)} to {format_significant(target.high)}"
-        )
+    yield from _compare_with_targets(study.targets, run)
     yield f"its files: {folder / '1'}"
 
     # Estimate the time of the study from that of this run.
