@@ -1,4 +1,4 @@
-"""Frame of a script: its options, the study's configuration, and a record of provenance in each result."""
+"""Run the parts of a research script, with their options and a record in each result."""
 
 import argparse
 import sys
@@ -14,7 +14,7 @@ from repose.config.pipeline import PipelineConfig
 from research import settings
 
 Option = tuple[tuple[str, ...], dict[str, Any]]
-# options that name no input
+# Options that name no input file.
 NOT_READ = (
     "config",
     "out",
@@ -27,7 +27,7 @@ NOT_READ = (
 
 
 def option(*names: str, **keywords: Any) -> Option:
-    """Keep the arguments of `argparse.ArgumentParser.add_argument`."""
+    """Store the arguments of a later call of `argparse.ArgumentParser.add_argument`."""
     return names, keywords
 
 
@@ -49,12 +49,28 @@ class Script:
         depends_on: Callable | None = None,
         simulates: bool = False,
     ) -> Callable[[Callable], Callable]:
-        """Decorate a function that gets the options with `study`, and both configurations in one, and returns a text.
+        """Make a decorator that registers a function as a part of the script.
 
-        `depends_on` gives the settings that its results depend on, by default all; with `simulates` they are runs.
+        The function gets the options, whose `study` is the study of --config. It also gets
+        the configuration of the study together with the settings of `research`. It may
+        return a text, which is printed.
+
+        Parameters
+        ----------
+        name : str
+            Name of the part on the command line.
+        out : str
+            Default of --out.
+        *options : Option
+            Further options.
+        depends_on : callable, optional
+            Selects the settings on which the results depend. The default is all settings.
+        simulates : bool, optional
+            Whether the results are simulated runs.
         """
 
-        def add(work):
+        def register(work: Callable) -> Callable:
+            """Add the parser of a part, and return its function unchanged."""
             parser = self.parts.add_parser(
                 name, description=work.__doc__, help=work.__doc__
             )
@@ -67,30 +83,41 @@ class Script:
             for flags, keywords in options:
                 parser.add_argument(*flags, **keywords)
             parser.set_defaults(
-                work=work, depends_on=depends_on or _settings, simulates=simulates
+                work=work,
+                depends_on=depends_on or _select_all_settings,
+                simulates=simulates,
             )
             return work
 
-        return add
+        return register
 
     def run(self, arguments: list[str] | None = None) -> None:
-        """Run the part that the command line names; a fault of the input ends it with one message."""
+        """Run the part that the command line names, and print its text.
+
+        After a fault of the input, the function prints a message and ends the program.
+
+        Parameters
+        ----------
+        arguments : list of str, optional
+            The words of the command line. The default is those of the process.
+        """
         args = self.parser.parse_args(arguments)
+        runs: Literal["", "made"] = "made" if args.simulates else ""
         try:
-            stage = f"{self.name}_{args.part}"
-            folder = lock_folder_for_job(Path(args.config).parent)
-            runs: Literal["", "made"] = "made" if args.simulates else ""
-            # the cells of a study differ on purpose: each is a table of its own
-            cell = getattr(args, "cell", None)
-            with (
-                folder,
-                provenance.record_stage(
-                    stage, _files(args), args.depends_on, runs=runs, apparatus=cell
-                ),
-            ):
+            lock = lock_folder_for_job(Path(args.config).parent)
+            record = provenance.record_stage(
+                f"{self.name}_{args.part}",
+                _find_input_files(args),
+                args.depends_on,
+                runs=runs,
+                # The cells of a study differ from each other on purpose. Each becomes a
+                # table of its own, so its runs are not compared with those of others.
+                apparatus=getattr(args, "cell", None),
+            )
+            with lock, record:
                 args.study = PipelineConfig.load(args.config)
                 config = args.study.config
-                text = args.work(args, config | settings.of(config))
+                text = args.work(args, config | settings.read_settings(config))
         except (InputError, OSError) as error:
             print_fault(error)
             sys.exit(BAD_INPUT)
@@ -98,17 +125,30 @@ class Script:
             print(text)
 
 
-def _settings(config, apparatus):
-    """Both configurations, with files by their content."""
-    return dependencies.select_stage_settings(config | settings.of(config), "research")
+def _select_all_settings(config: dict[str, Any], _apparatus: str | None) -> Any:
+    """Select all settings of a study and of `research`, with a hash of each named file."""
+    return dependencies.select_stage_settings(
+        config | settings.read_settings(config), "research"
+    )
 
 
-def _files(args: argparse.Namespace) -> Iterator[Path]:
-    """Files that the options name; of a folder its dataset, if it has one."""
-    for key, value in vars(args).items():
-        for item in value if isinstance(value, list) else [value]:
-            if isinstance(item, str) and key not in NOT_READ:
-                path = Path(item.partition("=")[2] if key == "input" else item)
-                path = path / "dataset.csv" if path.is_dir() else path
-                if path.is_file():
-                    yield path
+def _find_input_files(args: argparse.Namespace) -> Iterator[Path]:
+    """Yield the existing files that the options name.
+
+    If an option names a folder, the input file is dataset.csv in this folder.
+    """
+    for option_name, value in vars(args).items():
+        if option_name in NOT_READ:
+            continue
+        entries = value if isinstance(value, list) else [value]
+        for text in entries:
+            if not isinstance(text, str):
+                continue
+            # The values of --input have the form NAME=PATH.
+            if option_name == "input":
+                text = text.partition("=")[2]
+            path = Path(text)
+            if path.is_dir():
+                path = path / "dataset.csv"
+            if path.is_file():
+                yield path

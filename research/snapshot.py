@@ -1,4 +1,4 @@
-"""Copy the tables and pictures of a finished study, without its runs, as results/published keeps them."""
+"""Copy the tables and pictures of a finished study, without its runs, into a snapshot."""
 
 import argparse
 import os
@@ -15,7 +15,7 @@ from repose.common.errors import BAD_INPUT, InputError, print_fault
 from repose.common.ledger import write_listed_file
 from repose.config.results_folder import name_run_folder
 
-# Folders of a study; those of `research` and of its strategies are among them.
+# Folders of a study, with those of the studies in `research`.
 FOLDERS = (
     "berry",
     "design",
@@ -38,9 +38,9 @@ FOLDERS = (
     "seeds_per_sample",
     "shape",
 )
-# whose results have the names of the method
-OWN = {*FOLDERS, *strategies.names()} - {"published"}
-# tables and pictures, without positions and meshes
+# Those of them that may hold results of a study itself.
+RESULT_FOLDERS = {*FOLDERS, *strategies.names()} - {"published"}
+# Suffixes of tables and pictures. Positions and meshes are not copied.
 SUFFIXES = (
     ".csv",
     ".json",
@@ -48,94 +48,150 @@ SUFFIXES = (
     ".gif",
     ".html",
 )
-LARGEST_FILE = 5_000_000  # bytes
-# what a study begins and ends with
+# Largest size of a file in bytes, so that the repository stays small.
+LARGEST_FILE = 5_000_000
+# The first and the last file that a study writes.
 CONFIG = "config.json"
 CARD = "card.json"
-# runs of the drum, and the check of a configuration; records follow their results
+# Files that are not copied: runs of the drum, and the check of a configuration. A record
+# is copied only with its result.
 OTHERS = re.compile(r"drum_\d+\.json|.*\.provenance\.json|checked\.json")
-MANIFEST = "snapshot.txt"  # in a snapshot: its files, one a line
+# The list of the files of a snapshot, one on each line.
+MANIFEST = "snapshot.txt"
 
 
-def take(results_dir: str | Path, out: str | Path) -> list[Path]:
-    """Copy the tables and pictures of a finished study to `out`, in place of an earlier snapshot, and return them."""
+def copy_study(results_dir: str | Path, out: str | Path) -> list[Path]:
+    """Copy the tables and pictures of a finished study into a snapshot.
+
+    Files of an earlier snapshot in the same folder are replaced or removed.
+
+    Parameters
+    ----------
+    results_dir : path
+        The folder of the study's results.
+    out : path
+        The folder of the snapshot. It must be new, or hold an earlier snapshot.
+
+    Returns
+    -------
+    list of Path
+        The files of the snapshot, without its list.
+
+    Raises
+    ------
+    InputError
+        If the study is not finished, a file is too large, or the folder of the snapshot
+        has other files.
+    """
     source = Path(results_dir)
     out = Path(out)
-    files = _kept(source)
-    sidecars = (path.with_name(f"{path.name}{SIDECAR_SUFFIX}") for path in files)
-    files = list(
-        dict.fromkeys([*files, *(path for path in sidecars if path.is_file())])
-    )
     if not (source / CARD).is_file():
-        raise InputError(source, CARD, "missing", "a finished study")
+        raise InputError(source, key=CARD, value="missing", allowed="a finished study")
+    files = _list_files_to_copy(source)
     for path in files:
-        if path.stat().st_size > LARGEST_FILE:
+        n_bytes = path.stat().st_size
+        if n_bytes > LARGEST_FILE:
             raise InputError(
-                path, "size", path.stat().st_size, f"at most {LARGEST_FILE} bytes"
+                path, key="size", value=n_bytes, allowed=f"at most {LARGEST_FILE} bytes"
             )
-    earlier = _earlier(out)
+
+    # While files are copied, list those of both snapshots. After an interruption, the
+    # next call then recognises all of them.
     names = [path.relative_to(source).as_posix() for path in files]
-    _write(out / MANIFEST, _lines({*names, *earlier}))
+    earlier_names = _list_earlier_files(out)
+    _write(out / MANIFEST, _format_manifest({*names, *earlier_names}))
     for path, name in zip(files, names, strict=True):
         _write(out / name, path.read_bytes())
-    for name in earlier - set(names):
+    for name in earlier_names.difference(names):
         ledger.remove_own_file(out / name)
-    _write(out / MANIFEST, _lines(names))
+    _write(out / MANIFEST, _format_manifest(names))
     return [out / name for name in names]
 
 
-def _kept(source: Path) -> list[Path]:
-    """List the files of a study's own folders: no runs, and none of another study in a folder below."""
-    left_out = {name_run_folder(name) for name in bench_tests()}
+def _list_files_to_copy(source: Path) -> list[Path]:
+    """List the tables and pictures of a study, each with its record if it has a sidecar.
+
+    Runs are left out, and so is any other study in a folder below.
+    """
+    run_folders = {name_run_folder(name) for name in bench_tests()}
     found = []
-    for folder, below, names in os.walk(source):
-        known = set(below) if Path(folder) != source else OWN.intersection(below)
-        below[:] = sorted(
+    for folder, subfolders, names in os.walk(source):
+        candidates = set(subfolders)
+        if Path(folder) == source:
+            candidates &= RESULT_FOLDERS
+        # `os.walk` enters only the folders that remain in this list.
+        subfolders[:] = sorted(
             name
-            for name in known
-            if name not in left_out and not Path(folder, name, CONFIG).is_file()
+            for name in candidates
+            if name not in run_folders and not Path(folder, name, CONFIG).is_file()
         )
         found += [Path(folder, name) for name in names if Path(name).suffix in SUFFIXES]
-    return sorted(path for path in found if not OTHERS.fullmatch(path.name))
+    results = sorted(path for path in found if not OTHERS.fullmatch(path.name))
+
+    # A sidecar may be in the list already. List each file once.
+    sidecars = [path.with_name(f"{path.name}{SIDECAR_SUFFIX}") for path in results]
+    existing_sidecars = [path for path in sidecars if path.is_file()]
+    return list(dict.fromkeys([*results, *existing_sidecars]))
 
 
-def _earlier(out: Path) -> set[str]:
-    """List the files of an earlier snapshot in a folder; InputError where the folder holds anything else."""
+def _list_earlier_files(out: Path) -> set[str]:
+    """List the files of an earlier snapshot in a folder.
+
+    Parameters
+    ----------
+    out : Path
+        The folder of the snapshot, which need not exist.
+
+    Returns
+    -------
+    set of str
+        Paths relative to the folder; empty if there is no earlier snapshot.
+
+    Raises
+    ------
+    InputError
+        If the folder has a file that belongs to no snapshot.
+    """
     if not os.path.lexists(out):
         return set()
     if not out.is_dir():
-        raise InputError(out, "folder", "a file", "a folder")
+        raise InputError(out, key="folder", value="a file", allowed="a folder")
+
+    # The list of a snapshot counts only if nobody has changed it.
     manifest = out / MANIFEST
-    names = (
-        set(manifest.read_text(encoding="utf-8").splitlines())
-        if ledger.is_own_file(manifest)
-        else set()
-    )
+    listed_names: set[str] = set()
+    if ledger.is_own_file(manifest):
+        listed_names.update(manifest.read_text(encoding="utf-8").splitlines())
+
+    # Refuse any file, or link to a folder, that no snapshot has written.
     for path in sorted(out.rglob("*")):
         name = path.relative_to(out).as_posix()
-        is_ours = name in {*names, MANIFEST} and ledger.is_own_file(path)
-        if (
-            not is_ours
-            and path.name != ledger.LEDGER
-            and (path.is_symlink() or not path.is_dir())
-        ):
-            allowed = "a new folder, or an earlier snapshot and no other file"
-            raise InputError(out, "content", name, allowed)
-    return {name for name in names if (out / name).is_file()}
+        is_listed = name == MANIFEST or name in listed_names
+        is_of_snapshot = is_listed and ledger.is_own_file(path)
+        is_plain_folder = path.is_dir() and not path.is_symlink()
+        is_ledger = path.name == ledger.LEDGER
+        if not (is_of_snapshot or is_ledger or is_plain_folder):
+            raise InputError(
+                out,
+                key="content",
+                value=name,
+                allowed="a new folder, or an earlier snapshot and no other file",
+            )
+    return {name for name in listed_names if (out / name).is_file()}
 
 
-def _lines(names: Iterable[str]) -> bytes:
-    """Write sorted names, one a line."""
+def _format_manifest(names: Iterable[str]) -> bytes:
+    """Write sorted names, one on each line."""
     return "".join(f"{name}\n" for name in sorted(names)).encode()
 
 
 def _write(path: Path, content: bytes) -> None:
-    """Write bytes as they are: a copy keeps the record of its original, and gets none of its own."""
+    """Write bytes unchanged, so that a copy keeps the record of its original."""
     write_listed_file(path, lambda handle: handle.write(content))
 
 
 def main() -> None:
-    """Take the snapshot that the command line asks for, and print its files."""
+    """Make the snapshot that the command line asks for, and print its files."""
     parser = argparse.ArgumentParser(
         prog="python -m research.snapshot", description=__doc__
     )
@@ -145,7 +201,7 @@ def main() -> None:
     )
     args = parser.parse_args()
     try:
-        print(*take(args.results, args.out), sep="\n")
+        print(*copy_study(args.results, args.out), sep="\n")
     except (InputError, OSError) as error:
         print_fault(error)
         sys.exit(BAD_INPUT)

@@ -77,7 +77,7 @@ def runs_depend_on(config, apparatus):
         config, "heap"
     ) | dependencies.select_stage_settings(config, "berry")
     points = dependencies.select_sections(
-        settings.of(config), "pool.seed", "pool.fresh_samples"
+        settings.read_settings(config), "pool.seed", "pool.fresh_samples"
     )
     return pour_settings | points | dependencies.select_sections(config, "parameters")
 

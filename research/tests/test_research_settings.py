@@ -14,11 +14,11 @@ def test_a_small_run_has_small_settings_and_the_working_folder_has_the_last_word
     tmp_path, monkeypatch
 ):
     monkeypatch.chdir(tmp_path)
-    assert settings.of(LARGE)["pool"]["samples"] == 220
+    assert settings.read_settings(LARGE)["pool"]["samples"] == 220
     (tmp_path / "research.yaml").write_text(
         "pool: {seeds: 7}\ncompare_search: {tolerance: 1}\n"
     )
-    found = settings.of(SMALL)
+    found = settings.read_settings(SMALL)
     assert found["pool"] | {"seed": 0} == {
         "samples": 24,
         "seeds": 7,
@@ -35,7 +35,7 @@ def test_unknown_keys_and_wrong_types_are_reported_together(tmp_path, monkeypatc
         "poool: {seeds: 7}\npool: {seeds: 2.5, sead: 1}\ncompare_whole: {samples: [a]}\ncompare_search: 3\n"
     )
     with pytest.raises(InputError) as caught:
-        settings.of(LARGE)
+        settings.read_settings(LARGE)
     messages = str(caught.value).splitlines()
     assert len(messages) == 5
     for phrase in (
@@ -53,7 +53,7 @@ def test_the_effective_model_is_the_reference_of_no_berry(monkeypatch):
     """The changes of matched.yaml are a cell of the shape study."""
     monkeypatch.chdir(settings.HERE.parent)
     config = PipelineConfig.load("config/matched.yaml").config
-    study = settings.of(config)["shape_study"]
+    study = settings.read_settings(config)["shape_study"]
     assert config["berry"] == config["berry"] | study["particles"]["rough_spheres"]
     assert config["funnel"] == config["funnel"] | study["fillings"]["open_cone"]
     assert config["simulation"]["tension"] == "keep"
@@ -66,7 +66,7 @@ def test_named_parts_of_the_shape_study_replace_those_of_the_default(
     (tmp_path / "research.yaml").write_text(
         "shape_study: {sensitivities: {slow: {rate_per_s: 20.0}}}"
     )
-    study = settings.of(LARGE)["shape_study"]
+    study = settings.read_settings(LARGE)["shape_study"]
     assert study["sensitivities"] == {"slow": {"rate_per_s": 20.0}}
     assert len(study["fillings"]) > 1
 
@@ -78,6 +78,6 @@ def test_free_names_have_values_of_the_same_type(tmp_path, monkeypatch):
         "second_responses: {minutes: {plate: 7.5, drum: ten}}\nshape_study: {fillings: {here: 3}}"
     )
     with pytest.raises(InputError) as caught:
-        settings.of(LARGE)
+        settings.read_settings(LARGE)
     keys = [fault.key for fault in caught.value.faults]
     assert keys == ["second_responses.minutes.drum", "shape_study.fillings.here"]

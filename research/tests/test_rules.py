@@ -126,7 +126,7 @@ def test_every_caption_is_used_and_can_be_filled_in():
         path.read_text() for path in (ROOT / "research/rules").glob("*.smk")
     )
     config = PipelineConfig.load(ROOT / "config/config.yaml").config
-    config |= settings.of(config)
+    config |= settings.read_settings(config)
     environment = jinja2.Environment(undefined=jinja2.StrictUndefined, autoescape=False)
     captions = sorted((ROOT / "research/report").glob("*.rst"))
     assert captions

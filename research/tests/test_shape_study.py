@@ -37,7 +37,7 @@ TARGETS = Targets.of([ANGLE, HEIGHT])
 @pytest.fixture(scope="module")
 def quick():
     config = PipelineConfig.load(ROOT / "config/quick.yaml").config
-    return config | settings.of(config)
+    return config | settings.read_settings(config)
 
 
 @pytest.fixture(scope="module")

@@ -34,7 +34,7 @@ def content(folder):
 
 def test_tables_and_figures_are_kept_and_pours_are_not(tmp_path):
     out = tmp_path / "published"
-    copied = snapshot.take(study(tmp_path), out)
+    copied = snapshot.copy_study(study(tmp_path), out)
     assert sorted(p.relative_to(out).as_posix() for p in copied) == [
         "card.json",
         "comparison/accuracy.csv",
@@ -65,10 +65,10 @@ def test_the_command_prints_what_it_copied_and_refuses_an_unfinished_study(
 def test_a_snapshot_replaces_an_earlier_one_whole(tmp_path):
     results = study(tmp_path)
     out = tmp_path / "published"
-    snapshot.take(results, out)
+    snapshot.copy_study(results, out)
     (results / "pool/fresh_runs.csv").unlink()
     (results / "dataset.csv").write_text("another study")
-    snapshot.take(results, out)
+    snapshot.copy_study(results, out)
     assert not (out / "pool/fresh_runs.csv").exists()
     assert (out / "dataset.csv").read_text() == "another study"
 
@@ -83,19 +83,24 @@ def test_a_folder_that_no_snapshot_made_is_left_as_it_is(tmp_path, where):
     (tmp_path / "thesis/chapter.tex").write_text("years of work")
     (tmp_path / "a_file").write_text("text")
     before = content(tmp_path)
-    input_error(r"expected a (new )?folder", snapshot.take, results, tmp_path / where)
+    input_error(
+        r"expected a (new )?folder", snapshot.copy_study, results, tmp_path / where
+    )
     assert content(tmp_path) == before
 
 
 def test_a_file_that_somebody_added_or_changed_keeps_an_earlier_snapshot(tmp_path):
     results = study(tmp_path)
     out = tmp_path / "published"
-    snapshot.take(results, out)
+    snapshot.copy_study(results, out)
     for name in ("notes.txt", "dataset.csv"):
         (out / name).write_text("mine")
         before = content(tmp_path)
         input_error(
-            f"content is '{name}'; expected a new folder", snapshot.take, results, out
+            f"content is '{name}'; expected a new folder",
+            snapshot.copy_study,
+            results,
+            out,
         )
         assert content(tmp_path) == before
         (out / name).unlink()
@@ -105,16 +110,16 @@ def test_what_cannot_be_kept_is_refused(tmp_path, monkeypatch):
     results = study(tmp_path)
     out = tmp_path / "published"
     monkeypatch.setattr(snapshot, "LARGEST_FILE", 5)
-    input_error("at most 5 bytes", snapshot.take, results, out)
+    input_error("at most 5 bytes", snapshot.copy_study, results, out)
     (results / "card.json").unlink()
-    input_error("a finished study", snapshot.take, results, out)
+    input_error("a finished study", snapshot.copy_study, results, out)
     assert not out.exists()
 
 
 def test_a_study_in_a_folder_of_another_is_no_part_of_its_snapshot(tmp_path):
     results = study(tmp_path)
     out = tmp_path / "published"
-    files = [path.relative_to(out) for path in snapshot.take(results, out)]
+    files = [path.relative_to(out) for path in snapshot.copy_study(results, out)]
     for name in ("fast", "published/fast", "sequential", "paper"):
         for part in (
             "config.json",
@@ -125,4 +130,6 @@ def test_a_study_in_a_folder_of_another_is_no_part_of_its_snapshot(tmp_path):
             write_text(results / name / part, "{}")
     for name in ("published/refined/batch_2/dataset.csv", "copies/batch_1/dataset.csv"):
         write_text(results / name, "in no study")
-    assert [path.relative_to(out) for path in snapshot.take(results, out)] == files
+    assert [
+        path.relative_to(out) for path in snapshot.copy_study(results, out)
+    ] == files
