@@ -47,15 +47,16 @@ def write_listed_file(
     path = Path(path)
     check_replaceable(path)
 
-    def write_and_note(handle: IO[bytes]) -> None:
+    def write_and_list(handle: IO[bytes]) -> None:
+        """Write the content into a temporary file, and list it under its later name."""
         write(handle)
         handle.flush()
-        # List the file before it gets its name. If the program is killed in between, an
-        # unlisted file would be taken for a file of the user.
+        # List the file before it gets its name. Otherwise, if the program were killed in
+        # between, the next run would mistake it for a file of the user.
         _append_entry(path.parent, path.name, _hash_file(handle.name))
 
     try:
-        write_atomically(path, write_and_note)
+        write_atomically(path, write_and_list)
     except OSError as error:
         # The error of a full disk names no file.
         if error.filename is None:

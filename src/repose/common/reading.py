@@ -207,7 +207,7 @@ def _parse_cached(text: str, name: str) -> Any:
     Every error of PyYAML is raised again as an InputError.
     """
     try:
-        return _construct(text, name)
+        return _construct_document(text, name)
     except InputError:
         raise
     except yaml.MarkedYAMLError as error:
@@ -224,8 +224,8 @@ def _parse_cached(text: str, name: str) -> Any:
         ) from None
 
 
-def _construct(text: str, name: str) -> Any:
-    """Build the value of a YAML document.
+def _construct_document(text: str, name: str) -> Any:
+    """Convert a YAML document to plain values.
 
     Parameters
     ----------
@@ -314,19 +314,26 @@ def _find_line_without_colon(lines: Sequence[str]) -> tuple[int, str] | None:
     Returns
     -------
     tuple of int and str, or None
-        Number of the line, counted from 1, and its text. None if there is no such line.
+        Number of the line, counted from 1, and its text. None if no line without a colon
+        is known to be wrong.
     """
     for number, text in enumerate(lines, start=1):
         if KEY_AT_MARGIN.match(text):
             continue
-        # The line is valid if it continues a text or list of several lines. The lines
-        # before it are then an incomplete document.
-        try:
-            yaml.compose("\n".join(lines[: number - 1]), Loader=yaml.SafeLoader)
-        except yaml.YAMLError:
-            return None
-        return number, text
+        # The line may continue a text or list of several lines. It is then valid, and the
+        # lines before it are an incomplete document.
+        lines_before = "\n".join(lines[: number - 1])
+        return (number, text) if _is_complete_document(lines_before) else None
     return None
+
+
+def _is_complete_document(text: str) -> bool:
+    """Tell whether a text is a valid YAML document by itself."""
+    try:
+        yaml.compose(text, Loader=yaml.SafeLoader)
+    except yaml.YAMLError:
+        return False
+    return True
 
 
 def _count_characters(node: yaml.Node, counts: dict[int, int]) -> int:

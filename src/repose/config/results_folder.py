@@ -125,6 +125,7 @@ def require_separate_folder(results_dir: str) -> str:
             "a folder of its own, not around the project and outside "
             f"{', '.join(PROJECT_FOLDERS)}"
         )
+        # An empty key stands for the value itself.
         refuse([("", allowed)])
     return results_dir
 

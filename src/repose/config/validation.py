@@ -64,8 +64,8 @@ def find_time_step_faults(
     if settings.simulation.time_step_s <= limit.time_step_s:
         return
 
-    # Without a modulus in the configuration, it was computed from measured forces. Show
-    # it, since forces in a wrong unit give a wrong modulus and so a wrong time step.
+    # Without a modulus in the configuration, it was computed from measured forces. Forces
+    # in a wrong unit give a wrong modulus and so a wrong time step, so show the modulus.
     allowed = limit.allowed
     if settings.berry.shear_modulus_pa is None:
         modulus = f"{mean_grain['elastic_modulus_pa']:.2g} Pa"
@@ -190,8 +190,8 @@ class ConfigChecks:
         if not isinstance(entries, list):
             # A later check reports the fault.
             return
-        owner = find_file_to_edit(self.source, "targets")
-        expanded = profile_targets.expand_profiles(entries, owner)
+        file = find_file_to_edit(self.source, "targets")
+        expanded = profile_targets.expand_profiles(entries, file)
         targets = [complete_target(entry) for entry in expanded]
         self.config = self.config | {"targets": targets}
 
@@ -337,8 +337,7 @@ class ConfigChecks:
             result = self._call_and_collect_faults(
                 "berry", berry.compute_configured_grain, settings.berry, table1
             )
-            # The first part of the result is the statistics of the sizes, which no check
-            # needs.
+            # The result also has the statistics of the sizes, which no check needs.
             if result is not None:
                 _, self.mean_grain = result
         if self.mean_grain is not None and self.particle is None:

@@ -164,16 +164,17 @@ def _list_common_differences(job: Job) -> list[str]:
 def _describe_rolling_difference(job: Job) -> str:
     """Describe how rolling resistance in a deck differs from that of the study.
 
-    If the law of the study acts on each body, no program has an equivalent, so decks use
-    another law. The other laws exist in the programs, but act between two spheres.
+    If the law of the study acts on each body, no program has an equivalent law, so a deck
+    uses another one. Any other law exists in the programs, but there it acts between two
+    spheres and not between two grains.
     """
     law = job.simulation.rolling_law
     lever_mm = 1e3 * job.lever_m
     if ROLLING_LAWS.entry(law).of_each_body:
         difference = (
             "rolling resistance is a spring with a limit against the relative rotation "
-            "(model C of Ai et al. 2011, without damping or with); in the study a budget "
-            "of each body (model A). Its coefficients here are those of the study times "
+            "(model C of Ai et al. 2011, with or without damping); in the study each body "
+            "has a budget (model A). The coefficients here are those of the study times "
             f"the mean lever {lever_mm:.3g} mm over the effective radius of two spheres"
         )
         if job.is_sphere:
@@ -189,7 +190,7 @@ def _describe_rolling_difference(job: Job) -> str:
         resistance = "a constant torque"
     return (
         f"rolling resistance is between two spheres, with {resistance}; in the study "
-        f"{law} between two bodies, which resists spin about the normal too. Its "
+        f"{law} between two bodies, which also resists spin about the normal. The "
         f"coefficients here are those of the study times the mean lever {lever_mm:.3g} mm "
         "over the radius of a sphere"
     )

@@ -195,7 +195,7 @@ def make_job(
     InputError
         If the particle is no clump of spheres, and is not replaced by one sphere.
     """
-    scene = Scene.of(config, parameters, grain, particle)
+    scene = Scene.of(config, parameters, grain=grain, particle=particle)
     funnel = scene.settings.section("funnel", FunnelSettings)
     notes = list(_list_missing_features(scene.settings, funnel))
 
@@ -229,8 +229,13 @@ def make_job(
         lever_m=surface.distance_m,
         grain=materials["berry"],
         wall=materials["wall"],
-        grains=_make_pair(scene, "gg", "berry", 0.5 * surface.radius_m),
-        on_wall=_make_pair(scene, "gp", "wall", surface.radius_m),
+        # R* of two equal spheres is half of their radius.
+        grains=_make_pair(
+            scene, "gg", other="berry", effective_radius_m=0.5 * surface.radius_m
+        ),
+        on_wall=_make_pair(
+            scene, "gp", other="wall", effective_radius_m=surface.radius_m
+        ),
         simulation=scene.settings.simulation,
         funnel=funnel,
         time_step_s=_advise_time_step_s(scene, rayleigh_s),

@@ -78,6 +78,8 @@ def write_contact_law(job: Job, pair: Pair) -> str:
     # modulus at which two equal surfaces have the E* of the pair.
     poisson = job.grain.poisson_ratio
     young_pa = 2.0 * (1.0 - poisson**2) * pair.effective_young_pa
+
+    # The tangential stiffness is this factor times the radius of the contact area.
     tangential_spring = TANGENTIAL_SPRINGS[job.simulation.contact_law]
     tangential_factor = 8.0 * pair.effective_shear_pa
 

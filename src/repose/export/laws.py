@@ -91,7 +91,8 @@ def describe_law_constants(job: Job) -> list[str]:
             )
         lines.append(f"{line}.")
 
-    # The twisting friction may be set for both contacts, for one of them or for none.
+    # The twisting friction may be set for both contacts, for one of them or for none. Where
+    # it is not set, the engine computes it from the static friction mu_s.
     if TWISTING.name in grains or TWISTING.name in on_wall:
         default = "3 pi / 16 mu_s"
         lines.append(
