@@ -89,20 +89,19 @@ def check(args: argparse.Namespace, study: PipelineConfig) -> None:
     --------
     $ repose check --config config/paper.yaml
     """
+    from repose.config import check as check_lines
+
     if args.cores < 1:
         raise InputError(
             "command line", key="--cores", value=args.cores, allowed="at least 1"
         )
-    from repose.config import check as check_lines
-    from repose.config import cost
-
     settings = study.settings
     print(
         f"{', '.join(args.config)}: {settings.label}, good; "
         f"results go to {settings.results_dir}"
     )
     if study.simulator is not None:
-        _describe_external_study(args, study, study.simulator)
+        _print_external_study(args, study, study.simulator)
         return
     if args.makes_run:
         raise InputError(
@@ -111,25 +110,42 @@ def check(args: argparse.Namespace, study: PipelineConfig) -> None:
             value="given",
             allowed="a study with a section simulator; without it `check` makes trial runs itself",
         )
+
     # Describe the study, and make trial runs.
-    _print_computed(args.config, study)
+    _print_computed_settings(args.config, study)
     _print_lines(check_lines.describe_study(study))
     _print_lines(check_lines.warn_of_few_measurements(study))
     grain_step_s = _measure_grain_step_s(study)
     _print_lines(check_lines.run_trials(study, grain_step_s, show_elapsed_seconds))
+    _print_cost(study, grain_step_s, args.cores)
 
-    # Print the number of runs and their time.
-    pours = cost.list_strategy_pours(settings, settings.strategy)
+
+def _print_cost(study: PipelineConfig, grain_step_s: float, n_cores: int) -> None:
+    """Print the number of runs of a study by its strategy, and their time.
+
+    Parameters
+    ----------
+    study : PipelineConfig
+        The study.
+    grain_step_s : float
+        Time for one step of one grain [s].
+    n_cores : int
+        The number of cores of the run.
+    """
+    from repose.config import cost
+
+    pours = cost.list_strategy_pours(study.settings, study.settings.strategy)
     work = cost.estimate_work(study.config, grain_step_s, pours)
     _print_pours(work["pours"])
-    minutes = work["total_s"] / args.cores / 60
+    minutes = work["total_s"] / n_cores / 60
     print(
-        f"about {format_significant(work['pour_s'], 2)} s per pour, and {format_significant(minutes, 2)} min "
-        f"on {args.cores} cores for the study, as fast as this machine is now"
+        f"about {format_significant(work['pour_s'], 2)} s per pour, and "
+        f"{format_significant(minutes, 2)} min on {n_cores} cores for the study, as fast as "
+        "this machine is now"
     )
 
 
-def _describe_external_study(
+def _print_external_study(
     args: argparse.Namespace, study: PipelineConfig, simulator: "SimulatorSettings"
 ) -> None:
     """Print the checks of a study whose runs are made by another program.
@@ -163,7 +179,7 @@ def _describe_external_study(
         _print_lines(external_check.make_trial_run(study, simulator, args.cores))
 
 
-def _print_computed(files: list[str], study: PipelineConfig) -> None:
+def _print_computed_settings(files: list[str], study: PipelineConfig) -> None:
     """Print the numbers of the keys that are `auto` or missing in the files.
 
     Parameters

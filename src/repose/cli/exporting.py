@@ -169,20 +169,18 @@ def _find_study(args: argparse.Namespace, card: Card | None) -> PipelineConfig |
 
     if card is None:
         args.config = str(CONFIG.keywords["default"])
-        study = load_study(args)
-        # Make the grain now, so that faults in its files are reported early.
-        _ = study.grain
-        return study
+        return _load_study_with_grain(args)
 
+    # Search the folder of the card for the configuration of its study.
     path = find_configuration(args.card)
     if path is None:
         return None
     args.config = str(path)
     try:
-        study = load_study(args)
-        _ = study.grain
+        return _load_study_with_grain(args)
     except InputError as error:
         # The card may have been moved to a place where the files of its study are missing.
+        # The card alone is enough, so print a note and go on.
         args.config = None
         first_line = error.args[0].splitlines()[0]
         print(
@@ -190,6 +188,15 @@ def _find_study(args: argparse.Namespace, card: Card | None) -> PipelineConfig |
             file=sys.stderr,
         )
         return None
+
+
+def _load_study_with_grain(args: argparse.Namespace) -> PipelineConfig:
+    """Load the study of --config, and make its grain.
+
+    The grain is made now, so that faults in its files are reported early.
+    """
+    study = load_study(args)
+    _ = study.grain  # a property that makes the grain at its first use
     return study
 
 
