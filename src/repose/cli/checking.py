@@ -243,18 +243,23 @@ def plan(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.calibrate.strategies import plan as planning
     from repose.config import check, external_check
 
-    # Earlier runs show the noise. If there are none, the noise is assumed.
+    # Read earlier runs, which show the noise. If there are none, the noise is assumed.
     runs_csv = args.runs or _find_own_runs(study)
     runs = None
     if runs_csv is not None:
         runs = planning.read_runs(runs_csv, study.targets)
 
+    # Describe the study, and plan its runs.
     if study.simulator is None:
         _print_lines(check.describe_study(study))
     else:
         _print_lines(external_check.describe_strategy(study, args.config))
     result = planning.make_plan(
-        study.parameters, study.targets, study.settings.strategy, runs, runs_csv
+        study.parameters,
+        study.targets,
+        study.settings.strategy,
+        runs=runs,
+        source=runs_csv,
     )
     _print_noise(study, result, runs_csv)
     _print_probabilities(result)
@@ -267,9 +272,8 @@ def plan(args: argparse.Namespace, study: PipelineConfig) -> None:
 
     # Show these lines now, because the costs below need a pour that takes some time.
     sys.stdout.flush()
-    _print_lines(
-        check.tabulate_costs(study, result.budgets, _measure_grain_step_s(study))
-    )
+    grain_step_s = _measure_grain_step_s(study)
+    _print_lines(check.tabulate_costs(study, result.budgets, grain_step_s))
 
 
 def _find_own_runs(study: PipelineConfig) -> Path | None:

@@ -364,6 +364,7 @@ def call_snakemake(main: Callable[[list[str]], object], arguments: list[str]) ->
         try:
             main(arguments)
         except KeyboardInterrupt:
+            # `interruption` has the signal.
             pass
         except SystemExit as end:
             status = end.code if isinstance(end.code, int) else 1

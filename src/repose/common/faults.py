@@ -387,14 +387,19 @@ def _make_faults(
         if error.type in UNKNOWN_KEY_TYPES:
             section = find_schema(error.path, model)
             known = sorted(section["properties"])
-            # Look for a similar key only while faults are still reported one by one.
-            similar: list[str] = []
+            # Guess which key was meant only while faults are still reported one by one,
+            # because guessing takes time.
+            guess = None
             if n_guesses < MOST_REPORTED:
-                similar = get_close_matches(str(error.unknown), known, 1)
+                matches = get_close_matches(str(error.unknown), known, 1)
+                guess = matches[0] if matches else None
                 n_guesses += 1
-            # A misspelt key must not be reported as missing, too.
-            explained_keys.add(".".join([*error.path, *similar]))
-            yield _describe_unknown_key(error, config, source, known, similar)
+            if guess is not None:
+                # A misspelt key must not be reported as missing, too.
+                explained_keys.add(".".join([*error.path, guess]))
+            yield _describe_unknown_key(
+                error, config, source=source, known=known, guess=guess
+            )
         elif error.type == "missing":
             if key not in explained_keys:
                 yield _describe_missing_key(error, source, model)
@@ -457,7 +462,7 @@ def _describe_unknown_key(
     config: Any,
     source: str | Origin,
     known: Sequence[str],
-    similar: Sequence[str],
+    guess: str | None,
 ) -> InputError:
     """Make the fault of a key that does not exist.
 
@@ -471,15 +476,14 @@ def _describe_unknown_key(
         The file that the fault names.
     known : sequence of str
         The keys that its section may have.
-    similar : sequence of str
-        The one of `known` that the user probably meant; empty if none is similar.
+    guess : str or None
+        The key of `known` that the user probably meant; None if no key is similar.
     """
     unknown_name = str(error.unknown)
     key = ".".join([*error.path, unknown_name])
-    if similar:
-        hint = f"did you mean {similar[0]}?"
-    else:
-        hint = f"keys here: {', '.join(known)}"
+    hint = f"keys here: {', '.join(known)}"
+    if guess is not None:
+        hint = f"did you mean {guess}?"
 
     # Find the value by the key's text: pydantic reports keys such as null or 1.5 as text.
     section = follow_path(config, error.path)

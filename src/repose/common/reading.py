@@ -169,12 +169,11 @@ def read_yaml(path: str | os.PathLike) -> dict[str, Any]:
             path, key="file", value="not text", allowed="a YAML or JSON file in UTF-8"
         ) from None
     content = parse_yaml(text, str(path))
-    shown = "empty" if content is None else content
     if not isinstance(content, dict):
         raise InputError(
             path,
             key="content",
-            value=shown,
+            value="empty" if content is None else content,
             allowed="keys with values, as `repose new` writes them",
         )
     return content

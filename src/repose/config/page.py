@@ -79,10 +79,11 @@ def update_tables(text: str) -> str:
     def format_table(match: re.Match[str]) -> str:
         """Write a table between the two lines that name it in the page."""
         name = match[1]
+        # In Markdown a rule separates the header of a table from its rows.
         rule = "|---" * len(COLUMNS) + "|"
         lines = [_format_line(COLUMNS), rule, *_format_rows(tables_by_name[name])]
-        text_of_table = "\n".join(lines)
-        return f"<!-- keys: {name} -->\n\n{text_of_table}\n\n<!-- end -->"
+        table_text = "\n".join(lines)
+        return f"<!-- keys: {name} -->\n\n{table_text}\n\n<!-- end -->"
 
     return TABLE_PATTERN.sub(format_table, text)
 
