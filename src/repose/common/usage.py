@@ -143,6 +143,8 @@ def list_processes_since(folder: str | os.PathLike, start_s: float) -> list[Proc
 def correct_benchmarks(folder: str | os.PathLike, processes: Iterable[Process]) -> None:
     """Correct the processor time in the benchmarks that snakemake has written.
 
+    Snakemake reads the processor time only from time to time, so its number is too small.
+
     Parameters
     ----------
     folder : path

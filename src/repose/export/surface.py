@@ -41,7 +41,11 @@ def compute_profile(funnel: Funnel) -> np.ndarray:
     def make_arc(
         centre_z: float, start_deg: float, end_deg: float
     ) -> list[list[float]]:
-        """List points (r, z) on a rounded edge between two angles."""
+        """List points (r, z) on a rounded edge between two angles.
+
+        The angles count from the direction away from the axis. An edge is highest at 90
+        degrees, nearest to the axis at 180 degrees and lowest at 270 degrees.
+        """
         n_points = 1 + math.ceil((end_deg - start_deg) / LARGEST_ARC_DEG)
         angles = np.radians(np.linspace(start_deg, end_deg, n_points))
         points = []
@@ -52,7 +56,8 @@ def compute_profile(funnel: Funnel) -> np.ndarray:
         return points
 
     inlet = [0.5 * funnel.inlet_diameter_m, funnel.inlet_height_m]
-    # The arc of the neck begins at the point where it touches the cone.
+    # The arc of the neck begins at the point where it touches the cone, and ends where the
+    # wall is vertical.
     touching_deg = 90.0 + math.degrees(math.radians(funnel.cone_angle_deg))
     neck = make_arc(funnel.neck_height_m, touching_deg, 180.0)
     lip = make_arc(funnel.outlet_height_m, 180.0, 270.0)
