@@ -68,9 +68,9 @@ def make_allowed_design(
     """Make a design whose points all obey the constraints and are evenly spread.
 
     A design of more points fills the whole cube evenly, so its allowed points fill the
-    allowed part evenly. The size of the design grows until enough points are allowed. If
-    too many are, those nearest to other points are dropped. With constraints, the result
-    is not a Latin hypercube.
+    allowed part evenly. The size of the design grows until enough points are allowed.
+    If more points than necessary are allowed, those nearest to other points are
+    dropped. With constraints, the result is not a Latin hypercube.
 
     Parameters
     ----------
@@ -119,9 +119,10 @@ def _drop_nearest(points: np.ndarray, count: int) -> np.ndarray:
     np.fill_diagonal(distances, np.inf)
     kept = np.arange(len(points))
     while len(kept) > count:
-        among = np.sort(distances[np.ix_(kept, kept)], axis=1)
+        # The distances of each kept point from the others, the smallest first.
+        neighbours = np.sort(distances[np.ix_(kept, kept)], axis=1)
         # Sort the points by the distance of their nearest neighbour. The two nearest
         # points share this distance, so sort them by their second nearest neighbour.
-        order = np.lexsort((among[:, 1], among[:, 0]))
+        order = np.lexsort((neighbours[:, 1], neighbours[:, 0]))
         kept = np.delete(kept, order[0])
     return points[kept]

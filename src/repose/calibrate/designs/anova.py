@@ -113,7 +113,7 @@ def make_anova_table(model: Model) -> pd.DataFrame:
 
 
 def compute_statistics(model: Model) -> dict[str, float]:
-    """Compute statistics of the fit, as in Design-Expert.
+    """Compute the statistics of the fit that the program Design-Expert shows.
 
     Parameters
     ----------
@@ -122,14 +122,17 @@ def compute_statistics(model: Model) -> dict[str, float]:
     Returns
     -------
     dict
-        `press` is the sum of the squared errors of predicting each run from all others.
+        `std_dev` is the standard deviation of the residuals, and `mean` the mean
+        response. `cv_percent` is the first in percent of the second. `press` is the sum
+        of the squared errors of predicting each run from all others. `r2`,
+        `adjusted_r2` and `predicted_r2` are coefficients of determination.
         `adequate_precision` is the range of the predictions divided by their mean
         standard error. If the error has no degrees of freedom, the statistics that need
         it are NaN.
     """
     n = len(model.response)
     residual = model.residual_squares
-    # The squares about the mean are those of the model and of the residuals.
+    # The sum of squares about the mean is that of the model plus that of the residuals.
     model_squares = (
         make_anova_table(model).set_index("source").loc["model", "sum_of_squares"]
     )
@@ -139,15 +142,16 @@ def compute_statistics(model: Model) -> dict[str, float]:
     press = _compute_press(model)
     predictions = model.matrix @ model.all_coefficients
     # The mean variance of the predictions is sigma^2 p / n, with p coefficients.
-    mean_error = sigma * math.sqrt(model.matrix.shape[1] / n)
+    n_coefficients = model.matrix.shape[1]
+    mean_error = sigma * math.sqrt(n_coefficients / n)
+    mean_residual_square = _compute_mean_square(residual, model.df)
     return {
         "std_dev": sigma,
         "mean": mean,
         "cv_percent": 100 * _divide(sigma, mean),
         "press": press,
         "r2": 1 - _divide(residual, total),
-        "adjusted_r2": 1
-        - _divide(_compute_mean_square(residual, model.df), total / (n - 1)),
+        "adjusted_r2": 1 - _divide(mean_residual_square, total / (n - 1)),
         "predicted_r2": 1 - _divide(press, total),
         "adequate_precision": _divide(float(np.ptp(predictions)), mean_error),
     }

@@ -35,27 +35,28 @@ def box_behnken(factors: int, centres: int) -> np.ndarray:
     Parameters
     ----------
     factors : int
-        From 3 to 7.
+        Number of factors, from 3 to 7.
     centres : int
         Number of centre runs, at least one for each block.
 
     Returns
     -------
     array (n, factors)
-        Of -1, 0 and 1.
+        The runs in coded units: -1, 0 or 1 for each factor.
     """
     blocks = BLOCKS[factors]
     runs = []
-    for number, block in enumerate(blocks, start=1):
+    for block_number, block in enumerate(blocks, start=1):
         # Run all corners of a group of factors, with the other factors at the centre.
         for factor_numbers in block:
             corners = make_full_factorial(len(factor_numbers))
             group = np.zeros((len(corners), factors))
-            group[:, np.array(factor_numbers) - 1] = corners
+            columns = np.array(factor_numbers) - 1  # factors are numbered from 1
+            group[:, columns] = corners
             runs.append(group)
-        # Divide the centre runs equally; the first blocks get one of the rest each.
+        # Divide the centre runs equally. If some remain, the first blocks get one more.
         n_centres = centres // len(blocks)
-        if number <= centres % len(blocks):
+        if block_number <= centres % len(blocks):
             n_centres += 1
         runs.append(np.zeros((n_centres, factors)))
     return np.vstack(runs)

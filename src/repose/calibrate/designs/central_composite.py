@@ -27,7 +27,7 @@ def central_composite(factors: int, axial: str, centres: int) -> CentralComposit
     Parameters
     ----------
     factors : int
-        From 2 to 7.
+        Number of factors, from 2 to 7.
     axial : str
         With "rotatable" the axial distance is the fourth root of the number of
         factorial runs. The variance of a prediction then depends only on its distance
@@ -35,6 +35,11 @@ def central_composite(factors: int, axial: str, centres: int) -> CentralComposit
         levels.
     centres : int
         Number of centre runs.
+
+    Returns
+    -------
+    CentralComposite
+        The runs in coded units, and the axial distance.
     """
     if factors < HALF_FRACTION_FROM:
         corners = make_full_factorial(factors)

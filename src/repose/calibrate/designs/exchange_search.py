@@ -59,7 +59,9 @@ class Pairs:
         n = len(points)
         self.points = points.copy()
         self.doublings = doublings
+        # Indices of each pair of points, once.
         self.below = np.tril_indices(n, -1)
+        # Squared distances and repulsions of all pairs. No point repels itself.
         self.squared = np.full((n, n), np.inf)
         self.repulsion = np.zeros((n, n))
         for row in range(n):
@@ -140,7 +142,7 @@ class _Threshold:
     is_rising: bool = True
 
     def adapt(self, is_better: bool, accepted: int, improved: int, trials: int) -> None:
-        """Adapt the threshold after a round.
+        """Adapt the threshold, which is the attribute `value`, after a round.
 
         While the best design improves, the threshold is kept so low that few exchanges
         are accepted. When the best design no longer improves, the threshold rises until

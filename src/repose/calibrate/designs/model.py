@@ -22,13 +22,19 @@ def list_terms(factors: int, order: str) -> tuple[Term, ...]:
     order : str
         One of `ORDERS`. "linear" has single factors, "interaction" also products of
         two, "quadratic" also squares.
+
+    Returns
+    -------
+    tuple of Term
+        A term is a tuple of the numbers of the factors that are multiplied, from 0.
     """
     factor_numbers = range(factors)
-    position = ORDERS.index(order)  # each order has the terms of those before it
+    # Each order has the terms of the orders before it, and further ones.
+    position = ORDERS.index(order)
     terms: list[Term] = [(k,) for k in factor_numbers]
-    if position >= 1:
+    if position >= ORDERS.index("interaction"):
         terms += combinations(factor_numbers, 2)
-    if position >= 2:
+    if position >= ORDERS.index("quadratic"):
         terms += [(k, k) for k in factor_numbers]
     return tuple(terms)
 
@@ -125,6 +131,10 @@ def fit_model(
         Names of the k factors.
     order : str or sequence
         One of `ORDERS`, or the terms themselves.
+
+    Returns
+    -------
+    Model
 
     Raises
     ------

@@ -51,7 +51,8 @@ def replace_forbidden(
     Returns
     -------
     AllowedDesign
-        As many runs. The allowed runs keep their rows.
+        As many runs as `coded`, and which of them are new. The allowed runs keep their
+        rows.
 
     Raises
     ------
@@ -63,10 +64,14 @@ def replace_forbidden(
     is_new = ~region.is_allowed(coded)
     if not is_new.any():
         return AllowedDesign(coded, is_new)
+
+    # Put new runs in the rows of the forbidden ones.
     terms = list_terms(coded.shape[1], order)
-    new_runs = choose_added_runs(coded[~is_new], int(is_new.sum()), region, terms)
+    n_new = int(is_new.sum())
     runs = coded.copy()
-    runs[is_new] = new_runs
+    runs[is_new] = choose_added_runs(coded[~is_new], n_new, region, terms)
+
+    # A narrow region may not have enough different runs for the model.
     rank = int(np.linalg.matrix_rank(_make_model_rows(runs, terms)))
     if rank < len(terms) + 1:
         raise ValueError(
@@ -81,7 +86,9 @@ def choose_added_runs(
 ) -> np.ndarray:
     """Choose D-optimal runs (count, factors) to add to the kept runs.
 
-    They maximise the determinant of X'X of the kept and the new runs together.
+    They maximise the determinant of X'X, where the matrix X of the model has a row for
+    each kept and each new run. The search starts from several sets of points of the
+    region, and the best result is returned.
 
     Parameters
     ----------
@@ -113,15 +120,15 @@ def _exchange_coordinates(
 ) -> None:
     """Exchange coordinates of the new runs until no exchange raises the determinant.
 
-    The array `runs` is changed in place. An exchange gives one factor of a run another
-    of the `LEVELS`.
+    The array `runs` is changed in place. An exchange moves one factor of a run to
+    another one of the `LEVELS`.
     """
     for _ in range(MAX_ROUNDS):
         is_changed = False
         for row in range(len(runs)):
             others = np.vstack([kept, np.delete(runs, row, axis=0)])
-            # A run with the row f of the model multiplies the determinant of the
-            # others, that of M, by 1 + f' M^-1 f.
+            # Let M be the matrix X'X of the other runs. A run whose row in X is f
+            # multiplies the determinant of M by 1 + f' M^-1 f.
             inverse = np.linalg.inv(_compute_information(others, terms))
             for factor in range(runs.shape[1]):
                 candidates = np.repeat(runs[row][None], len(LEVELS) + 1, axis=0)

@@ -12,9 +12,8 @@ from repose.calibrate.designs.region import Region
 
 # Deviations from the targets, in their scales.
 MET_DEVIATION = 1e-6  # below this a target counts as met
-NEARLY_MET_DEVIATION = (
-    1e-3  # below this the search looks for points that meet all targets
-)
+# Below this the search looks for points that meet all targets.
+NEARLY_MET_DEVIATION = 1e-3
 # A minimum starts such a search if its sum of squared deviations is below this.
 GOOD_START_SQUARE = 1e-6
 
@@ -44,7 +43,7 @@ def compute_desirability(
     Returns
     -------
     array (n,)
-        From 0 to 1.
+        Desirabilities from 0 to 1.
     """
     predicted = np.atleast_2d(np.asarray(predicted, dtype=float))
     aims = np.asarray(aims, dtype=float)
@@ -81,8 +80,8 @@ class _Deviations:
         """Compute the deviations (responses,), divided by the scale."""
         return self(point) / self.scale
 
-    def squared(self, point: np.ndarray) -> float:
-        """Sum the squares of the scaled deviations."""
+    def sum_of_squares(self, point: np.ndarray) -> float:
+        """Compute the sum of the squared scaled deviations."""
         return float((self.scaled(point) ** 2).sum())
 
     def largest(self, point: np.ndarray) -> float:
@@ -115,20 +114,24 @@ def find_optimum(
         Ranges of the responses, for the desirability.
     region : Region or None
         The part of the cube that is allowed; None for all of it.
+
+    Returns
+    -------
+    Optimum
     """
     aims = np.asarray(aims, dtype=float)
     deviations = _Deviations(models, aims, np.asarray(scale, dtype=float))
     n_factors = len(models[0].factors)
     bounds = [(-1.0, 1.0)] * n_factors
     minima = _find_minima(deviations, bounds, region)
-    best = min(minima, key=deviations.squared)
+    best = min(minima, key=deviations.sum_of_squares)
 
     # If the targets can be met, move towards the centre along the points that meet them.
     if deviations.largest(best) < NEARLY_MET_DEVIATION:
         central = [
             _find_most_central(deviations, point, bounds=bounds, region=region)
             for point in minima
-            if deviations.squared(point) < GOOD_START_SQUARE
+            if deviations.sum_of_squares(point) < GOOD_START_SQUARE
         ]
         exact = [
             point for point in central if deviations.largest(point) < MET_DEVIATION
@@ -149,33 +152,45 @@ def find_optimum(
 def _find_minima(
     deviations: _Deviations, bounds: list[tuple[float, float]], region: Region | None
 ) -> list[np.ndarray]:
-    """Minimise the squared deviations from several starts; return a point (k,) for each.
+    """Minimise the sum of the squared deviations from several starts.
 
     The starts are the centre of the cube, the points half way to each corner, and the
     middles of the faces. Forbidden starts are moved to the edge of the region.
+
+    Parameters
+    ----------
+    deviations : _Deviations
+    bounds : list of pair of float
+        Lowest and highest value of each of the k factors.
+    region : Region or None
+        The part of the cube that is allowed; None for all of it.
+
+    Returns
+    -------
+    list of numpy.ndarray, (k,)
+        The minimum that each search found. All are in the region.
     """
     from scipy import optimize
 
     n_factors = len(bounds)
+    corners = make_full_factorial(n_factors)
+    upper_faces = np.eye(n_factors)
     starts = np.vstack(
-        [
-            np.zeros(n_factors),
-            0.5 * make_full_factorial(n_factors),
-            np.eye(n_factors),
-            -np.eye(n_factors),
-        ]
+        [np.zeros(n_factors), 0.5 * corners, upper_faces, -upper_faces],
     )
-    # SLSQP allows constraints. Without constraints, L-BFGS-B keeps the published results.
+    # L-BFGS-B is the method of the published results, but it allows no constraints.
+    # With constraints, use SLSQP instead.
     options: dict[str, Any] = {"method": "L-BFGS-B"}
     if region is not None:
         starts = np.array([region.pull_inside(start) for start in starts])
         options = {"method": "SLSQP", "constraints": _make_scipy_constraints(region)}
     minima = [
         optimize.minimize(
-            deviations.squared, start, bounds=bounds, tol=1e-14, **options
+            deviations.sum_of_squares, start, bounds=bounds, tol=1e-14, **options
         ).x
         for start in starts
     ]
+    # SLSQP may end slightly beyond a constraint.
     return _pull_inside(minima, region)
 
 

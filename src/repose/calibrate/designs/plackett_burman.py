@@ -34,7 +34,7 @@ def plackett_burman(factors: int, runs: int) -> np.ndarray:
     Returns
     -------
     array (runs, factors)
-        Of -1 and 1.
+        The runs in coded units: -1 or 1 for each factor.
     """
     generator = np.array([1.0 if sign == "+" else -1.0 for sign in GENERATORS[runs]])
     shifted = [np.roll(generator, shift) for shift in range(runs - 1)]

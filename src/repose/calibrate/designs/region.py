@@ -82,10 +82,12 @@ class Region:
     def pull_inside(self, point: np.ndarray) -> np.ndarray:
         """Move a forbidden point (factors,) straight towards the centre to the edge.
 
-        An allowed point is returned unchanged.
+        An allowed point is returned unchanged. The edge is found by bisection, and the
+        result is always allowed.
         """
         if self.is_allowed(point[None])[0]:
             return point
+        # The centre is allowed, so the edge lies between it and the point.
         allowed = self.centre
         forbidden = point
         for _ in range(N_HALVINGS):
