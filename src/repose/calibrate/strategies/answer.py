@@ -32,11 +32,13 @@ def describe_answer(
     Returns
     -------
     dict
-        ``feasible``, ``message``, ``predicted_error`` (k,), the table ``solutions``, the
-        parameters ``near_bounds`` from `repose.calibrate.bounds`, and the numbers of the
-        samples that already ``simulated`` the answer.
+        ``feasible``: whether the answer is predicted to meet the targets; ``message``,
+        a sentence about it; ``predicted_error`` (k,); the table ``solutions``; the
+        parameters ``near_bounds``, described by `find_near_bounds`; ``simulated``, the
+        numbers of the samples that already simulated the answer.
     """
-    # The tables need the prediction even if the answer was already simulated.
+    # The mean of an answer that was already simulated is that of its runs. The tables
+    # need a prediction.
     if answer.simulated and answer.model is not None:
         answer = _predict_again(answer, answer.model)
     # Only a model tells which parameters are at a bound.
@@ -139,7 +141,7 @@ def write_notes(
 
 
 def select_separated(unit: np.ndarray, section: MigaSettings) -> np.ndarray:
-    """Choose points that are at least a given distance apart.
+    """Choose points that are at least a certain distance apart.
 
     Parameters
     ----------
@@ -158,7 +160,8 @@ def select_separated(unit: np.ndarray, section: MigaSettings) -> np.ndarray:
 
     rows: list[int] = []
     for k, point in enumerate(unit):
-        # Distances in the unit cube are in whole ranges, `distance` is in half ranges.
+        # Distances in the unit cube are in whole ranges, but `distance` is in half
+        # ranges.
         if not rows or 2 * cdist(unit[rows], point[None]).min() >= section.distance:
             rows.append(k)
         if len(rows) == section.solutions:

@@ -69,7 +69,7 @@ class Answer:
     mean : numpy.ndarray, (k,)
         Their predicted responses.
     covariance : numpy.ndarray, (k, k)
-        Of these predictions.
+        Covariance of these predictions.
     probability : dict
         That the simulator's means lie `within_1_percent` and `within_2_percent` of all
         targets, and `inside` all ranges.
@@ -193,11 +193,15 @@ class Strategy(ABC, Generic[SectionType]):
         """
         proposal = self.propose(study, data)
         if isinstance(proposal, Batch):
-            allowed = (
-                f"more: strategy {self.name} asks for {len(proposal.samples)} more "
-                "samples before it answers"
+            raise InputError(
+                source="runs",
+                key="rows",
+                value=len(data),
+                allowed=(
+                    f"more: strategy {self.name} asks for {len(proposal.samples)} more "
+                    "samples before it answers"
+                ),
             )
-            raise InputError("runs", "rows", len(data), allowed)
         return proposal
 
     def contradictions(
@@ -259,7 +263,7 @@ def register(name: str) -> Callable[[Kind], Kind]:
         If another class has the name.
     """
 
-    def enter(kind: Kind) -> Kind:
+    def add_to_registry(kind: Kind) -> Kind:
         # A module that is imported again may register the same class again.
         if name in _REGISTRY and type(_REGISTRY[name]) is not kind:
             other = type(_REGISTRY[name]).__name__
@@ -268,7 +272,7 @@ def register(name: str) -> Callable[[Kind], Kind]:
         _REGISTRY[name] = kind()
         return kind
 
-    return enter
+    return add_to_registry
 
 
 def names() -> tuple[str, ...]:
@@ -302,14 +306,19 @@ def strategy(name: str, source: object = "strategy") -> Strategy[Any]:
         If no strategy has this name.
     """
     if name not in _REGISTRY:
-        raise InputError(source, "strategy", name, f"one of {', '.join(_REGISTRY)}")
+        raise InputError(
+            source=source,
+            key="strategy",
+            value=name,
+            allowed=f"one of {', '.join(_REGISTRY)}",
+        )
     return _REGISTRY[name]
 
 
-def samples_of(
+def make_batch_samples(
     space: ParameterSpace, unit: np.ndarray, seeds: int, first: int = 1
 ) -> "pd.DataFrame":
-    """Make the table of a `Batch`.
+    """Make the table of samples of a `Batch`.
 
     Parameters
     ----------
@@ -317,13 +326,14 @@ def samples_of(
     unit : numpy.ndarray, (n, d)
         The samples' free parameters in the unit cube.
     seeds : int
-        Runs of each sample.
+        Number of runs of each sample.
     first : int, optional
         Number of the first sample.
 
     Returns
     -------
     pandas.DataFrame
+        `sample`, the parameters and `seeds`.
     """
     from repose.calibrate.designs.latin_hypercube import tabulate_parameter_sets
 

@@ -20,7 +20,7 @@ def find_contradictions(
     Parameters
     ----------
     name : str
-        Of the strategy.
+        Name of the strategy.
     section : Section or None
         The strategy's section, valid by itself.
     free, responses : int

@@ -87,10 +87,15 @@ def make_plan(
     strategy : str
         Name of the study's strategy.
     runs : pandas.DataFrame, optional
-        Earlier runs, from which the noise is estimated. Without them it is
-        `make_default_noise`.
+        Earlier runs, from which the noise is estimated. Without runs, the noise is that
+        of `make_default_noise`.
     source : object, optional
         File of the runs, for an error.
+
+    Returns
+    -------
+    Plan
+        Its `success` is None if the study differs from the simulated campaigns.
 
     Raises
     ------
@@ -107,7 +112,7 @@ def make_plan(
         goal = Goal.from_targets(targets, tolerance, space)
         needed[tolerance] = goal.count_needed_runs(noise, CERTAINTY)
 
-    # The probability of success is known for studies like the simulated campaigns.
+    # The probability of success is only known for studies like the simulated campaigns.
     campaigns = pd.read_csv(SUCCESS_FILE)
     largest_percent = float(noise_percent.max())
     differences = _list_differences(
@@ -144,7 +149,7 @@ def _describe_campaigns(table: pd.DataFrame) -> str:
 def _list_differences(
     table: pd.DataFrame, *, strategy: str, free: int, n_targets: int, percent: float
 ) -> list[str]:
-    """List in what a study differs from the campaigns of `success.csv`.
+    """List how a study differs from the simulated campaigns of `success.csv`.
 
     Parameters
     ----------
@@ -158,6 +163,11 @@ def _list_differences(
         Number of its targets.
     percent : float
         The largest scatter of a run, in percent of the target.
+
+    Returns
+    -------
+    list of str
+        A phrase for each difference. It is empty if the study is like the campaigns.
     """
     differences = []
     if strategy != CAMPAIGN_STRATEGY:
@@ -187,12 +197,13 @@ def estimate_success(n_targets: int, percent: float) -> pd.DataFrame:
     pandas.DataFrame
         A row for each budget: `pours`, the number of runs; `within_1_percent` and
         `within_2_percent`, the probabilities that the answer of the sequential strategy
-        is so near to all targets; `*_se`, their standard errors.
+        is as near as this to all targets; `*_se`, their standard errors.
     """
     table = pd.read_csv(SUCCESS_FILE)
     table = table[table["responses"] == n_targets]
-    # All campaigns of one scatter have the same hidden sets. So the number of sets
-    # determines the standard error, not the number of budgets that the curve is fitted to.
+    # All campaigns with the same scatter calibrate the same hidden parameter sets, the
+    # truths. So the standard error follows from the number of truths, not from the
+    # number of budgets to which the curve is fitted.
     truths = table.groupby("pours", as_index=False)["truths"].first()
     budgets = truths[["pours"]].copy()
     for tolerance in TOLERANCES:
@@ -226,8 +237,8 @@ class SuccessCurve(NamedTuple):
 
         Returns
         -------
-        Curve
-            Of the largest likelihood.
+        SuccessCurve
+            The curve with the largest likelihood.
         """
         from scipy.optimize import minimize
         from scipy.special import expit
@@ -245,14 +256,16 @@ class SuccessCurve(NamedTuple):
         def loss(coefficients: np.ndarray) -> tuple[float, np.ndarray]:
             """Compute the negative log likelihood of the curve, and its gradient.
 
-            The number of successes at each point is binomial.
+            The number of successes in a row of the table is binomial. The logit of its
+            probability is linear in the coefficients.
             """
             logit = terms @ coefficients
             value = trials @ np.logaddexp(0, logit) - successes @ logit
             gradient = (trials * expit(logit) - successes) @ terms
             return float(value), gradient
 
-        # More runs never make a success less probable.
+        # More runs never make a success less probable, so the coefficient of log(pours)
+        # must not be negative.
         bounds = [(None, None), (0, None), (None, None)]
         minimum = minimize(loss, np.zeros(3), jac=True, bounds=bounds, method="SLSQP")
         return cls(*minimum.x.tolist())
@@ -284,7 +297,7 @@ def make_default_noise(targets: Targets) -> np.ndarray:
 def estimate_noise(
     runs: pd.DataFrame, targets: Targets, source: object = "runs"
 ) -> np.ndarray:
-    """Estimate the covariance (k, k) of single runs about the mean of their sample.
+    """Estimate the noise: the covariance of single runs about the mean of their sample.
 
     Responses of different bench tests are independent, so their covariance is 0.
 
@@ -296,10 +309,14 @@ def estimate_noise(
     source : object, optional
         File of the runs, for an error.
 
+    Returns
+    -------
+    numpy.ndarray, (k, k)
+
     Raises
     ------
     InputError
-        If too few samples have two good runs.
+        If too few samples have two good runs, or if runs of the same sample are alike.
     """
     noise = np.zeros((len(targets), len(targets)))
     for bench, columns in targets.benches.items():
@@ -312,11 +329,15 @@ def estimate_noise(
         covariance, freedom = estimate_within_covariance(responses, good["sample"])
         has_full_rank = np.linalg.matrix_rank(covariance) == len(columns)
         if freedom <= len(columns) or not has_full_rank:
-            allowed = (
-                f"at least {len(columns) + 1} good runs beyond the first of a sample, "
-                "not all alike"
+            raise InputError(
+                source=source,
+                key="runs that determine the noise",
+                value=freedom,
+                allowed=(
+                    f"at least {len(columns) + 1} good runs beyond the first of a "
+                    "sample, not all alike"
+                ),
             )
-            raise InputError(source, "runs that determine the noise", freedom, allowed)
         # Insert the block of this bench test in the rows and columns of its responses.
         noise[np.ix_(columns, columns)] = covariance
     return noise

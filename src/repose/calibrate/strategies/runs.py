@@ -59,6 +59,9 @@ RESPONSE_WORDS = "a finite number, or for a failed run NaN"
 # Responses are linearly dependent if an eigenvalue of their correlation matrix is at most
 # this large. It would be 0 without rounding errors.
 DEPENDENT_EIGENVALUE = 1e-12
+# Smallest component of a response in the eigenvector of a linear dependence. Smaller
+# components are rounding errors of responses that are not involved.
+MIN_COMPONENT = 1e-6
 # Largest error of a parameter, as a share of its range, from rounding by a spreadsheet.
 MAX_ROUNDING_SHARE = 1e-6
 # Names of samples with at most this many digits are kept as numbers.
@@ -110,53 +113,68 @@ def check_responses(data: pd.DataFrame, targets: Targets) -> None:
     for name in names:
         n_runs = data[name].count()
         if n_runs >= 2 and data[name].nunique() <= 1:
-            allowed = (
-                f"results that differ; all {n_runs} good runs have this one: is the "
-                "right column read?"
+            raise InputError(
+                source="runs",
+                key=name,
+                value=float(data[name].max()),
+                allowed=(
+                    f"results that differ; all {n_runs} good runs have this one: "
+                    "is the right column read?"
+                ),
             )
-            raise InputError("runs", name, float(data[name].max()), allowed)
 
-    # With as few runs as this, any responses would look dependent.
+    # Any responses look dependent in so few runs, so do not judge them.
     complete = data[names].dropna()
     if len(complete) <= len(names) + 1:
         return
 
     # If responses are linearly dependent, their correlation matrix has an eigenvalue of 0.
-    # The components of its eigenvector show which responses these are.
+    # The components of its eigenvector show which responses these are. The eigenvalues
+    # are sorted, the smallest first.
     eigenvalues, eigenvectors = np.linalg.eigh(complete.corr())
     if not eigenvalues[0] > DEPENDENT_EIGENVALUE:
         dependent = [
             name
             for name, component in zip(names, eigenvectors[:, 0], strict=True)
-            if abs(component) > MAX_ROUNDING_SHARE
+            if abs(component) > MIN_COMPONENT
         ]
-        allowed = (
-            "responses none of which follows from the others: leave one of them out"
+        raise InputError(
+            source="runs",
+            key="targets",
+            value=", ".join(dependent),
+            allowed=(
+                "responses none of which follows from the others: leave one of them out"
+            ),
         )
-        raise InputError("runs", "targets", ", ".join(dependent), allowed)
 
 
-def samples_of_runs(
+def summarise_by_sample(
     data: pd.DataFrame, space: ParameterSpace, targets: Targets
 ) -> pd.DataFrame:
     """Summarise the runs by sample, as the stage `dataset` does.
 
+    A sample is ok if at least half of its runs are good, and at least one. Otherwise
+    its means and standard errors are NaN.
+
     Parameters
     ----------
     data : pandas.DataFrame
-        A row for each run: `sample`, parameters, and responses, NaN where it failed.
+        A row for each run: `sample`, parameters and responses. The responses of a
+        failed run are NaN.
     space : ParameterSpace
     targets : Targets
 
     Returns
     -------
     pandas.DataFrame
-        `sample`, parameters, `status`, `reason`, `n_seeds`, means and standard errors.
+        `sample`, parameters, `status`, `reason`, `n_seeds` (number of good runs), means
+        and standard errors.
     """
     responses = list(targets.names)
     rows = []
     for sample, runs in data.groupby("sample", sort=False):
-        # Bench tests fail separately: count the runs of the one with the fewest values.
+        # The bench tests of a run fail separately, so the responses may have different
+        # numbers of values. Count those of the response with the fewest.
         n_good = int(runs[responses].count().min())
         is_ok = n_good > 0 and 2 * n_good >= len(runs)
         row = {
@@ -262,14 +280,15 @@ def read_rows(path: StrPath, study: Study) -> Rows:
     InputError
         If the file is not a table, or if only some of the rows have a sample or a run.
     """
-    # Any cell of a parameter or a response is accepted here.
+    # A parameter or a response may have any cell here, because a later check refuses
+    # bad ones.
     names = (TURN_COLUMN, *study.parameters.names, *study.targets.names)
     columns = [Column(name, object, needed=False) for name in names]
     status = Column("status", str, needed=False, empty=True)
-    needed = ", ".join([*study.parameters.free, *study.targets.names])
-    what = f"a CSV file of runs with the columns {needed}"
-    table = read(path, [*columns, status], what, optional=NUMBER_COLUMNS)
-    # Check that all rows or none have the numbers of sample and run.
+    needed_names = ", ".join([*study.parameters.free, *study.targets.names])
+    expected = f"a CSV file of runs with the columns {needed_names}"
+    table = read(path, [*columns, status], expected, optional=NUMBER_COLUMNS)
+    # If the file has a column of sample or run numbers, no cell of it may be empty.
     for key in NUMBER_COLUMNS:
         if key not in table.values:
             continue
@@ -325,7 +344,12 @@ def checked_runs(
     if isinstance(rows, pd.DataFrame):
         rows = rows.to_dict("records")
     if not rows:
-        raise InputError(source, "rows", 0, "a header and a row for each run")
+        raise InputError(
+            source=source,
+            key="rows",
+            value=0,
+            allowed="a header and a row for each run",
+        )
     space = study.parameters
     parameters = list(space.names)
     responses = study.targets.names
@@ -386,7 +410,8 @@ def judge_runs(
     Returns
     -------
     Outcomes
-        The faults are texts in place of responses, and statuses that are numbers.
+        Statuses, responses and faults. A text in place of a response is a fault, and so
+        is a number in place of a status.
     """
     n_runs = len(next(iter(cells.values())))
     empty_column = [None] * n_runs
@@ -408,7 +433,7 @@ def judge_runs(
     columns = [Column(name, empty=True, words=RESPONSE_WORDS) for name in responses]
     values, faults_of_responses = convert_columns(numbers, columns, failed_rows)
 
-    # If one response of a run is missing, the run failed and loses all its responses.
+    # If one response of a run is missing, the run failed. Remove its other responses.
     for k, responses_of_run in enumerate(zip(*values.values(), strict=True)):
         if np.isfinite(responses_of_run).all():
             continue
@@ -445,6 +470,7 @@ def make_cells(
     cells = {str(key): value for key, value in result.items()}
     invalid = []
     for name in responses:
+        # A cell such as NaN or None is no mistake: it reports that the run failed.
         is_marked_as_missing = name in cells and is_missing(cells[name])
         try:
             cells[name] = parse_number(cells[name])
@@ -516,7 +542,12 @@ def _require_enough_samples(
     if failures:
         statuses = ", ".join(failures)
         allowed += f"; runs with the status {statuses:.60} failed"
-    raise InputError(source, "samples with a good run", count, allowed)
+    raise InputError(
+        source=source,
+        key="samples with a good run",
+        value=count,
+        allowed=allowed,
+    )
 
 
 def _describe_parameter_column(name: str, low: float, high: float) -> Column:
@@ -533,7 +564,7 @@ def _describe_parameter_column(name: str, low: float, high: float) -> Column:
 def _number_samples(
     sets: pd.DataFrame, rows: Rows, study: Study, source: object
 ) -> Sequence[int]:
-    """Return the sample number of each row.
+    """Find the sample number of each row.
 
     Without a column `sample`, rows with the same parameters form one sample.
 
@@ -546,6 +577,16 @@ def _number_samples(
     study : Study
     source : object
         File of the table, for an error.
+
+    Returns
+    -------
+    sequence of int
+        One number for each row.
+
+    Raises
+    ------
+    InputError
+        If samples and parameter sets contradict each other.
     """
     # Number the different parameter sets from 1, in the order of their first row.
     points = sets.apply(tuple, axis=1)
@@ -557,8 +598,8 @@ def _number_samples(
     repeats_points = strategy(study.settings.strategy).repeats_points
     _refuse_mixed_samples(sample_names, set_numbers, repeats_points, source)
 
-    # Keep the names if they are distinct numbers, unlike 3 and 003. Otherwise number the
-    # samples from 1.
+    # Keep the names if they are numbers and remain distinct as numbers. Names such as 3
+    # and 003 do not remain distinct. Then number the samples from 1.
     if all(name.isdecimal() and len(name) <= MAX_DIGITS for name in sample_names):
         numbers = [int(name) for name in sample_names]
         if len(set(numbers)) == len(set(sample_names)):
@@ -585,26 +626,26 @@ def _refuse_mixed_samples(
     source : object
         File of the table.
     """
-    # The first row of each sample and of each parameter set.
-    first_of_name: dict[str, int] = {}
+    # Index of the first row of each sample and of each parameter set.
+    first_of_sample: dict[str, int] = {}
     first_of_set: dict[int, int] = {}
     faults: list[Fault] = []
-    for k, (name, number) in enumerate(zip(names, set_numbers, strict=True)):
-        row_of_name = first_of_name.setdefault(name, k)
-        row_of_set = first_of_set.setdefault(number, k)
+    for k, (name, set_number) in enumerate(zip(names, set_numbers, strict=True)):
+        sample_row = first_of_sample.setdefault(name, k)
+        set_row = first_of_set.setdefault(set_number, k)
         # Compare this row with the first row of its sample and the first row of its set.
-        if set_numbers[row_of_name] != number:
-            allowed = (
-                f"one set of parameters for each sample; row {row_of_name + 1} has "
+        if set_numbers[sample_row] != set_number:
+            expected = (
+                f"one set of parameters for each sample; row {sample_row + 1} has "
                 "another one"
             )
-            faults.append((k, "sample", name, allowed))
-        elif names[row_of_set] != name and not repeats_points:
-            allowed = (
-                f"{names[row_of_set]}, the sample of row {row_of_set + 1} with the "
+            faults.append((k, "sample", name, expected))
+        elif names[set_row] != name and not repeats_points:
+            expected = (
+                f"{names[set_row]}, the sample of row {set_row + 1} with the "
                 "same parameters"
             )
-            faults.append((k, "sample", name, allowed))
+            faults.append((k, "sample", name, expected))
     refuse(source, faults)
 
 
@@ -621,8 +662,9 @@ def _refuse_repeated_rows(table: pd.DataFrame, rows: Rows, source: object) -> No
     """Refuse a table that contains the same run twice.
 
     If the table has a column `run`, the sample and the run number identify a run. Two
-    runs may then have equal results, as with a simulator without random numbers. Without
-    this column, two good rows with the same values are taken for the same run.
+    runs may then have equal results, for example if the simulator has no random
+    numbers. Without this column, two good rows with the same values count as the same
+    run.
 
     Parameters
     ----------
@@ -633,13 +675,14 @@ def _refuse_repeated_rows(table: pd.DataFrame, rows: Rows, source: object) -> No
     source : object
         File of the table, for an error.
     """
-    has_runs = "run" in rows[0]
-    first_row: dict[tuple[Any, ...], int] = {}  # by the key that identifies a run
+    has_run_numbers = "run" in rows[0]
+    # Index of the first row of each run, by the key that identifies the run.
+    first_row: dict[tuple[Any, ...], int] = {}
     faults: list[Fault] = []
     values_of_rows = table.itertuples(index=False, name=None)
     for k, (row, values) in enumerate(zip(rows, values_of_rows, strict=True)):
         sample, status = values[:2]
-        if has_runs:
+        if has_run_numbers:
             key: tuple[Any, ...] = (sample, str(row["run"]).strip())
             first = first_row.setdefault(key, k)
             if first != k:

@@ -10,11 +10,11 @@ from repose.calibrate.answer import WITHIN_COLUMNS
 from repose.calibrate.designs import latin_hypercube as design
 from repose.calibrate.inversion import Inversion, invert
 from repose.calibrate.probability import compute_box_probability
-from repose.calibrate.strategies.base import Answer, Batch, samples_of
+from repose.calibrate.strategies.base import Answer, Batch, make_batch_samples
 from repose.calibrate.strategies.runs import (
     find_next_sample,
-    samples_of_runs,
     split_by_bench,
+    summarise_by_sample,
 )
 from repose.calibrate.study import Study
 from repose.calibrate.surrogates.base import Surrogate
@@ -29,7 +29,7 @@ NOT_LATIN_WARNING = (
 
 
 def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
-    """Propose the design, or answer once it was simulated.
+    """Propose the design, or give the answer if the design was already simulated.
 
     Parameters
     ----------
@@ -46,7 +46,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     if data.empty:
         return make_design_batch(study, settings.seeds)
     # Fit a surrogate to the means of the samples, and search on it.
-    samples = samples_of_runs(data, space, study.targets)
+    samples = summarise_by_sample(data, space, study.targets)
     training, support = fit_surrogate(study, samples, data)
     inversion = invert(
         training.model, space, study.targets, settings.miga, support=support
@@ -70,7 +70,7 @@ def make_design_batch(study: Study, seeds: int) -> Batch:
         space, section.samples, section.method, section.seed
     )
     notes = {"why": NOT_LATIN_WARNING} if space.constraints else {}
-    return Batch(samples_of(space, unit, seeds), notes)
+    return Batch(make_batch_samples(space, unit, seeds), notes)
 
 
 def fit_surrogate(
@@ -82,7 +82,7 @@ def fit_surrogate(
     ----------
     study : Study
     samples : pandas.DataFrame
-        The samples to fit, from `samples_of_runs`.
+        The samples to fit, from `summarise_by_sample`.
     data : pandas.DataFrame
         Their runs.
 
@@ -117,7 +117,7 @@ def make_answer(
     why: str,
     seeds: int,
 ) -> Answer:
-    """Answer with the representative solution of a search.
+    """Make the answer from the representative solution of a search.
 
     Parameters
     ----------
@@ -131,7 +131,12 @@ def make_answer(
     why : str
         Why no more runs are needed.
     seeds : int
-        Runs that check the answer.
+        Number of runs that check the answer.
+
+    Returns
+    -------
+    Answer
+        The other feasible solutions are its `others`.
     """
     space = study.parameters
     targets = study.targets
@@ -144,12 +149,14 @@ def make_answer(
     mean = model.predict(values[None])
     covariance = model.covariance(values[None])
     # The answer becomes a new sample, to be simulated again.
-    samples = samples_of(space, space.unit(values), seeds, find_next_sample(data))
+    samples = make_batch_samples(
+        space, space.unit(values), seeds, find_next_sample(data)
+    )
     return Answer(
         values=values,
         mean=mean[0],
         covariance=covariance[0],
-        probability=probability_of(mean, covariance, targets),
+        probability=compute_probabilities(mean, covariance, targets),
         samples=samples,
         why=why,
         others=others[names].to_numpy(float),
@@ -170,17 +177,17 @@ def _note_stop(inversion: Inversion) -> dict[str, Any]:
     return {**stop, "summary": stop}
 
 
-def probability_of(
+def compute_probabilities(
     mean: np.ndarray, covariance: np.ndarray, targets: Targets
 ) -> dict[str, float]:
-    """Compute the probabilities of an answer.
+    """Compute how probably an answer meets the targets.
 
     Parameters
     ----------
     mean : numpy.ndarray, (1, k)
-        Its predicted responses.
+        Predicted responses of the answer.
     covariance : numpy.ndarray, (1, k, k)
-        Of the predictions.
+        Covariance of the predictions.
     targets : Targets
 
     Returns

@@ -34,9 +34,9 @@ def draw_near_targets(
 ) -> np.ndarray:
     """Draw places at random, weighted by the probability that they meet the targets.
 
-    A place meets the targets if its true means lie within the tolerance of all of them.
-    The probability follows from the predictions and their errors. No place is drawn
-    twice.
+    A place is a parameter set. It meets the targets if its true mean responses lie
+    within the tolerance of all targets. The probability follows from the predictions
+    and their errors. No place is drawn twice.
 
     Parameters
     ----------
@@ -79,8 +79,9 @@ def draw_near_targets(
     )
 
     # Draw places by their probabilities. If the targets are out of reach, all
-    # probabilities are about 0. Then the small additional weight decides, which favours
-    # the nearest places. The smallest positive float keeps every weight above 0.
+    # probabilities are about 0. Then the small additional weight 1e-12 decides, which
+    # favours the nearest places. The smallest positive float keeps every weight above
+    # 0.
     nearness = np.arange(len(nearest), 0, -1) / len(nearest)
     weight = probability + np.finfo(float).tiny + 1e-12 * nearness
     rows = random.choice(len(nearest), count, replace=False, p=weight / weight.sum())

@@ -130,19 +130,33 @@ class ResponseSurface(Strategy[ResponseSurfaceSettings]):
     def contradictions(
         self, section: ResponseSurfaceSettings, free: int, responses: int
     ) -> Contradictions:
-        """Refuse a response surface of too few factors or runs.
+        """Find settings with too few factors or runs for a response surface.
 
         The arguments are those of `Strategy.contradictions`.
+
+        Yields
+        ------
+        pair of str
+            The key, and what is allowed.
         """
         design = section.surface
-        fewest = section.fewest_factors
-        if free < fewest:
-            allowed = f"a design for {free} free parameters; {design} needs {fewest}"
-            yield "surface", allowed
-        if section.most_factors < fewest:
-            yield "most_factors", f"at least {fewest} where surface is {design}"
-        if section.screening_runs < free + 2:
-            yield "screening_runs", f"at least {free + 2} for {free} free parameters"
+        fewest_factors = section.fewest_factors
+        if free < fewest_factors:
+            yield (
+                "surface",
+                f"a design for {free} free parameters; {design} needs {fewest_factors}",
+            )
+        if section.most_factors < fewest_factors:
+            yield "most_factors", f"at least {fewest_factors} where surface is {design}"
+        # A linear model has a constant and a slope for each parameter. One more run
+        # shows how well it fits.
+        fewest_runs = free + 2
+        if section.screening_runs < fewest_runs:
+            yield (
+                "screening_runs",
+                f"at least {fewest_runs} for {free} free parameters",
+            )
+        # A Box-Behnken design has up to three blocks, and each needs a centre run.
         fewest_centres = 3 if design == "box_behnken" else 1
         if section.centres < fewest_centres:
             yield "centres", f"at least {fewest_centres} where surface is {design}"

@@ -102,9 +102,13 @@ def analyse_screening(
         )
     except ValueError as error:
         raise InputError(
-            "runs", "targets", str(error), "a way towards the targets"
+            source="runs",
+            key="targets",
+            value=str(error),
+            allowed="a way towards the targets",
         ) from None
 
+    # Describe the result in the notes.
     dropped = [name for name in study.parameters.free if name not in kept]
     result = {
         "kept": kept,
@@ -113,8 +117,9 @@ def analyse_screening(
         "corners": corner_means.to_dict(),
     }
     why = f"kept {', '.join(kept)}; dropped {', '.join(dropped) or 'none'}"
-    if count_new_runs(table):
-        result["new_runs"] = count_new_runs(table)
+    n_new_runs = count_new_runs(table)
+    if n_new_runs > 0:
+        result["new_runs"] = n_new_runs
         why += "." + describe_new_runs(table).removesuffix(".")
     tables = make_analysis_tables("screening", models, targets)
     return ascent_samples, {**tables, "screening": result, "why": why}
@@ -125,8 +130,9 @@ def make_screening_samples(
 ) -> pd.DataFrame:
     """List the samples of the screening.
 
-    In each sample, every free parameter is at an end of its range. At the end of the table
-    the centre is repeated `centres` times. Forbidden runs are replaced by allowed ones.
+    First come the corners, samples in which every free parameter is at an end of its
+    range. Then the centre is repeated `centres` times. Runs that violate a constraint
+    are replaced by allowed ones.
 
     Raises
     ------
@@ -185,7 +191,10 @@ def fit_models(
             models.append(fit_model(coded, rows[name].to_numpy(float), factors, order))
         except ValueError as error:
             raise InputError(
-                "runs", "samples that are ok", str(error), "enough for the model"
+                source="runs",
+                key="samples that are ok",
+                value=str(error),
+                allowed="enough for the model",
             ) from None
     return models
 
@@ -193,12 +202,12 @@ def fit_models(
 def make_analysis_tables(
     step: str, models: list[Model], targets: Targets
 ) -> dict[str, pd.DataFrame]:
-    """Make the tables of the models of a step, as in `repose.calibrate.designs.anova`.
+    """Make the tables of a step that analyse its models, such as the ANOVA table.
 
     Parameters
     ----------
     step : str
-        The name of a table begins with it.
+        Name of the step, with which the names of the tables begin.
     models : list of Model
         One for each response.
     targets : Targets
@@ -206,8 +215,8 @@ def make_analysis_tables(
     Returns
     -------
     dict
-        The tables of `TABLE_MAKERS` by name, each with the rows of all responses. Their first
-        column is `response`.
+        A table for each of `TABLE_MAKERS` by name. It has the rows of all responses,
+        and its first column is `response`.
     """
     tables: dict[str, pd.DataFrame] = {}
     for name, make_table in TABLE_MAKERS.items():
@@ -241,8 +250,9 @@ def make_ascent_samples(
 ) -> pd.DataFrame:
     """Sample the steepest ascent from the centre of the ranges towards the targets.
 
-    It ends at the edge of the ranges. A forbidden point is replaced by the nearest allowed
-    one, so the path follows a constraint that it meets.
+    The path ends at the edge of the ranges. A point that violates a constraint is
+    replaced by the nearest allowed one, so the path continues along the edge of the
+    constraint.
 
     Parameters
     ----------
@@ -254,6 +264,11 @@ def make_ascent_samples(
         The parameters that are varied.
     study : Study
 
+    Returns
+    -------
+    pandas.DataFrame
+        The samples along the path, from `make_samples`.
+
     Raises
     ------
     ValueError
@@ -261,9 +276,9 @@ def make_ascent_samples(
     """
     space = study.parameters
     targets = study.targets
-    # The slopes (responses, kept factors) of the models.
-    order = [models[0].factors.index(name) for name in kept]
-    slopes = np.array([model.coefficients[order] for model in models])
+    # Collect the slopes (responses, kept parameters) of the models.
+    positions = [models[0].factors.index(name) for name in kept]
+    slopes = np.array([model.coefficients[positions] for model in models])
     direction = ascent.compute_ascent_direction(
         slopes, targets.aim - centre, compute_scale(targets)
     )
@@ -274,14 +289,15 @@ def make_ascent_samples(
         start = region_of_ranges.centre
     columns = [space.free.index(name) for name in kept]
 
-    def place(coded: np.ndarray) -> np.ndarray:
+    def convert_to_unit(coded: np.ndarray) -> np.ndarray:
+        """Convert coded points of the kept parameters to points of the unit cube."""
         unit = np.repeat((1 + start[None]) / 2, len(coded), axis=0)
         unit[:, columns] = (1 + coded) / 2
         return unit
 
     steps = study.settings.response_surface.steps
     coded = ascent.make_ascent_path(direction, steps, start[columns])
-    region = make_region(space, place, len(kept))
+    region = make_region(space, convert_to_unit, len(kept))
     if region is not None:
         coded = np.array([region.find_nearest(point) for point in coded])
-    return make_samples("ascent", space, place(coded), kept, coded)
+    return make_samples("ascent", space, convert_to_unit(coded), kept, coded)

@@ -83,13 +83,23 @@ def select_good_samples(table: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFr
     """
     missing = sorted(set(table["sample"]) - set(dataset["sample"]))
     if missing:
-        raise InputError("runs", "sample", missing, "all samples of the step")
+        raise InputError(
+            source="runs",
+            key="sample",
+            value=missing,
+            allowed="all samples of the step",
+        )
     coded = [CODED_PREFIX + name for name in list_factors(table)]
     joined = table[["sample", *coded]].merge(dataset, on="sample")
     good = joined[joined["status"] == "ok"].reset_index(drop=True)
     if good.empty:
         statuses = sorted(set(dataset["status"]))
-        raise InputError("runs", "status", statuses, "at least one sample that is ok")
+        raise InputError(
+            source="runs",
+            key="status",
+            value=statuses,
+            allowed="at least one sample that is ok",
+        )
     return good
 
 
@@ -106,14 +116,16 @@ def compute_scale(targets: Targets) -> np.ndarray:
 
 
 def make_region(
-    space: ParameterSpace, place: Callable[[np.ndarray], np.ndarray], factors: int
+    space: ParameterSpace,
+    convert_to_unit: Callable[[np.ndarray], np.ndarray],
+    factors: int,
 ) -> Region | None:
     """Make the allowed region of the cube of a step; None without constraints.
 
     Parameters
     ----------
     space : ParameterSpace
-    place : callable
+    convert_to_unit : callable
         Function that converts points (n, factors) in coded units to points (n, d) of the
         unit cube.
     factors : int
@@ -121,25 +133,25 @@ def make_region(
     """
     if not space.constraints:
         return None
-    return Region(lambda coded: space.excesses(place(coded)), factors)
+    return Region(lambda coded: space.excesses(convert_to_unit(coded)), factors)
 
 
 def move_forbidden_runs(
     coded: np.ndarray, region: Region | None, order: str, space: ParameterSpace
 ) -> AllowedDesign:
-    """Replace the runs of a design that constraints forbid.
+    """Replace the runs of a design that violate constraints.
 
-    If the centre of the cube is forbidden, its runs move to the centre of the region. The
-    other forbidden runs are replaced by D-optimal ones.
+    If the centre of the cube is forbidden, its runs are moved to the centre of the
+    region. The other forbidden runs are replaced by D-optimal ones.
 
     Parameters
     ----------
     coded : numpy.ndarray, (n, factors)
         The design.
     region : Region or None
-        What is allowed.
+        The allowed part of the cube; None if all of it is allowed.
     order : str
-        Of the model.
+        Order of the model, as for `fit_model`.
     space : ParameterSpace
 
     Raises
@@ -154,12 +166,16 @@ def move_forbidden_runs(
         moved = np.where(is_centre[:, None], region.centre, coded)
         runs = replace_forbidden(moved, region, order)
     except ValueError as error:
-        rules = ", ".join(one.text for one in space.constraints)
-        allowed = (
-            f"constraints that leave room for a {order} model of response_surface; "
-            f"{error}"
-        )
-        raise InputError("configuration", "constraints", rules, allowed) from None
+        constraints = ", ".join(constraint.text for constraint in space.constraints)
+        raise InputError(
+            source="configuration",
+            key="constraints",
+            value=constraints,
+            allowed=(
+                f"constraints that leave room for a {order} model of response_surface; "
+                f"{error}"
+            ),
+        ) from None
     is_moved = is_centre & region.centre.any()
     return AllowedDesign(runs.coded, runs.is_new | is_moved)
 

@@ -92,14 +92,17 @@ def make_surface_samples(
     centre = np.clip(best_unit[:, columns], reach, 1 - reach)
 
     # Vary the factors around the centre, and keep the other parameters at the best point.
-    def place(coded: np.ndarray) -> np.ndarray:
+    def convert_to_unit(coded: np.ndarray) -> np.ndarray:
+        """Convert coded points of the factors to points of the unit cube."""
         unit = np.repeat(best_unit, len(coded), axis=0)
         unit[:, columns] = centre + reach / outermost_level * coded
         return unit
 
-    region = make_region(space, place, len(factors))
+    region = make_region(space, convert_to_unit, len(factors))
     runs = move_forbidden_runs(coded, region, "quadratic", space)
-    table = make_samples("surface", space, place(runs.coded), factors, runs.coded)
+    table = make_samples(
+        "surface", space, convert_to_unit(runs.coded), factors, runs.coded
+    )
     return add_new_run_column(table, runs.is_new, space)
 
 
@@ -153,8 +156,8 @@ def _make_conversion(
 ) -> Callable[[np.ndarray], np.ndarray]:
     """Make the function that converts coded points of a surface to the unit cube."""
     sample_unit = space.unit(table[list(space.names)].to_numpy(float))
-    # The position in the range is linear in the coded level. The line is given by the
-    # samples at the lowest and the highest level.
+    # The position in the range is linear in the coded level. For each factor, the line
+    # passes through a sample at the lowest level and one at the highest level.
     columns = []
     starts = []
     slopes = []
@@ -169,14 +172,14 @@ def _make_conversion(
         slopes.append(rise / (coded[highest] - coded[lowest]))
     start_coded, start_unit = np.transpose(starts)
 
-    def place(points: np.ndarray) -> np.ndarray:
+    def convert_to_unit(points: np.ndarray) -> np.ndarray:
         points = np.atleast_2d(points)
         # Parameters other than the factors are the same in all samples.
         unit = np.repeat(sample_unit[:1], len(points), axis=0)
         unit[:, columns] = start_unit + np.array(slopes) * (points - start_coded)
         return unit
 
-    return place
+    return convert_to_unit
 
 
 def find_alternatives(
@@ -191,6 +194,11 @@ def find_alternatives(
     table : pandas.DataFrame
         The samples of the surface.
     study : Study
+
+    Returns
+    -------
+    Alternatives
+        The parameter sets that are nearest to the aims come first.
     """
     from scipy.stats import qmc
 
@@ -207,12 +215,12 @@ def find_alternatives(
     predicted = np.column_stack([model.predict(coded) for model in models])
     is_inside = np.all((predicted >= targets.low) & (predicted <= targets.high), axis=1)
 
-    # Sort those inside all ranges by their distance from the aims.
+    # Sort the points inside all ranges by their distance from the aims.
     deviation = (predicted - targets.aim) / compute_scale(targets)
     nearest_first = np.argsort((deviation**2).sum(axis=1), kind="stable")
     rows = nearest_first[is_inside[nearest_first]]
 
-    # Keep points that are apart from each other.
+    # Keep only points that are far enough from each other.
     unit = convert_to_unit_cube(table, coded[rows], space)
     kept = select_separated(unit, settings.miga)
     return Alternatives(space.values(unit[kept]), predicted[rows][kept])
@@ -282,8 +290,8 @@ def predict_at_optimum(
     -------
     pandas.DataFrame
         `response`, `target`, `predicted`, `standard_error`, and the ends of two 95 %
-        intervals. The true mean lies between `mean_low` and `mean_high`, and the mean of
-        the `runs` between `low` and `high`, if the model is right.
+        intervals. If the model is right, the true mean lies between `mean_low` and
+        `mean_high`, and the mean of the `runs` between `low` and `high`.
     """
     point = best.coded[None]
     table = pd.DataFrame({"response": targets.names, "target": targets.aim})
@@ -292,6 +300,7 @@ def predict_at_optimum(
         float(model.standard_error(point)[0]) for model in models
     ]
     t = np.array([_compute_t_quantile(model) for model in models])
+    # The mean of the runs also scatters about the true mean.
     variance_of_mean = [model.variance / runs for model in models]
     error_of_runs = np.sqrt(table["standard_error"] ** 2 + variance_of_mean)
     table["mean_low"] = table["predicted"] - t * table["standard_error"]
@@ -314,31 +323,33 @@ def _compute_t_quantile(model: Model) -> float:
 
 
 def add_check(predicted: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFrame:
-    """Add the simulations of the check to the `predictions`.
+    """Compare the predictions at the optimum with the simulations of the check.
 
     Parameters
     ----------
     predicted : pandas.DataFrame
-        Result of `predictions`.
+        Result of `predict_at_optimum`.
     dataset : pandas.DataFrame
         The samples of the check with their responses.
 
     Returns
     -------
     pandas.DataFrame
-        With the further columns `simulated`, `simulated_error`, `deviation_percent`, and
-        `as_predicted`: whether the mean lies from `low` to `high`.
+        A copy of `predicted` with the further columns `simulated`, the mean of the good
+        samples, `simulated_error`, `deviation_percent`, and `as_predicted`, whether the
+        mean lies between `low` and `high`. The mean is NaN without a good sample, its
+        standard error with fewer than two.
     """
     table = predicted.copy()
     good = dataset[dataset["status"] == "ok"]
     values = good[list(table["response"])].to_numpy(float)
-    n = len(good)
+    n_good = len(good)
     table["simulated"] = np.nan
     table["simulated_error"] = np.nan
-    if n > 0:
+    if n_good > 0:
         table["simulated"] = values.mean(axis=0)
-    if n > 1:
-        table["simulated_error"] = values.std(axis=0, ddof=1) / np.sqrt(n)
+    if n_good > 1:
+        table["simulated_error"] = values.std(axis=0, ddof=1) / np.sqrt(n_good)
     table["deviation_percent"] = 100 * (table["simulated"] / table["target"] - 1)
     table["as_predicted"] = table["simulated"].between(table["low"], table["high"])
     return table

@@ -140,7 +140,7 @@ def advise(
 
     Parameters
     ----------
-    observed : Observed
+    observed : ObservedSamples
         The runs so far.
     goal : Goal
         The targets within their tolerance.
@@ -237,7 +237,7 @@ def _choose_batch(
     attainable : Reach
         Probability that any parameter set meets the targets, and the nearest points.
     goal : Goal
-    observed : Observed
+    observed : ObservedSamples
     random : numpy.random.Generator
 
     Returns
@@ -245,13 +245,14 @@ def _choose_batch(
     numpy.ndarray, (b, d)
     """
     if attainable.probability < DOUBTFUL_PROBABILITY:
-        # Use half a batch, rounded up, for the points where draws of the model come
-        # nearest to the targets, unless all of these are already simulated.
+        # The targets may be out of reach. To decide this, simulate half a batch,
+        # rounded up, where draws of the model come nearest to the targets.
         points = random.permutation(attainable.points)
         new_points = _select_new(points, observed.simulated)
         n_half = math.ceil(n_samples / 2)
         batch = _select_sound(new_points, observed, n_half)
-        if len(batch):
+        # If all these points are already simulated, continue around the answer.
+        if len(batch) > 0:
             return batch
     return _draw_around(answer, n_samples, goal, observed, random)
 
@@ -266,7 +267,7 @@ def _find_reason_to_stop(
     is_past_start: bool,
     is_end_simulated: bool,
 ) -> str | None:
-    """Return the reason for ending the search; None to simulate another batch.
+    """Find the reason for ending the search.
 
     Parameters
     ----------
@@ -284,6 +285,11 @@ def _find_reason_to_stop(
     is_end_simulated : bool
         Whether a run was made at the ends of the ranges where the draws come nearest to
         the targets.
+
+    Returns
+    -------
+    str or None
+        One of the words of `Advice.stop`. None means to simulate another batch.
     """
     if probability >= section.probability:
         return "probability"
@@ -361,7 +367,7 @@ def find_nearest(
     ----------
     model : Kriging
     goal : Goal
-    observed : Observed
+    observed : ObservedSamples
         The runs so far.
     points : numpy.ndarray, (m, d)
         Points of the unit cube from which the search starts, beside the samples.
@@ -371,13 +377,13 @@ def find_nearest(
     support = Support(observed.unit, low=np.zeros(d), high=np.ones(d), names=names)
 
     def score(unit: np.ndarray) -> np.ndarray:
-        """Score points; one where samples are thin is never the best."""
+        """Score points (n, d). A point where samples are thin is never the best."""
         mean, covariance = model.predict(unit)
         deviation = goal.expected_deviation(mean, covariance)
         is_excluded = support.is_thin(unit) | ~goal.space.is_allowed(unit)
         return np.where(is_excluded, -np.inf, -deviation)
 
-    # A fixed seed: the same runs always give the same point.
+    # With a fixed seed, the same runs always give the same point.
     starts = np.vstack([observed.unit, points])
     return _refine_search(starts, score, observed, np.random.default_rng(1)).best
 
@@ -391,9 +397,9 @@ def _compute_probability(model: Kriging, goal: Goal, point: np.ndarray) -> float
 def _refine_search(
     points: np.ndarray, score: Score, observed: ObservedSamples, random: Generator
 ) -> ScoredPoints:
-    """Search around the best points in ever smaller steps.
+    """Search for points of high score around the best points, in ever smaller steps.
 
-    The result has the first points and all that were added, with their scores.
+    The result has the first points and all points that were tried, with their scores.
 
     Parameters
     ----------
@@ -401,13 +407,13 @@ def _refine_search(
         First points of the unit cube.
     score : callable
         Function of points (n, d) that returns their scores (n,). Higher is better.
-    observed : Observed
+    observed : ObservedSamples
         The samples. A point nearer to a failed one than to a good one scores -inf.
     random : numpy.random.Generator
     """
 
     def score_sound(unit: np.ndarray) -> np.ndarray:
-        """Score points; one near a failed sample is never the best."""
+        """Score points (n, d). A point near a failed sample is never the best."""
         return np.where(observed.is_sound(unit), score(unit), -np.inf)
 
     scores = score_sound(points)

@@ -88,7 +88,7 @@ class Goal(NamedTuple):
         Parameters
         ----------
         mean : array (m, k)
-            Of the responses.
+            Means of the responses.
         covariance : array (m, k, k)
 
         Returns
@@ -133,9 +133,11 @@ class Goal(NamedTuple):
     def estimate_reachable(self, model: Kriging, unit: np.ndarray, pours: int) -> float:
         """Estimate the highest probability that further runs can lead to.
 
-        If a run has the noise N, p further runs at a point reduce the covariance C of
-        its mean to R = (C^-1 + p N^-1)^-1. With luck they also move the mean towards
-        the target, by up to `LUCKY_SDS` standard deviations sqrt(C - R) of this gain.
+        This is the probability that the answer meets the goal. Let C be the covariance
+        of a mean and N that of a single run. Then p further runs at the point reduce C
+        to R = (C^-1 + p N^-1)^-1. With luck, they also move the mean towards the
+        target. The move has the covariance C - R, and is at most `LUCKY_SDS` standard
+        deviations.
 
         Parameters
         ----------
@@ -143,7 +145,7 @@ class Goal(NamedTuple):
         unit : array (m, d)
             Points of the unit cube.
         pours : int
-            Number of further runs, all at one of the points.
+            Number p of further runs, all at one of the points.
 
         Returns
         -------
@@ -181,6 +183,7 @@ class Goal(NamedTuple):
         """
 
         def is_enough(runs: int) -> bool:
+            # The best case is a mean at the aims.
             return (
                 self.probability(self.aim[None], noise[None] / runs)[0] >= probability
             )

@@ -173,7 +173,7 @@ class Kriging(CombinedOutputs):
 
     Parameters
     ----------
-    observed : Observed
+    observed : ObservedSamples
     noise : array (k, k), optional
         Covariance of a single run; by default estimated from the replicates.
 
@@ -192,11 +192,11 @@ class Kriging(CombinedOutputs):
     def __init__(
         self, observed: ObservedSamples, noise: np.ndarray | None = None
     ) -> None:
-        """Draw the processes of each combination, and estimate the factor.
+        """Fit processes to combinations of the responses, and estimate the factor.
 
         Parameters
         ----------
-        observed : Observed
+        observed : ObservedSamples
             The samples with their runs.
         noise : array (k, k), optional
             Covariance of a single run. None estimates it from the replicates.
@@ -212,7 +212,8 @@ class Kriging(CombinedOutputs):
         self.unit = observed.unit - 0.5
         self.errors = _estimate_mean_variances(observed, self._mixing) / self._scale**2
 
-        # Draw processes for each combination, then group them by draw.
+        # Make several processes for each combination, one for each draw of their
+        # hyperparameters. Then group the processes by draw.
         make_processes = _draw_processes
         if n_samples > MAX_EXACT_SAMPLES:
             make_processes = _make_sparse_process
@@ -237,7 +238,7 @@ class Kriging(CombinedOutputs):
         -------
         mean : array (m, k)
         covariance : array (m, k, k)
-            Of the mean, without the noise of a run.
+            Covariance of the mean, without the noise of a run.
         """
         means, variances = self._collect_moments(
             lambda process: process.moments(unit - 0.5)
@@ -264,7 +265,7 @@ class Kriging(CombinedOutputs):
         Returns
         -------
         residuals : array (n, k)
-            Of the scaled combinations.
+            Residuals of the scaled combinations.
         variances : array (n, k)
             Within the draws.
         others : array (n, k)
@@ -370,7 +371,7 @@ def _estimate_factor(
     Parameters
     ----------
     residuals, variances, others : array (n, k)
-        As of `Kriging._predict_left_out`.
+        Results of `Kriging._predict_left_out`.
     """
     total = FACTORS[:, None, None] * variances + others
     log_likelihood = -0.5 * (np.log(total) + residuals**2 / total).sum(axis=(1, 2))
@@ -388,7 +389,7 @@ class _PosteriorOptimiser:
     Parameters
     ----------
     mean, sd : array (1 + d,)
-        Of the normal prior of theta.
+        Mean and standard deviation of the normal prior of theta.
 
     Attributes
     ----------
@@ -411,14 +412,17 @@ class _PosteriorOptimiser:
         objective : callable
             Function of theta that returns the negative log likelihood and its gradient.
         start : array (1 + d,)
+            Theta where the search starts.
         bounds : array (1 + d, 2)
+            Lowest and highest value of each component of theta.
 
         Returns
         -------
         array (1 + d,)
-            The result.
+            The most probable theta. The second derivatives at this point are written
+            into the attribute `curvature`.
         float
-            The negative log posterior there.
+            The negative log posterior at this point.
         """
         from scipy import optimize
 
@@ -484,7 +488,7 @@ def _make_sparse_process(
     Parameters
     ----------
     unit, values, errors
-        As of `_draw_processes`.
+        See `_draw_processes`.
 
     Returns
     -------
@@ -516,7 +520,7 @@ def _find_most_probable_kernel(
     Parameters
     ----------
     unit, values, errors
-        As of `_draw_processes`.
+        See `_draw_processes`.
 
     Returns
     -------

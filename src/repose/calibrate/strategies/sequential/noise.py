@@ -77,18 +77,23 @@ def find_noise(
 ) -> Noise:
     """Find the noise of a single run.
 
-    It is estimated from replicates if there are enough. Otherwise the standard deviation
-    of each response is taken from `noise_sd`, or else estimated from single runs.
-    If all replicates of each sample are equal, they count as one run. Such replicates
-    come from a simulator without random numbers, or from rounded results.
+    The noise is estimated from replicates if there are enough. Otherwise the standard
+    deviation of each response is that of `noise_sd`, or else an estimate from single
+    runs. If all replicates of each sample are equal, they count as one run. Such
+    replicates come from a simulator without random numbers, or from rounded results.
 
     Parameters
     ----------
-    observed : Observed
+    observed : ObservedSamples
     names : sequence of str
-        Of the k responses.
+        Names of the k responses.
     noise_sd : mapping
-        Standard deviations of some responses, as given by the user.
+        Standard deviations of some responses, set by the user.
+
+    Returns
+    -------
+    Noise
+        The covariance, and the source of the noise of each response.
 
     Raises
     ------
@@ -97,25 +102,33 @@ def find_noise(
     """
     counts = observed.counts
     if len(counts) == 0:
-        raise InputError("runs", "samples with a good run", 0, "runs that did not fail")
+        raise InputError(
+            source="runs",
+            key="samples with a good run",
+            value=0,
+            allowed="runs that did not fail",
+        )
     if observed.freedom > len(names):
         try:
             return Noise(observed.noise(), dict.fromkeys(names, REPLICATES))
-        except ValueError:  # the replicates are all alike
+        except ValueError:
+            # The replicates are all alike, so count them as one run.
             counts = np.ones_like(counts)
 
-    # The noise of the other responses must be estimated from single runs, if there are
-    # enough.
+    # Estimate the noise of responses without a `noise_sd` from single runs. This
+    # requires enough samples.
     fewest = RUNS_PER_PARAMETER * observed.unit.shape[1]
-    all_are_given = set(names) <= set(noise_sd)
-    if not all_are_given and len(observed.unit) < fewest:
+    user_gives_all = set(names) <= set(noise_sd)
+    if not user_gives_all and len(observed.unit) < fewest:
         raise InputError(
-            "runs",
-            "runs beyond the first of a sample",
-            observed.freedom,
-            f"at least {len(names) + 1}: replicates, rows with the same parameters, "
-            "determine the noise; or targets.NAME.noise_sd for each response; "
-            f"or at least {fewest} samples, for an estimate of it",
+            source="runs",
+            key="runs beyond the first of a sample",
+            value=observed.freedom,
+            allowed=(
+                f"at least {len(names) + 1}: replicates, rows with the same "
+                "parameters, determine the noise; or targets.NAME.noise_sd for each "
+                f"response; or at least {fewest} samples, for an estimate of it"
+            ),
         )
 
     # Without replicates the correlation is unknown, so treat the responses separately.
@@ -161,9 +174,10 @@ def estimate_nugget(unit: np.ndarray, means: np.ndarray, shares: np.ndarray) -> 
 def _estimate_cached_nugget(
     unit_bytes: bytes, means_bytes: bytes, shares_bytes: bytes, d: int
 ) -> float:
-    """Estimate a nugget, with its arrays passed as bytes.
+    """Estimate a nugget from arrays that are passed as bytes.
 
-    The cache needs hashable arguments, and arrays are not hashable.
+    A nugget is the noise variance of a process. The cache needs hashable arguments, and
+    bytes are hashable, unlike arrays.
 
     Parameters
     ----------
@@ -211,11 +225,11 @@ def _estimate_cached_nugget(
 def _interpolate_evidence(
     kernel: Any, unit: np.ndarray, values: np.ndarray, shares: np.ndarray
 ) -> np.ndarray:
-    """Compute the log evidence of `FINE_NOISE_SHARES` where samples are many.
+    """Compute the log evidence of `FINE_NOISE_SHARES`, for many samples.
 
-    Variance and lengths come from a subset of the samples, the evidence from all. So
-    many samples tell shares apart that lie between those of `NOISE_SHARES`. A spline
-    interpolates the evidence between these.
+    To save time, variance and lengths are fitted to a subset of the samples. The
+    evidence is that of all samples. Many samples can distinguish noise shares that lie
+    between the `NOISE_SHARES`, so a spline interpolates the evidence between them.
 
     Parameters
     ----------

@@ -51,8 +51,8 @@ class _BestPoints(NamedTuple):
 def estimate_reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
     """Estimate the probability that any parameter set meets the goal.
 
-    The model draws random functions of the parameters. The probability is the share of
-    these functions whose best parameter set meets the goal.
+    The model is uncertain, so it draws random functions of the parameters. The
+    probability is the share of these functions whose best parameter set meets the goal.
 
     Parameters
     ----------
@@ -63,6 +63,8 @@ def estimate_reach(model: Kriging, goal: Goal, random: np.random.Generator) -> R
     Returns
     -------
     Reach
+        The probability, and the least deviations from the goal. F is the weighted
+        deviation of Eq. 11 of the paper.
     """
     from scipy.stats import qmc
 
@@ -107,14 +109,14 @@ def _search_draws(
     random : numpy.random.Generator
     """
     points = starts
-    largest_deviations, F = goal.compute_deviations(
-        draws(points)
-    )  # both (draws, points)
+    # Compute the largest deviation and F, the weighted sum, both (draws, points).
+    largest_deviations, F = goal.compute_deviations(draws(points))
     for step in STEP_SDS:
         # Choose the best points of each draw, by the largest deviation and by F.
-        best = points[
-            np.concatenate([largest_deviations.argmin(axis=1), F.argmin(axis=1)])
-        ]
+        best_rows = np.concatenate(
+            [largest_deviations.argmin(axis=1), F.argmin(axis=1)]
+        )
+        best = points[best_rows]
 
         # Try points around them.
         centres = np.repeat(best, N_AROUND, axis=0)
@@ -151,7 +153,7 @@ class Draws:
     ----------
     model : Kriging
     number : int
-        Of the set in `model.sets`.
+        Number of the set of processes in `model.sets`.
     random : numpy.random.Generator
     """
 
@@ -159,6 +161,9 @@ class Draws:
         self, model: Kriging, number: int, random: np.random.Generator
     ) -> None:
         """Draw functions for each combination of the responses (W20).
+
+        A function drawn from the prior is corrected, so that it agrees with the samples
+        within their errors.
 
         Parameters
         ----------
@@ -181,8 +186,7 @@ class Draws:
             values = model.values[:, k, None]
             errors = model.errors[:, k, None]
             noise = np.sqrt(errors) * random.standard_normal((len(values), n_functions))
-            # Compute the weights of the corrections that make the functions agree with
-            # the samples (W20).
+            # Compute the weights of the corrections (W20).
             residuals = values - prior(model.unit) - noise
             corrections = process.compute_weights(residuals)
             self._processes.append(_DrawnProcess(process, prior, corrections))
@@ -225,7 +229,7 @@ def _draw_prior(
     Parameters
     ----------
     kernel : kernel of scikit-learn
-        `straight` + `smooth` of `repose.calibrate.surrogates.process`.
+        Sum of a linear and a smooth kernel of `repose.calibrate.surrogates.process`.
     d : int
         Number of inputs.
     n_functions : int
@@ -234,7 +238,7 @@ def _draw_prior(
     Returns
     -------
     callable
-        From points (m, d) to values (m, n_functions).
+        It maps points (m, d) to values (m, n_functions).
     """
     straight = kernel.k1
     smooth = kernel.k2

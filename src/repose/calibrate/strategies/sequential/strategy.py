@@ -12,7 +12,7 @@ import pandas as pd
 from repose.calibrate.answer import ENDS_NOT_SIMULATED, WITHIN_COLUMNS
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.probability import compute_box_probability
-from repose.calibrate.strategies.base import SO_FAR, Answer, Batch, samples_of
+from repose.calibrate.strategies.base import SO_FAR, Answer, Batch, make_batch_samples
 from repose.calibrate.strategies.runs import check_responses, find_next_sample
 from repose.calibrate.strategies.sequential.advise import (
     Advice,
@@ -79,7 +79,9 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
         return _propose_another_start(study, data, observed, error)
     notes = _describe_state(advice, study)
     if advice.stop is None:
-        samples = samples_of(space, advice.batch, section.seeds, find_next_sample(data))
+        samples = make_batch_samples(
+            space, advice.batch, section.seeds, find_next_sample(data)
+        )
         return Batch(samples, notes)
 
     # The search ends with this answer.
@@ -103,28 +105,28 @@ def _propose_start(study: Study, data: pd.DataFrame, notes: Mapping[str, Any]) -
     data : pandas.DataFrame
         The runs so far, if an earlier start failed.
     notes : mapping
-        Of the batch.
+        Notes of the batch.
     """
     space = study.parameters
     section = study.settings.sequential
     unit = make_start(space, section, study.settings.design.seed + len(data))
     n_samples = (section.most_pours - len(data)) // section.seeds
     first = 1 if data.empty else find_next_sample(data)
-    samples = samples_of(space, unit[:n_samples], section.seeds, first)
+    samples = make_batch_samples(space, unit[:n_samples], section.seeds, first)
     return Batch(samples, notes)
 
 
 def _propose_another_start(
     study: Study, data: pd.DataFrame, observed: ObservedSamples, error: ValueError
 ) -> Batch:
-    """Make another first batch, because the good samples are too few for a model.
+    """Make another first batch if the good samples are too few for a model.
 
     Parameters
     ----------
     study : Study
     data : pandas.DataFrame
         The runs so far.
-    observed : Observed
+    observed : ObservedSamples
         The same runs as arrays.
     error : ValueError
         The error that the model raised.
@@ -142,12 +144,13 @@ def _propose_another_start(
     section = study.settings.sequential
     n_failed = len(observed.failed)
     n_good = len(observed.unit)
-    # With few good samples, equal responses may be a coincidence.
+    # First look for faults in the responses. If most samples failed, equal responses
+    # may be a coincidence.
     if n_good >= 2 * n_failed:
         check_responses(data, study.targets)
-    is_too_few = n_good < section.start_samples
+    has_too_few = n_good < section.start_samples
     fits_budget = len(data) + section.seeds <= section.most_pours
-    if not (is_too_few and fits_budget):
+    if not (has_too_few and fits_budget):
         raise _make_input_error(error, data, study.targets) from None
     why = (
         f"{n_failed} samples failed, and the other {n_good} are too few for a model: "
@@ -164,7 +167,7 @@ def give_answer(
     notes: Mapping[str, Any] | None = None,
     model: Kriging | None = None,
 ) -> Answer:
-    """Return the answer that the runs so far lead to.
+    """Make the answer that the runs so far lead to.
 
     Parameters
     ----------
@@ -196,16 +199,22 @@ def give_answer(
     goal = _make_goal(study)
     ranking = rank_points(model, goal, observed, _make_generator(study, data))
     others = find_alternatives(ranking, model, targets, study.settings.miga)
+
+    # Choose the answer, and collect remarks on this choice.
     all_notes = dict(notes or {})
+    reasons = [why]
     if point is None:
         point = ranking.best
-        # If no point meets the targets, the most probable one is merely uncertain.
+        # If no point is predicted to meet the targets, the most probable point is only
+        # the most uncertain one. Then the nearest point is a better answer.
         if no_point_meets(model, goal, ranking):
             point = find_nearest(model, goal, observed, ranking.points)
             if not _are_ends_simulated((point, ranking.best), observed):
-                why = f"{why}; {NO_RUN_AT_END_REMARK}"
+                reasons.append(NO_RUN_AT_END_REMARK)
                 all_notes["stop"] = ENDS_NOT_SIMULATED
-            why = f"{why}; {NEAREST_REMARK}"
+            reasons.append(NEAREST_REMARK)
+
+    # Predict the responses of the answer.
     unit = point[None]
     mean, covariance = model.predict(unit)
     checks = study.settings.sequential.checks
@@ -214,8 +223,8 @@ def give_answer(
         mean=mean[0],
         covariance=covariance[0],
         probability=_compute_probabilities(mean, covariance, targets, space),
-        samples=samples_of(space, unit, checks, find_next_sample(data)),
-        why=why,
+        samples=make_batch_samples(space, unit, checks, find_next_sample(data)),
+        why="; ".join(reasons),
         others=space.values(others.points),
         others_mean=others.mean,
         model=SpaceKriging(model, space),
@@ -264,7 +273,10 @@ def _make_input_error(
     if isinstance(error, InputError):
         return error
     return InputError(
-        "runs", "pours", str(error), "enough for an estimate of the noise"
+        source="runs",
+        key="pours",
+        value=str(error),
+        allowed="enough for an estimate of the noise",
     )
 
 
@@ -276,15 +288,22 @@ def arrange_runs(
     Parameters
     ----------
     data : pandas.DataFrame
-        A row for each run: `sample`, parameters, and responses, NaN where it failed.
+        A row for each run: `sample`, parameters and responses. The responses of a
+        failed run are NaN.
     space : ParameterSpace
     targets : Targets
+
+    Returns
+    -------
+    ObservedSamples
+        The good samples with their runs, and the points of the failed samples.
     """
     names = list(targets.names)
     sample_index, samples = pd.factorize(data["sample"])
     runs_of_sample = np.bincount(sample_index)
 
-    # Put the runs with any response into values (samples, runs, responses).
+    # Put the runs that have a response into an array (samples, runs, responses).
+    # Samples with fewer runs than others are filled up with NaN.
     has_response = data[names].notna().any(axis=1).to_numpy()
     run_index = data[has_response].groupby("sample").cumcount().to_numpy()
     most_runs = int(run_index.max(initial=0)) + 1
@@ -342,7 +361,7 @@ def _make_generator(study: Study, data: pd.DataFrame) -> np.random.Generator:
 
 
 def _describe_state(advice: Advice, study: Study) -> dict[str, Any]:
-    """Describe the state of the search, as the notes of a proposal.
+    """Collect the notes of a proposal, which describe the state of the search.
 
     Parameters
     ----------
@@ -398,15 +417,21 @@ def _explain(advice: Advice) -> str:
 def _describe_end(
     notes: Mapping[str, Any], study: Study, data: pd.DataFrame
 ) -> dict[str, Any]:
-    """Describe the end of the search, for the summary and the report.
+    """Collect the notes about the end of the search, for the summary and the report.
 
     Parameters
     ----------
     notes : mapping
-        Of the last proposal, from `_describe_state`.
+        Notes of the last proposal, made by `_describe_state`.
     study : Study
     data : pandas.DataFrame
         All runs.
+
+    Returns
+    -------
+    dict
+        `summary`, `steps` (a sentence for each step of the search), and `note` if the
+        targets are out of reach.
     """
     section = study.settings.sequential
     tolerance = section.tolerance_percent
