@@ -69,7 +69,7 @@ class Replicates(NamedTuple):
     precision : numpy.ndarray, (samples,)
         Runs of each sample, its weight.
     noise_covariance : numpy.ndarray, (k, k)
-        Of a single run about the mean of its sample.
+        Covariance of a single run about the mean of its sample.
     noise_freedom : float
         Degrees of freedom of the covariance, mean over the responses.
     """
@@ -82,9 +82,7 @@ class Replicates(NamedTuple):
     def estimate(
         cls, runs: pd.DataFrame, samples: Sequence[int], targets: Targets
     ) -> Self | None:
-        """Estimate the noise of some samples.
-
-        The result is None if the covariance of a bench test is singular.
+        """Estimate the noise of some samples from their replicates.
 
         Parameters
         ----------
@@ -94,6 +92,11 @@ class Replicates(NamedTuple):
             Numbers of the samples.
         targets : Targets
             The k responses.
+
+        Returns
+        -------
+        Replicates or None
+            None if a bench test has too few runs, or if their covariance is singular.
         """
         is_good = (runs["status"] == "ok") & runs["sample"].isin(samples)
         good = runs[is_good]
@@ -107,12 +110,13 @@ class Replicates(NamedTuple):
             bench_covariance, bench_freedom = estimate_within_covariance(
                 runs_of_bench[names], runs_of_bench["sample"]
             )
-            has_few_runs = bench_freedom <= len(columns)
-            if has_few_runs or not np.linalg.eigvalsh(bench_covariance)[0] > 0:
+            has_too_few_runs = bench_freedom <= len(columns)
+            if has_too_few_runs or not np.linalg.eigvalsh(bench_covariance)[0] > 0:
                 return None
 
-            # Weight each sample by its number of runs. Express the weights in runs of the
-            # first bench test, and scale the covariance to one of these runs.
+            # Weight each sample by its number of runs. The bench tests may have
+            # different numbers of runs. So express all weights in runs of the first
+            # bench test, and scale the covariance accordingly.
             runs_of_sample = runs_of_bench["sample"].value_counts()
             weight = runs_of_sample.reindex(samples, fill_value=0).to_numpy(float)
             first_weight = weights[0] if weights else weight
@@ -172,8 +176,12 @@ def train_surrogate(
     """
     usable = dataset[dataset["status"] == "ok"].reset_index(drop=True)
     if len(usable) < MIN_SAMPLES:
-        allowed = f"at least {MIN_SAMPLES} with status ok"
-        raise InputError(source, "usable samples", len(usable), allowed)
+        raise InputError(
+            source=source,
+            key="usable samples",
+            value=len(usable),
+            allowed=f"at least {MIN_SAMPLES} with status ok",
+        )
     X = usable[list(names)].to_numpy(float)
     Y = usable[list(targets.names)].to_numpy(float)
     rows = split_rows(usable, settings.split, settings.seed)
@@ -186,8 +194,13 @@ def train_surrogate(
         part : numpy.ndarray
             Row numbers of the samples.
         covariance : numpy.ndarray, (k, k), optional
-            Covariance of the noise up to a factor, for samples with too few replicates
-            to show it. None means that it is unknown.
+            Covariance of the noise up to a factor. It is used if the noise is not
+            estimated from replicates. None means that it is unknown.
+
+        Returns
+        -------
+        _Fit
+            The surrogate, and the noise that it was fitted with.
         """
         samples = usable["sample"].iloc[part]
         noise: dict[str, Any] = {"noise_covariance": covariance}
@@ -279,12 +292,12 @@ def describe_training(metrics: Mapping[str, Any]) -> str:
     Parameters
     ----------
     metrics : mapping
-        The attribute of `Training`. Only networks have all of its entries.
+        The attribute `metrics` of `Training`. Only networks have all of its entries.
 
     Returns
     -------
     str
-        Two lines or more.
+        One or more lines.
     """
     errors = []
     for name, score in metrics["test"].items():
@@ -340,31 +353,40 @@ def restore_surrogate(
     """
     model = load(surrogate_json)
     final_columns = _name_final_columns(model.outputs)
-    columns = [name_derived_column(name, "predicted") for name in model.outputs]
-    predictions = read_table(predictions_csv, ("sample", "split", *columns))
+    test_columns = [name_derived_column(name, "predicted") for name in model.outputs]
+    predictions = read_table(predictions_csv, ("sample", "split", *test_columns))
     dataset = read_table(dataset_csv, ("sample", *model.inputs, "status"))
     definitions, summary_json = read_definitions(dataset_csv)
     refuse_other_definitions(
         model.definitions, surrogate_json, definitions, summary_json
     )
 
-    # A surrogate fitted to all samples has additional columns with its predictions there.
-    # Any other was fitted to the training part only.
+    # A surrogate that was fitted to all samples has additional columns with its
+    # predictions for them. Any other surrogate was fitted to the training part only.
     if set(final_columns) <= set(predictions):
-        columns = final_columns
+        columns_of_fit = final_columns
     else:
+        columns_of_fit = test_columns
         predictions = predictions[predictions["split"] == "train"]
 
     # Predict the samples of the fit again.
     usable = dataset[dataset["status"] == "ok"].set_index("sample")
     missing = sorted(set(predictions["sample"]) - set(usable.index))
     if missing or predictions.empty:
-        allowed = f"usable samples of {dataset_csv}"
-        raise InputError(predictions_csv, "samples", missing, allowed)
+        raise InputError(
+            source=predictions_csv,
+            key="samples",
+            value=missing,
+            allowed=f"usable samples of {dataset_csv}",
+        )
     X = usable.loc[predictions["sample"], list(model.inputs)].to_numpy(float)
-    if not np.allclose(model.predict(X), predictions[columns], rtol=1e-6):
-        allowed = f"those of {surrogate_json} on {dataset_csv}"
-        raise InputError(predictions_csv, "predictions", "others", allowed)
+    if not np.allclose(model.predict(X), predictions[columns_of_fit], rtol=1e-6):
+        raise InputError(
+            source=predictions_csv,
+            key="predictions",
+            value="others",
+            allowed=f"those of {surrogate_json} on {dataset_csv}",
+        )
     return model
 
 
@@ -394,8 +416,12 @@ def refuse_other_targets(
         If the surrogate has other responses, in another order, or defined otherwise.
     """
     if model.outputs != targets.names:
-        allowed = f"the responses of the targets, {', '.join(targets.names)}"
-        raise InputError(path, "outputs", list(model.outputs), allowed)
+        raise InputError(
+            source=path,
+            key="outputs",
+            value=list(model.outputs),
+            allowed=f"the responses of the targets, {', '.join(targets.names)}",
+        )
     refuse_other_definitions(model.definitions, path, definitions, source)
 
 
@@ -421,8 +447,9 @@ def split_rows(
 ) -> dict[str, np.ndarray]:
     """Split the rows of a table into training, validation and test.
 
-    All samples of a refinement are used for training. The other samples are split as if
-    there were no refinement, so the test samples are the same in each round.
+    All samples of a refinement are used for training. The other samples are those of
+    the design. They are split as if there were no refinement, so the test samples are
+    the same in each round.
 
     Parameters
     ----------
@@ -478,11 +505,15 @@ def estimate_error_covariance(
     covariance = np.where(targets.same_bench, product, 0.0)
     is_enough = len(errors) > len(targets)
     if not (is_enough and np.linalg.eigvalsh(covariance)[0] > 0):
-        allowed = (
-            f"more than {len(targets)}, with errors of full rank, or "
-            "network.validation_noise: false"
+        raise InputError(
+            source=source,
+            key="validation samples",
+            value=len(errors),
+            allowed=(
+                f"more than {len(targets)}, with errors of full rank, or "
+                "network.validation_noise: false"
+            ),
         )
-        raise InputError(source, "validation samples", len(errors), allowed)
     return covariance
 
 
@@ -521,18 +552,22 @@ def _compute_accuracy(
     names: Sequence[str],
     rows: Mapping[str, np.ndarray],
 ) -> dict[str, Any]:
-    """Count the samples of each part, and compute R2 and RMSE of each response on it.
-
-    Both are None for a part without samples.
+    """Compute R2 and RMSE of each response on each part of the samples.
 
     Parameters
     ----------
     Y, predicted : numpy.ndarray, (n, k)
         Simulated and predicted responses.
     names : sequence of str
-        Of the responses.
+        Names of the responses.
     rows : mapping
         Row numbers of each part.
+
+    Returns
+    -------
+    dict
+        `n_` and the name of each part: its number of samples. For each part, `r2` and
+        `rmse` of each response, which are None for a part without samples.
     """
     accuracy: dict[str, Any] = {f"n_{part}": len(rows[part]) for part in SPLITS}
     for part, rows_of_part in rows.items():
@@ -571,6 +606,11 @@ def _compute_r2_three_ways(
     test_rows : numpy.ndarray
         Row numbers of the test samples.
     targets : Targets
+
+    Returns
+    -------
+    dict
+        For each response `sample_means`, `single_runs` and `noise_corrected`.
     """
     test = usable.iloc[test_rows]
     is_test_run = (runs["status"] == "ok") & runs["sample"].isin(test["sample"])

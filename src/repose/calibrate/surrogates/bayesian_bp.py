@@ -170,7 +170,7 @@ class BayesianBP(TrainingSettings, Surrogate):
         # Train from each start. Samples are weighted by their count times their precision.
         outputs = t.shape[1]
         weight = count[:, None] * precision
-        scatter = compute_pure_error(
+        pure_error = compute_pure_error(
             noise_covariance,
             freedom=noise.get("noise_freedom", 0.0),
             stretch=self._compute_stretch(),
@@ -184,7 +184,7 @@ class BayesianBP(TrainingSettings, Surrogate):
                 root_weight=np.sqrt(weight),
                 n=float(count.sum() * outputs),
                 settings=self,
-                pure_error=scatter,
+                pure_error=pure_error,
             )
             for k in range(self.starts)
         ]
@@ -203,10 +203,10 @@ class BayesianBP(TrainingSettings, Surrogate):
         return draw_first_weights(inputs, self.hidden, outputs, self.scaled_range, seed)
 
     def refit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
-        """Train a copy on other responses, as in `Surrogate.refit`.
+        """Train a copy of this network on other responses, as in `Surrogate.refit`.
 
         The training starts from the present weights, and keeps the scalings, alpha and
-        beta. The evidence and the statistics of the first fit are kept as well.
+        beta. The copy also keeps the evidence and the statistics of the first fit.
 
         Parameters
         ----------
@@ -256,10 +256,11 @@ class BayesianBP(TrainingSettings, Surrogate):
         return network
 
     def _keep_best_start(self) -> None:
-        """Keep the network of the best start.
+        """Set the weights of this network to those of the best start.
 
-        It is the start of the largest evidence: of those that converged, or of all if
-        none did. The statistics of all starts are recorded in `starts_`.
+        The best start is the one with the largest evidence among those that converged.
+        If none converged, it is the one with the largest evidence of all. The
+        statistics of all starts are recorded in `starts_`.
         """
         ends = self.ends_
         self.starts_ = []
@@ -298,7 +299,8 @@ class BayesianBP(TrainingSettings, Surrogate):
         Raises
         ------
         ValueError
-            If the start has no finite evidence. No other start then has one.
+            If the start has no finite evidence. The best start is set, so then no start
+            has a finite evidence.
         """
         if end["log_evidence"] == -math.inf:
             raise ValueError(
@@ -358,6 +360,7 @@ class BayesianBP(TrainingSettings, Surrogate):
             return Y
         roots = compute_output_roots([self], X, self._weights()[None])[0]
         variance = (roots**2).sum(axis=2) * self._compute_stretch() ** 2
+        # `noise` is True or False, which count as 1 and 0.
         std = np.sqrt(variance + noise * self.noise_std_**2)
         if self.one_output_:
             std = std[:, 0]
@@ -420,7 +423,11 @@ class BayesianBP(TrainingSettings, Surrogate):
         return rows
 
     def to_dict(self) -> dict[str, Any]:
-        """Collect scalings and weights, and the data for the errors of the weights."""
+        """Collect the scalings and weights in a dictionary that JSON can store.
+
+        It also has the training data, from which `from_dict` computes the errors of the
+        weights. A network that was loaded without these data is saved without them.
+        """
         content: dict[str, Any] = {
             "scaled_range": list(self.scaled_range),
             "activation": ["tansig", "purelin"],
@@ -448,6 +455,10 @@ class BayesianBP(TrainingSettings, Surrogate):
         content : mapping
             Result of `to_dict`, perhaps with the numbers of the ``samples``. If its
             entry ``training`` is missing, the network predicts without errors.
+
+        Returns
+        -------
+        BayesianBP
         """
         arrays = {key: np.asarray(content[key], dtype=float) for key in ARRAY_NAMES}
         model = cls(
@@ -477,8 +488,8 @@ class BayesianBP(TrainingSettings, Surrogate):
         Parameters
         ----------
         samples : sequence of int
-            Numbers of the samples. They fix the order of the sum for the Hessian, on
-            which its last bits depend.
+            Numbers of the samples. The Hessian is a sum over the samples in the order
+            of their numbers. In another order, it would have other rounding errors.
 
         Raises
         ------
@@ -490,7 +501,8 @@ class BayesianBP(TrainingSettings, Surrogate):
             raise ValueError(
                 f"{len(order)} samples of {len(self.training_['inputs'])} inputs"
             )
-        # Compute J'J of the residuals as in training, on mixed outputs.
+        # Compute J'J of the residuals in the same way as the training, which mixes the
+        # outputs.
         X = self.training_["inputs"][order]
         weight = self.training_["weight"][order]
         n_outputs = len(self.b2_)
@@ -547,8 +559,8 @@ class BayesianBP(TrainingSettings, Surrogate):
         Raises
         ------
         ValueError
-            For a setting outside its limits. It names the setting, its value and the
-            limit.
+            If a setting is outside its limits. The message names the setting, its value
+            and the limit.
         """
         lowest_values = {"hidden": 1, "starts": 1, "epochs": 1, "goal": 0}
         for name, lowest in lowest_values.items():
@@ -585,6 +597,7 @@ def compute_covariances(
     Returns
     -------
     array (networks, samples, outputs, outputs)
+        Covariances of the predictions, in the units of the responses.
     """
     if weights is None:
         weights = np.array([network._weights() for network in networks])
@@ -613,7 +626,7 @@ def compute_output_roots(
         They share their scalings.
     X : array (samples, inputs)
     weights : array (networks, N)
-        Of the networks.
+        Weights of each network.
 
     Returns
     -------

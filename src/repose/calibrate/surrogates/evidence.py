@@ -42,7 +42,9 @@ def compute_log_evidence(
     Parameters
     ----------
     alpha, Ew : float or array (classes,)
+        Regularisation of the weights of each class, and the sum of their squares.
     beta, Ed : float
+        Inverse of twice the noise variance, and the sum of the squared residuals.
     JJ : array (N, N)
         J'J of the weighted residuals.
     n : float

@@ -115,17 +115,17 @@ class GaussianProcess(CombinedOutputs, Surrogate):
     def _fit_processes(
         self, kernels: Sequence[Mapping[str, Any]], bounds: Sequence[Any]
     ) -> None:
-        """Fit a process to each combination of the outputs, as `processes_`.
+        """Fit a process to each combination of the outputs, and set `processes_`.
 
         Parameters
         ----------
         kernels : sequence of mapping
             Initial hyperparameters of each process, as in `report`.
         bounds : sequence
-            Bounds of the variance, the lengths and the noise variance, as scikit-learn
-            takes them.
+            Bounds of the variance, the lengths and the noise variance, in the form that
+            scikit-learn requires.
         """
-        # Importing scikit-learn takes half a second, so it is done only for a fit.
+        # Importing scikit-learn takes half a second, so import it only for a fit.
         from repose.calibrate.surrogates.process import (
             Process,
             SampleNoise,
@@ -138,7 +138,7 @@ class GaussianProcess(CombinedOutputs, Surrogate):
         for start, values, precision in zip(
             kernels, self.values.T, self.training_["precision"].T, strict=True
         ):
-            # The noise of a sample is smaller with a larger precision.
+            # The noise variance of a sample is inversely proportional to its precision.
             kernel = make_smooth_kernel(
                 start["variance"], start["lengths"], (variance_bounds, length_bounds)
             )
@@ -166,6 +166,7 @@ class GaussianProcess(CombinedOutputs, Surrogate):
         Returns
         -------
         array (n, k), or a pair of them
+            The means, and the standard deviations if `return_std` is True.
         """
         x = self._scale_inputs(X)
         scaled_means = np.column_stack([process.mean(x) for process in self.processes_])
@@ -173,6 +174,7 @@ class GaussianProcess(CombinedOutputs, Surrogate):
         if not return_std:
             return means
         # The processes are independent, so their variances add up in the responses.
+        # `noise` is True or False, which count as 1 and 0.
         noise_levels = np.array([process.noise_level for process in self.processes_])
         scaled_variances = self._predict_variances(x) + noise * noise_levels
         variances = scaled_variances * self._scale**2 @ self._unmixing**2

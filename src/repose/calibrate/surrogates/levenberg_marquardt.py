@@ -259,12 +259,15 @@ def train_again(
     x, t, root_weight, settings
         As in `train_start`.
     alpha : array (classes,)
+        Regularisation of each class of weights.
     beta : float
+        Inverse of twice the noise variance.
 
     Returns
     -------
     dict
-        The weights `w` (N,), their J'J as `JJ` (N, N), and the `alpha_of_weight` (N,).
+        `w` (N,), the new weights; `JJ` (N, N), J'J at these weights; `alpha_of_weight`
+        (N,), the alpha of each weight.
     """
     classes = _list_weight_classes(w, x, t, settings)
     size = _count_class_sizes(w, classes)
@@ -296,7 +299,8 @@ def train_again(
         state = state._replace(at=_make_linear_model(weights, data))
         # If the damping had to be raised, keep the raised value for the next step.
         mu = next_mu / settings.mu_decrease if next_mu >= mu else next_mu
-        # F in nats: a decrease of less than MIN_DECREASE no longer matters.
+        # F is the negative log of a probability, so a decrease below MIN_DECREASE
+        # hardly changes this probability.
         decrease = F - state.F()
         F -= decrease
         if decrease < MIN_DECREASE:
@@ -335,11 +339,17 @@ def _train_to_end(w: np.ndarray, data: _Data, settings: TrainingSettings) -> _En
         First weights.
     data : _Data
     settings : TrainingSettings
+
+    Returns
+    -------
+    _End
+        The last state, the number of epochs, and the reason why the training stopped.
     """
     state = _make_first_state(w, data)
     mu = max(settings.mu, MIN_MU)
     best: _Best | None = None
     epoch = 0
+    # The reason if the loop ends without a break.
     reason = "epochs"
     while epoch < settings.epochs:
         if state.at.Ed / data.n_means <= settings.goal:

@@ -84,7 +84,7 @@ class NetworkEnsemble(Surrogate):
         NetworkEnsemble
             The same ensemble.
         """
-        # Fitting one network trains all starts, and keeps the best.
+        # The fit of one network trains all starts, and keeps the best one.
         best = self.members_[0]
         best.inputs = self.inputs
         best.fit(X, Y, **noise)
@@ -169,8 +169,8 @@ class NetworkEnsemble(Surrogate):
     def _predict_means(self, X: ArrayLike) -> np.ndarray:
         """Predict the means of all networks at once.
 
-        The last result is kept, because a sampler needs mean and covariance at the same
-        points.
+        The last result is kept in `_last`, because a sampler needs mean and covariance
+        at the same points.
 
         Parameters
         ----------
@@ -186,7 +186,7 @@ class NetworkEnsemble(Surrogate):
         if self._last is not None and np.array_equal(X, self._last.points):
             return self._last.means
         x = scale_columns(X, first.input_min_, first.input_max_, first.scaled_range)
-        # All networks share their scalings, so their weights can be stacked.
+        # All networks have the same scalings, so one product handles all their weights.
         W1 = self._stack("W1")
         b1 = self._stack("b1")
         W2 = self._stack("W2")

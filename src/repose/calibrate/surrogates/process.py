@@ -83,7 +83,7 @@ class Process:
     Attributes
     ----------
     kernel : kernel
-        With the estimated hyperparameters, without the noise.
+        The kernel with the estimated hyperparameters, without the noise.
     noise_level : float
         Estimated variance of `noise`; 0 without it.
     root : array (n, n)
@@ -106,13 +106,14 @@ class Process:
     ) -> None:
         """Fit the free hyperparameters, and condition the process on the values.
 
-        The parameters are those of the class. With `noise`, its variance is fitted
-        together with the kernel, and separated from it afterwards.
+        The parameters are those of the class. If `noise` is not None, its variance is
+        fitted together with the kernel, and separated from the kernel afterwards.
         """
         self.x = x
         self.values = values
         self.noise_level = 0.0
         self.errors = errors
+        # Without noise and optimizer, there is nothing to fit.
         if noise is None and optimizer is None:
             self._condition(kernel)
             return
@@ -205,7 +206,7 @@ class SparseProcess:
         Covariance of the process; its hyperparameters stay as they are.
     x : array (n, d)
     values, errors : array (n,)
-        As of `Process`.
+        See `Process`.
     centres : array (M, d)
         Some of the points.
 
@@ -215,7 +216,7 @@ class SparseProcess:
     x : array (M, d)
         The centres, with which the covariance of a predicted point is computed.
     weights : array (M,)
-        Of these covariances in a predicted mean.
+        Weights of these covariances in a predicted mean.
     """
 
     def __init__(
@@ -239,20 +240,20 @@ class SparseProcess:
             variance_of_centres + jitter * np.eye(len(centres)), lower=True
         )
         features = self._solve(self._root_of_centres, kernel(centres, x))
-        # What they leave unexplained counts as noise.
+        # The variance that they leave unexplained counts as noise.
         unexplained = kernel.diag(x) - (features**2).sum(axis=0)
         self._noise = errors + np.maximum(unexplained, 0.0)
 
-        # With A the features over the noise's standard deviation, I + A A' is the
-        # precision of the features (SG06).
+        # Let A be the features divided by the standard deviation of the noise. Then the
+        # precision of the features is I + A A' (SG06).
         self._scaled = features / np.sqrt(self._noise)
         precision = np.eye(len(centres)) + self._scaled @ self._scaled.T
         self._root = linalg.cholesky(precision, lower=True)
         self.weights = self.compute_weights(values)
 
-        # The values lower the variance of the features by the root of I - precision^-1
-        # times its transpose. One product with a matrix then takes a covariance with the
-        # centres to what it lowers the variance by.
+        # The values lower the variance of the features by I - precision^-1 = R R'. Keep
+        # the root R, converted to covariances with the centres. Then a single product
+        # with it shows by how much the values lower the variance at a point.
         eigenvalues, axes = linalg.eigh(precision)
         root_of_gain = axes * np.sqrt(np.maximum(1 - 1 / eigenvalues, 0.0))
         self._gain = linalg.solve_triangular(
@@ -298,10 +299,10 @@ class SparseProcess:
 
 
 def choose_centres(kernel: Any, x: np.ndarray, count: int) -> np.ndarray:
-    """Choose points that explain the variance of a process at all the others.
+    """Choose points that explain the variance of a process at all other points.
 
-    Each is the point of the largest variance that those before it leave: the pivots of
-    a Cholesky decomposition.
+    Each step chooses the point with the largest variance that the points chosen before
+    it leave unexplained. These points are the pivots of a Cholesky decomposition.
 
     Parameters
     ----------
@@ -315,7 +316,8 @@ def choose_centres(kernel: Any, x: np.ndarray, count: int) -> np.ndarray:
     Returns
     -------
     array of int
-        Their rows; fewer than `count` where these explain all.
+        Rows of the chosen points. There are fewer than `count` if they already explain
+        the whole variance.
     """
     remaining_variance = kernel.diag(x).copy()
     negligible_variance = JITTER * remaining_variance.max()
@@ -325,13 +327,14 @@ def choose_centres(kernel: Any, x: np.ndarray, count: int) -> np.ndarray:
         row = int(remaining_variance.argmax())
         covariances = kernel(x[row : row + 1], x)[0]
         earlier_features = features[: len(rows)]
-        # The new feature is what the earlier ones do not explain of the covariances.
+        # The new feature is the part of the covariances that earlier features do not
+        # explain.
         feature = (covariances - earlier_features[:, row] @ earlier_features) / np.sqrt(
             remaining_variance[row]
         )
         features[len(rows)] = feature
         remaining_variance -= feature**2
-        # Rounding must not choose a row twice.
+        # Because of rounding errors, the row could otherwise be chosen again.
         remaining_variance[row] = 0.0
         rows.append(row)
     return np.array(rows)

@@ -77,7 +77,7 @@ class QuadraticSurface(Surrogate):
         self.offset_ = np.zeros(n_outputs)
         self.low_ = X.min(axis=0)
         self.width_ = compute_widths(X.min(axis=0), X.max(axis=0))
-        self.varies_ = X.max(axis=0) > self.low_
+        self.varies_ = X.max(axis=0) > self.low_  # which parameters are not constant
 
         # The noise is estimated from residuals, so there must be more samples than terms.
         terms = self._compute_terms(X)
@@ -89,7 +89,8 @@ class QuadraticSurface(Surrogate):
                 f"expected at least {n_terms + 1}, one more than the terms"
             )
 
-        # Join the results of all fits, and assign a root to each response.
+        # Join the results of all fits. A single fit may serve all responses. Then its
+        # root is assigned to each of them.
         fits = _fit_responses(terms, Y, precision)
         self.coefficients_ = np.hstack([fit.coefficients for fit in fits])
         residuals = np.hstack([fit.residuals for fit in fits])

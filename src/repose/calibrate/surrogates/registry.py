@@ -36,8 +36,12 @@ def surrogate_class(name: str, source: object = "surrogate") -> type[Surrogate]:
     """
     kinds = _import_kinds()
     if name not in kinds:
-        allowed = f"one of {', '.join(sorted(kinds))}"
-        raise InputError(source, "surrogate", name, allowed)
+        raise InputError(
+            source=source,
+            key="surrogate",
+            value=name,
+            allowed=f"one of {', '.join(sorted(kinds))}",
+        )
     return kinds[name]
 
 
@@ -101,8 +105,10 @@ def load(path: str | os.PathLike, outputs: Sequence[str] | None = None) -> Surro
     Parameters
     ----------
     path : path
+        The file.
     outputs : sequence of str, optional
-        Responses that the surrogate must have, in this order. None accepts any.
+        Responses that the surrogate must have, in this order. By default (None) any
+        responses are accepted.
 
     Returns
     -------
@@ -116,8 +122,8 @@ def load(path: str | os.PathLike, outputs: Sequence[str] | None = None) -> Surro
     content = read_json(path, KEYS, "a surrogate's JSON file")
     kind = surrogate_class(content["surrogate"], path)
     _check_finite(content, path)
-    # A damaged file may lead to many kinds of errors. All of them become one that names
-    # it.
+    # A damaged file may cause many kinds of errors. Convert all of them to an error
+    # that names the file.
     try:
         samples = _check_sample_numbers(content.get("samples", []))
         model = on_scale(kind.from_dict(content), _check_scale(content))
@@ -129,11 +135,17 @@ def load(path: str | os.PathLike, outputs: Sequence[str] | None = None) -> Surro
         )
     except (LookupError, ValueError, TypeError, ArithmeticError) as error:
         raise InputError(
-            path, kind.name, repr(error), "as `save` of this surrogate writes it"
+            source=path,
+            key=kind.name,
+            value=repr(error),
+            allowed="as `save` of this surrogate writes it",
         ) from error
     if outputs is not None and model.outputs != tuple(outputs):
         raise InputError(
-            path, "outputs", list(model.outputs), f"the targets {', '.join(outputs)}"
+            source=path,
+            key="outputs",
+            value=list(model.outputs),
+            allowed=f"the targets {', '.join(outputs)}",
         )
     return model
 
@@ -144,7 +156,10 @@ def _check_finite(content: Mapping[str, Any], path: object) -> None:
         json.dumps(content, allow_nan=False)
     except ValueError:
         raise InputError(
-            path, "numbers", "not all finite", "finite ones, as a surrogate has them"
+            source=path,
+            key="numbers",
+            value="not all finite",
+            allowed="finite ones, as a surrogate has them",
         ) from None
 
 

@@ -37,10 +37,10 @@ def find_independent_mixing(
     """Find combinations of the outputs that have independent noise (A35).
 
     The outputs of one experiment share part of their noise. If this were ignored, the
-    shared part would look like a signal. If L is a root of the noise covariance C of the
-    scaled outputs, L L' = C, the combinations y inv(L)' have independent noise. They are
-    scaled to a determinant of one, so that their range remains similar to that of the
-    outputs.
+    shared part would look like a signal. Let C be the noise covariance of the scaled
+    outputs y, and L a root of it, so L L' = C. Then the combinations y inv(L)' have
+    independent noise. Their coefficients are scaled to a determinant of one, so that
+    their range remains similar to that of the outputs.
 
     Parameters
     ----------
@@ -49,11 +49,13 @@ def find_independent_mixing(
     stretch : array (outputs,)
         Size of one unit of each scaled output, in units of the response.
     precision : array (samples, outputs)
+        Precision of each value. It must be the same for all outputs of a sample.
 
     Returns
     -------
     array (outputs, outputs)
-        Coefficients of the combinations, one combination in each column.
+        Coefficients of the combinations, one combination in each column. Without a
+        noise covariance, this is the unit matrix.
 
     Raises
     ------
@@ -129,7 +131,7 @@ def compute_pure_error(
     Parameters
     ----------
     noise_covariance : array (outputs, outputs) or None
-        Of one value of precision 1, in the units of the responses.
+        Covariance of one value of precision 1, in the units of the responses.
     freedom : float
         Degrees of freedom from which replicates estimated the covariance. With 0 the
         covariance is known only up to a factor, and there is no scatter.
@@ -177,7 +179,11 @@ def check_samples(
     sample_weight : array (samples,), optional
         Weight of each sample; by default 1.
     precision : array (samples,) or (samples, outputs), optional
-        By default 1.
+        Precision of each sample, or of each of its values; by default 1.
+
+    Returns
+    -------
+    Samples
 
     Raises
     ------
@@ -227,7 +233,7 @@ def _convert_or_ones(values: ArrayLike | None, size: int) -> np.ndarray:
 def _check_weights(
     *, X: np.ndarray, Y: np.ndarray, count: np.ndarray, precision: np.ndarray
 ) -> None:
-    """Refuse counts and precisions of the wrong shape, and impossible numbers.
+    """Check the shapes of counts and precisions, and all numbers.
 
     Parameters
     ----------

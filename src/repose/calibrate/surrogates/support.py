@@ -61,6 +61,11 @@ class Support:
         """Compute the usual distance between neighbours, and the largest leverage.
 
         The parameters are those of the class.
+
+        Raises
+        ------
+        ValueError
+            If `points` is no table of at least `MIN_SAMPLES` rows.
         """
         from scipy.spatial import cKDTree
 
@@ -105,10 +110,10 @@ class Support:
         usable = table[table["status"] == "ok"]
         if len(usable) < MIN_SAMPLES:
             raise InputError(
-                dataset_csv,
-                "usable samples",
-                len(usable),
-                f"at least {MIN_SAMPLES} with status ok",
+                source=dataset_csv,
+                key="usable samples",
+                value=len(usable),
+                allowed=f"at least {MIN_SAMPLES} with status ok",
             )
         return cls.from_space(usable[list(space.names)].to_numpy(float), space)
 
@@ -125,7 +130,7 @@ class Support:
         return is_at_bound
 
     def is_beyond_ends(self, points: np.ndarray) -> np.ndarray:
-        """Mark the points at an end of a range near which no sample lies.
+        """Mark the points that lie at an end of a range where there are no samples.
 
         Parameters
         ----------
@@ -138,6 +143,7 @@ class Support:
         """
         unit = self._scale_to_ranges(points)
         samples = self.tree.data
+        # The ends of each scaled range are 0 and 1.
         is_beyond = np.zeros(len(unit), dtype=bool)
         for end in (0.0, 1.0):
             has_samples = (np.abs(samples - end) <= BOUND_SHARE).any(axis=0)

@@ -91,7 +91,7 @@ def make_response_function(
     Returns
     -------
     callable
-        From points (n, inputs) to responses (n, outputs).
+        It maps points (n, inputs) to responses (n, outputs).
     """
     arrays = _convert_arrays(network)
     bottom, top = arrays["scaled_range"]
@@ -124,8 +124,9 @@ def draw_first_weights(
     """Draw random weights so that the neurons cover the range of the inputs (NW90).
 
     For inputs in [-1, 1], the slopes of each neuron form a vector of length 0.7
-    hidden^(1 / inputs), and the biases are uniform up to this length. The neurons are
-    then moved to inputs in `scaled_range`.
+    hidden^(1 / inputs). The biases are uniform between minus this length and this
+    length. Then the neurons are moved to inputs in `scaled_range`. The weights of the
+    outputs are uniform between -0.5 and 0.5.
 
     Parameters
     ----------
@@ -176,9 +177,11 @@ def mix_outputs(w: np.ndarray, mixing: np.ndarray, hidden: int) -> np.ndarray:
     Parameters
     ----------
     w : array (N,) or (N, columns)
-        Weights of a network, or several columns that transform as weights do.
+        Weights of a network, or several columns that are transformed like weights.
     mixing : array (outputs, outputs)
+        Coefficients of the combinations, one combination in each column.
     hidden : int
+        Number of hidden neurons.
 
     Returns
     -------
@@ -275,7 +278,7 @@ def compute_jacobian(
     a = np.tanh(x @ W1.swapaxes(-1, -2) + b1[..., None, :])  # (Eq. 6-7)
     y = a @ W2.swapaxes(-1, -2) + b2[..., None, :]  # (Eq. 8)
 
-    # Fill the derivatives in the order of w: W1, b1, W2, b2.
+    # Fill in the derivatives in the order of w: W1, b1, W2, b2.
     J = np.zeros((*y.shape, N))
     by_b1 = W2[..., None, :, :] * (1 - a * a)[..., None, :]
     end_of_W1 = hidden * inputs
