@@ -34,7 +34,7 @@ class Components(NamedTuple):
     groups, values : int
         Number of samples, and of runs.
     mean : float
-        Of all runs.
+        Mean of all runs.
     within, within_low, within_high : float
         sigma^2, with its interval.
     between : float
@@ -167,8 +167,10 @@ def _compute_icc_interval(
 ) -> _Interval:
     """Compute the interval of the intraclass correlation (TH78).
 
-    With h the harmonic mean of the sizes, theta = tau^2 / sigma^2 lies between
-    (F / F_upper - 1) / h and (F / F_lower - 1) / h.
+    Let h be the harmonic mean of the sizes of the groups, and theta = tau^2 / sigma^2.
+    Then theta lies between (F / F_upper - 1) / h and (F / F_lower - 1) / h. F is the
+    ratio of the mean squares between and within the groups, and F_lower and F_upper are
+    quantiles of its distribution.
 
     Parameters
     ----------
@@ -177,21 +179,21 @@ def _compute_icc_interval(
     freedom : int
         Its degrees of freedom.
     mean : numpy.ndarray, (k,)
-        Of each group.
+        Mean of each group.
     harmonic_size : float
         Harmonic mean of the sizes of the groups.
     """
     from scipy import stats  # half a second at start-up
 
     tail = (1 - CONFIDENCE) / 2
-    spread = harmonic_size * mean.var(ddof=1)
+    between_square = harmonic_size * mean.var(ddof=1)
 
-    def end(quantile: float) -> float:
+    def compute_end(quantile: float) -> float:
         F_quantile = stats.f.ppf(quantile, len(mean) - 1, freedom)
-        ratio = _divide(spread, within * F_quantile)
+        ratio = _divide(between_square, within * F_quantile)
         return _convert_to_icc((ratio - 1) / harmonic_size)
 
-    return _Interval(low=end(1 - tail), high=end(tail))
+    return _Interval(low=compute_end(1 - tail), high=compute_end(tail))
 
 
 def _check_arrays(

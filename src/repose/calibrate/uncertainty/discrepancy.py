@@ -58,7 +58,7 @@ def compute_stated_covariance(
     percent : float
         Standard deviation of a discrepancy, in percent of the target's value.
     correlation : float
-        Of the discrepancies of a bench test, without its sign.
+        Absolute correlation between the discrepancies of a bench test.
     """
     means = runs.groupby("sample")[list(targets.names)].mean().to_numpy()
     sd = percent / 100 * np.array([target.whole_value for target in targets])
@@ -75,9 +75,9 @@ def estimate_from_shape_study(
     published piles in standard deviations. All definitions of a model count as one
     model.
 
-    Because each combination has few simulations, the mean square of the standard errors
-    is subtracted from each variance. The correlation is that of the uncorrected
-    differences.
+    Each combination has few simulations, so their noise enlarges the variances. The
+    mean square of the standard errors is subtracted from each variance to correct this.
+    The correlation is that of the uncorrected differences.
 
     Parameters
     ----------
@@ -101,29 +101,33 @@ def estimate_from_shape_study(
     columns = [name_derived_column(name, "difference") for name in targets.names]
     table = _read_combinations(combinations_csv, targets, columns)
     plausible = table[table["eligible"]].dropna(subset=["distance", *columns])
-    _check_sizes(combinations_csv, targets, columns, plausible)
+    _refuse_large_values(combinations_csv, targets, columns, plausible)
 
-    # Weight the rows by their distance, and the models by the sum of their rows.
+    # Weight each row by its distance, and each model by the sum over its rows.
     weight = np.exp(-(plausible["distance"] ** 2) / 2)
     weight /= weight.sum()
     weight_of_model = weight.groupby([plausible[key] for key in MODEL_COLUMNS]).sum()
+    # n models of equal weight have the sum of squares 1 / n. With unequal weights, this
+    # is the effective number of models.
     sum_of_squares = (weight_of_model**2).sum()
-    n_models = 1 / sum_of_squares if len(plausible) else 0.0
+    n_models = 1 / sum_of_squares if len(plausible) > 0 else 0.0
     if not n_models >= MIN_MODELS:
         raise InputError(
-            combinations_csv,
-            "eligible",
-            f"{n_models:.1f} models by their weights",
-            f"at least {MIN_MODELS}",
+            source=combinations_csv,
+            key="eligible",
+            value=f"{n_models:.1f} models by their weights",
+            allowed=f"at least {MIN_MODELS}",
         )
 
-    # Subtract the noise of the simulations from the variances.
+    # Compute the covariance. The factor makes it unbiased for weights of whole models.
     differences = plausible[columns].to_numpy(float)
     errors = plausible[list(targets.errors)].to_numpy(float)
     uncorrected_covariance = np.cov(differences.T, aweights=weight, ddof=0)
     uncorrected_covariance = np.atleast_2d(uncorrected_covariance) / (
         1 - sum_of_squares
     )
+
+    # Subtract the noise of the simulations from the variances.
     variances = np.diag(uncorrected_covariance)
     noise = np.average(np.nan_to_num(errors) ** 2, axis=0, weights=weight)
     _require_larger_variances(combinations_csv, columns, variances, noise)
@@ -143,10 +147,10 @@ def _require_larger_variances(
     for name, variance, noise_variance in zip(columns, variances, noise, strict=True):
         if not variance > noise_variance:
             raise InputError(
-                path,
-                name,
-                f"of variance {format_significant(variance, 3)}",
-                f"above {format_significant(noise_variance, 3)}, of its errors",
+                source=path,
+                key=name,
+                value=f"of variance {format_significant(variance, 3)}",
+                allowed=f"above {format_significant(noise_variance, 3)}, of its errors",
             )
 
 
@@ -186,7 +190,7 @@ def _read_combinations(
     )
 
 
-def _check_sizes(
+def _refuse_large_values(
     path: StrPath, targets: Targets, columns: Sequence[str], plausible: pd.DataFrame
 ) -> None:
     """Refuse eligible models whose values are implausibly large.
@@ -200,9 +204,14 @@ def _check_sizes(
         Columns of the differences.
     plausible : pandas.DataFrame
         The rows of the eligible models.
+
+    Raises
+    ------
+    InputError
+        If a distance, a difference or an error is too large.
     """
-    # Set the limit of each column: a number for the distance, and a share of the target
-    # for differences and errors.
+    # The limit of the distance is a number. The limit of a difference or an error is a
+    # multiple of the target's value.
     limits = {"distance": MAX_DISTANCE}
     for names in (columns, targets.errors):
         for name, target in zip(names, targets, strict=True):
@@ -238,7 +247,8 @@ def compute_covariance(
     """
     matrix = np.diag(sd**2)
     for bench_test in dict.fromkeys(apparatus):
-        # The responses of this bench test have a block of the matrix.
+        # The covariances of the responses of this bench test form a block of the
+        # matrix.
         rows = np.flatnonzero([name == bench_test for name in apparatus])
         signed_sd = _find_signs(means[:, rows]) * sd[rows]
         block = correlation * np.outer(signed_sd, signed_sd)
@@ -248,9 +258,9 @@ def compute_covariance(
 
 
 def _find_signs(means: np.ndarray) -> np.ndarray:
-    """Find the signs with which responses vary together.
+    """Find whether each response rises or falls when the first response rises.
 
-    They are the signs of the first principal component, which is the direction of the
+    The signs are those of the first principal component, which is the direction of the
     largest common variation.
 
     Parameters
@@ -261,10 +271,10 @@ def _find_signs(means: np.ndarray) -> np.ndarray:
     Returns
     -------
     array (k,)
-        1 or -1; 1 for the first response. All are 1 if fewer than two samples are
-        complete.
+        1 for a response that rises with the first one, and for the first response
+        itself; -1 for a response that falls. All are 1 if fewer than two samples are
+        complete, because then the signs are unknown.
     """
-    # With fewer than two complete samples, the signs are unknown.
     complete = means[np.isfinite(means).all(axis=1)]
     n_responses = means.shape[1]
     if n_responses == 1 or len(complete) < 2:

@@ -53,7 +53,7 @@ class PriorPoints:
         Parameter sets.
     predicted : array (n, k)
     covariance : array (n, k, k)
-        Of the predictions.
+        Covariances of the predictions.
     """
 
     def __init__(self, model: Surrogate, space: ParameterSpace) -> None:
@@ -67,7 +67,8 @@ class PriorPoints:
         """
         self.space = space
         sequence = qmc.Sobol(space.dimensions, scramble=False)
-        # Half a step moves the first point away from the corner.
+        # The first point of the sequence is 0, a corner. Shift all points by half a
+        # step.
         self.quantile = sequence.random(N_POINTS) + 0.5 / N_POINTS
         if space.constraints:
             unit = space.from_prior(self.quantile)
@@ -96,12 +97,12 @@ def compute_information_curve(
 
     Parameters
     ----------
-    points : Points
+    points : PriorPoints
     targets : Targets
     observed : callable
         Function of the size and the correlation of a stated discrepancy that returns the
         observation.
-    shape_study : Observed, optional
+    shape_study : Observation, optional
         The observation with the discrepancy from a shape study.
 
     Returns
@@ -147,13 +148,15 @@ def _describe_shape_study(discrepancy: np.ndarray, targets: Targets) -> dict[str
 
 
 def _describe_information(points: PriorPoints, observed: Observation) -> dict[str, Any]:
-    """Compute the information of a measurement, and what it tells of each parameter.
+    """Compute the information of a measurement about the parameters.
+
+    It is computed for all parameters together and for each of them.
 
     Parameters
     ----------
-    points : Points
+    points : PriorPoints
         Points of the prior, with the predictions there.
-    observed : Observed
+    observed : Observation
         The measurement with a discrepancy.
 
     Returns
@@ -162,8 +165,8 @@ def _describe_information(points: PriorPoints, observed: Observation) -> dict[st
         `information_bits`, `effective_points`, and the columns of `_describe_parameter`
         for each free parameter.
     """
-    # Weight each point by its likelihood. The number of points with equal weights that
-    # are worth the same is 1 / sum w^2.
+    # Weight each point by its likelihood. n points of equal weight have the sum of
+    # squares 1 / n. With unequal weights, this is the effective number of points.
     log_weight = compute_log_likelihood(points.predicted, points.covariance, observed)
     weight = np.exp(log_weight - log_weight.max())
     weight /= weight.sum()
@@ -180,11 +183,11 @@ def _describe_information(points: PriorPoints, observed: Observation) -> dict[st
 def _describe_parameter(
     points: PriorPoints, k: int, weight: np.ndarray, effective: float
 ) -> dict[str, float]:
-    """Compute the credible interval and the information of a free parameter.
+    """Compute the credible interval of a free parameter, and the information about it.
 
     Parameters
     ----------
-    points : Points
+    points : PriorPoints
         The n points of the prior.
     k : int
         Number of the parameter among the free ones.
@@ -201,7 +204,8 @@ def _describe_parameter(
     space = points.space
     quantile = points.quantile[:, k]
 
-    # Find the ends of the interval, as quantiles of the prior, by the cumulative weights.
+    # Find the ends of the interval from the cumulative weights. They are quantiles of
+    # the prior.
     order = np.argsort(quantile)
     tail = (1 - CREDIBLE_PROBABILITY) / 2
     end_quantiles = np.interp(
@@ -210,15 +214,16 @@ def _describe_parameter(
         quantile[order],
     )
 
-    # Convert them to values of the parameter. The other parameters may have any value.
+    # Convert the ends to values of the parameter. The other parameters have no effect
+    # on the conversion, so set them to 0.5.
     two_points = np.full((2, space.dimensions), 0.5)
     two_points[:, k] = end_quantiles
     unit = space.from_prior(two_points)[:, k]
     name = space.free[k]
     low, high = space.values_at(name, unit).tolist()
 
-    # Compute the information from a histogram of the quantiles; with constraints, of
-    # those among the allowed points.
+    # Compute the information from a histogram of the quantiles. Constraints change the
+    # distribution of the prior, so then use the quantiles among the allowed points.
     if space.constraints:
         quantile = (rankdata(quantile) - 0.5) / len(quantile)
     bin_number = np.minimum((quantile * N_BINS).astype(int), N_BINS - 1)
@@ -248,10 +253,10 @@ def find_region(points: PriorPoints, values: np.ndarray) -> Region:
 
     Parameters
     ----------
-    points : Points
+    points : PriorPoints
         The n points of the prior.
     values : numpy.ndarray, (n,)
-        Their implausibilities.
+        Implausibilities of the points.
     """
     n_parameters = points.space.dimensions
     pairs = itertools.combinations(range(n_parameters), 2)
@@ -267,16 +272,16 @@ def find_region(points: PriorPoints, values: np.ndarray) -> Region:
 def _project_region(
     points: PriorPoints, values: np.ndarray, i: int, j: int
 ) -> pd.DataFrame:
-    """Project the region on two free parameters.
+    """Project the region that is not implausible on two free parameters.
 
-    The cells of a parameter have the same prior probability.
+    The range of each parameter is divided into cells of the same prior probability.
 
     Parameters
     ----------
-    points : Points
+    points : PriorPoints
         The n points of the prior.
     values : numpy.ndarray, (n,)
-        Their implausibilities.
+        Implausibilities of the points.
     i, j : int
         Numbers of the parameters among the free ones.
 

@@ -47,7 +47,7 @@ def make_observation(
     ----------
     targets : Targets
     correlation : array (k, k)
-        Of the measured responses.
+        Correlations of the measured responses.
     discrepancy : array (k, k)
         S_d.
 
@@ -79,7 +79,7 @@ def compute_log_likelihood(
         Predicted means f(theta) of n parameter sets.
     covariances : array (n, k, k)
         S_w of these.
-    observed : Observed
+    observed : Observation
 
     Returns
     -------

@@ -61,7 +61,10 @@ def read_runs(runs_csv: StrPath, targets: Targets) -> pd.DataFrame:
         if len(sizes) < 2 or sizes.max() < 2:
             largest = int(sizes.max()) if len(sizes) else 0
             raise InputError(
-                runs_csv, "runs a sample", largest, "2 or more, of 2 samples or more"
+                source=runs_csv,
+                key="runs a sample",
+                value=largest,
+                allowed="2 or more, of 2 samples or more",
             )
     return runs
 
@@ -106,14 +109,13 @@ def estimate_within_correlation(
             correlation = estimate_residual_correlation(
                 complete[first], complete[second], complete["sample"]
             )
-            value, low, high, freedom = correlation
-            matrix[i, j] = value
-            matrix[j, i] = value
+            matrix[i, j] = correlation.value
+            matrix[j, i] = correlation.value
             pairs[f"{first}, {second}"] = {
-                "value": value,
-                "low": low,
-                "high": high,
-                "degrees_of_freedom": freedom,
+                "value": correlation.value,
+                "low": correlation.low,
+                "high": correlation.high,
+                "degrees_of_freedom": correlation.freedom,
             }
     return WithinCorrelation(matrix, pairs)
 
@@ -142,6 +144,13 @@ def compute_noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
     Returns
     -------
     NoiseFloor
+        Two tables, one with a row for each target and one with a row for each number of
+        seeds, and a summary.
+
+    Raises
+    ------
+    ValueError
+        If the runs are too few.
     """
     seeds = np.arange(1, MAX_SEEDS + 1)
     seeds_table = pd.DataFrame({"seeds": seeds})
@@ -256,15 +265,16 @@ def write_noise_floor(
         If there are too few runs.
     """
     runs = read_runs(runs_csv, targets)
-    # The statistics do not know the file, so name it in their errors.
+    # The functions for statistics do not know the file, so convert their errors to one
+    # that names it.
     try:
         floor = compute_noise_floor(runs, targets)
     except ValueError as error:
         raise InputError(
-            runs_csv,
-            "runs",
-            str(error),
-            "enough runs a sample for variances and correlations",
+            source=runs_csv,
+            key="runs",
+            value=str(error),
+            allowed="enough runs a sample for variances and correlations",
         ) from None
     out = Path(out_dir)
     write_table(out / "noise.csv", floor.responses)

@@ -39,7 +39,7 @@ from repose.calibrate.uncertainty.sampler import (
     draw_chains,
 )
 from repose.calibrate.uncertainty.settings import PosteriorSettings
-from repose.common.errors import InputError, require
+from repose.common.errors import InputError
 from repose.common.files import StrPath, read_table, write_json, write_table
 from repose.common.numbers import format_significant
 
@@ -164,9 +164,10 @@ def make_measurement(
 def _find_measured_correlation(
     targets: Targets, runs: pd.DataFrame, settings: PosteriorSettings
 ) -> noise.WithinCorrelation:
-    """Find the correlation of the measured responses.
+    """Find the correlation between the measured responses.
 
-    It is either stated in the settings or estimated from the simulated runs.
+    The correlation is either stated in the settings or estimated from the simulated
+    runs.
 
     Parameters
     ----------
@@ -183,15 +184,17 @@ def _find_measured_correlation(
     Raises
     ------
     ValueError
-        If the runs are too few for an estimate.
+        If the correlation is to be estimated, but the runs are too few.
     """
     stated_correlation = settings.measured_correlation
+    # A word in place of a number asks for the estimate.
     if isinstance(stated_correlation, str):
         simulated = noise.estimate_within_correlation(runs, targets)
         _check_freedom(targets, simulated.pairs)
         return simulated
     pairs: noise.PairCorrelations = {}
-    # A stated correlation can be used even if there are too few runs to estimate one.
+    # The estimates for pairs of responses are only reported here. If there are too few
+    # runs for them, leave them out.
     with contextlib.suppress(ValueError):
         pairs = noise.estimate_within_correlation(runs, targets).pairs
     return noise.WithinCorrelation(targets.correlated(stated_correlation), pairs)
@@ -229,9 +232,9 @@ def infer_posterior(
     Parameters
     ----------
     model : Predictor
-        Of the responses of the targets.
+        It predicts the responses of the targets.
     support : Support
-        Of the model's samples.
+        Region of the samples to which the model was fitted.
     parameters : ParameterSpace
     targets : Targets
     measurement : Measurement
@@ -352,13 +355,13 @@ def _collect_statements(space: ParameterSpace, table: pd.DataFrame) -> dict[str,
 
 def refuse_all_fixed(space: ParameterSpace) -> None:
     """Raise InputError for parameters that are all fixed."""
-    require(
-        space.dimensions,
-        "configuration",
-        "parameters",
-        "all fixed",
-        "at least one range or prior",
-    )
+    if space.dimensions == 0:
+        raise InputError(
+            source="configuration",
+            key="parameters",
+            value="all fixed",
+            allowed="at least one range or prior",
+        )
 
 
 def infer_from_files(
@@ -427,8 +430,12 @@ def infer_from_files(
             references=references,
         )
     except ValueError as error:
-        allowed = "enough runs a sample for the correlation of the responses"
-        raise InputError(files.runs, "runs", str(error), allowed) from None
+        raise InputError(
+            source=files.runs,
+            key="runs",
+            value=str(error),
+            allowed="enough runs a sample for the correlation of the responses",
+        ) from None
 
     out = Path(out_dir)
     points = implausibility.PriorPoints(model, parameters)
@@ -463,9 +470,9 @@ def _read_references(
     Returns
     -------
     dict
-        Tables with `low` and `high`, whose index has the parameters. `miga` has the
-        ranges of the solutions of the search, and `published` the published intervals,
-        if there is a file.
+        Tables with `low` and `high`, whose index has the parameters. The table `miga`
+        has the ranges of the solutions of the search, and the table `published` has the
+        published intervals. It is missing if `files` names no file for it.
     """
     references = {}
     if files.table3 is not None:
@@ -487,11 +494,16 @@ def _compute_curve(
 
     Parameters
     ----------
-    points : Points
+    points : PriorPoints
     targets : Targets
     runs : pandas.DataFrame
         Simulated runs, from which the signs of the correlations follow.
     measurement : Measurement
+
+    Returns
+    -------
+    pandas.DataFrame
+        Result of `compute_information_curve`.
     """
 
     def observe(percent: float, correlation: float) -> Observation:
@@ -510,20 +522,22 @@ def _compute_curve(
 def state_determination(row: Mapping[str, Any]) -> str:
     """State in a sentence how well a parameter is determined.
 
-    The classification depends on the information in the data, in bits.
+    The sentence depends on the information in the data, in bits. It has no full stop.
 
     Parameters
     ----------
     row : mapping
-        Its row of posterior.csv.
+        Row of the parameter in posterior.csv.
     """
     name = row["parameter"]
     bits = row["information_bits"]
-    interval = f"{format_significant(row['credible_low'], 3)} to {format_significant(row['credible_high'], 3)}"
+    low = format_significant(row["credible_low"], 3)
+    high = format_significant(row["credible_high"], 3)
+    interval = f"{low} to {high}"
     width = f"{100 * row['width_ratio']:.0f} % of the prior's width, {bits:.2f} bits"
     if bits < UNDETERMINED_BITS:
         return f"{name} is not determined: {width}"
-    # Little information: tell in which half of the prior the parameter is.
+    # With little information, only say in which half of the prior the parameter lies.
     if bits < DETERMINED_BITS:
         below = row["below_centre"]
         above = 1 - below
@@ -532,8 +546,9 @@ def state_determination(row: Mapping[str, Any]) -> str:
             f"{name} is weakly determined, in the {half} half with probability "
             f"{max(above, below):.2f}: {width}"
         )
+    # If there is much information in spite of a wide interval, the draws form several
+    # groups.
     if row["width_ratio"] > WIDE_RATIO:
-        # Much information in spite of a wide interval: the draws form several groups.
         return f"{name} lies in one of several places within {interval}: {width}"
     return f"{name} is determined, {interval}: {width}"
 
@@ -591,8 +606,8 @@ def _tabulate_parameters(
         Draws in the unit cube.
     convergence : Convergence
     references : mapping
-        As in `infer_posterior`. Parameters may be missing, because published tables only
-        have the six of the paper.
+        See `infer_posterior`. A table may lack parameters of this study, because
+        published tables only have the six parameters of the paper.
     """
     quantiles = space.marginal_cdf(unit)
     prior_widths = _compute_prior_widths(space)
@@ -653,18 +668,18 @@ def _compute_prior_widths(space: ParameterSpace) -> np.ndarray:
     array (d,)
         Widths along the scales of the free parameters.
     """
+    # Constraints change the priors of all parameters, so use quantiles of allowed sets.
+    if space.constraints:
+        probabilities = [(1 - CREDIBLE_PROBABILITY) / 2, (1 + CREDIBLE_PROBABILITY) / 2]
+        values = space.marginal_quantiles(np.array(probabilities))
+        low, high = to_coordinates(values, space.free, space.scale)
+        return high - low
+
     # The interval of a uniform prior is this share of the range.
     range_low, range_high = space.coordinate_ends
     widths = CREDIBLE_PROBABILITY * (range_high - range_low)
+    # The interval of a normal prior follows from its quantiles.
     tail = np.full(space.dimensions, (1 - CREDIBLE_PROBABILITY) / 2)
-    # Constraints change the priors of all parameters, so use quantiles of allowed sets.
-    if space.constraints:
-        values = space.marginal_quantiles(
-            np.array([(1 - CREDIBLE_PROBABILITY) / 2, (1 + CREDIBLE_PROBABILITY) / 2])
-        )
-        low, high = to_coordinates(values, space.free, space.scale)
-        return high - low
-    # A parameter with a normal prior has the quantiles of this prior.
     quantiles = space.from_prior(np.array([tail, 1 - tail]))
     for name in space.prior:
         k = space.free.index(name)
@@ -696,16 +711,19 @@ def _assess_reference(
         Name of the reference, with which the columns begin.
     space : ParameterSpace
     k : int
+        Number of the parameter among the free ones.
     values : array (n,)
-        Draws of the parameter.
+        Draws of the parameter from the posterior.
     interval : Interval
+        The reference interval.
 
     Returns
     -------
     dict
-        The interval, and its probability by the draws and by the prior.
+        The ends of the interval, its probability according to the draws, and its
+        probability according to the prior.
     """
-    # Clip the interval to the range.
+    # The prior has no probability outside the range, so clip the interval to the range.
     parameter = space.free[k]
     clipped = np.clip(interval, space.low[k], space.high[k])
     if parameter in space.prior:
@@ -714,7 +732,7 @@ def _assess_reference(
         ends[:, k] = space.shares(parameter, clipped)
         prior_probability = float(np.diff(space.prior_cdf(ends)[:, k])[0])
     else:
-        # For a uniform prior, the probability is a share of the range.
+        # The probability of a uniform prior is the share of the range, along its scale.
         range_low, range_high = space.coordinate_ends
         low, high = space.coordinates(parameter, clipped).tolist()
         prior_probability = (high - low) / float(range_high[k] - range_low[k])

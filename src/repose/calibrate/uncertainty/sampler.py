@@ -59,12 +59,12 @@ def draw_chains(
     Parameters
     ----------
     log_density : callable
-        From points (n, d) to the log (n,) of the density, up to a constant.
+        It maps points (n, d) to the log (n,) of the density, up to a constant.
     dimensions : int
     walkers : int
-        Of each ensemble.
+        Number of walkers in each ensemble.
     steps : int
-        Of each walker, those of the burn-in included.
+        Number of steps of each walker, including the burn-in.
     seed : int
 
     Returns
@@ -74,8 +74,8 @@ def draw_chains(
     """
     import emcee
 
-    def in_cube(points: np.ndarray) -> np.ndarray:
-        """Compute the log density; -inf outside the unit cube."""
+    def compute_log_density(points: np.ndarray) -> np.ndarray:
+        """Compute the log density (n,) of points (n, d); -inf outside the unit cube."""
         values = np.full(len(points), -np.inf)
         is_inside = ((points >= 0) & (points <= 1)).all(axis=1)
         if is_inside.any():
@@ -86,11 +86,14 @@ def draw_chains(
     times = []
     for k in range(N_ENSEMBLES):
         random = np.random.RandomState([seed, k])
-        start_points = _draw_starts(in_cube, dimensions, random)[:walkers]
-        ensemble = _make_ensemble(len(start_points), dimensions, in_cube, random)
+        start_points = _draw_starts(compute_log_density, dimensions, random)[:walkers]
+        ensemble = _make_ensemble(
+            len(start_points), dimensions, compute_log_density, random
+        )
         ensemble.run_mcmc(start_points, steps)
 
-        # Append the log density to the coordinates, as a further column.
+        # Leave out the burn-in. Append the log density to the coordinates as a further
+        # column.
         burn_in = int(BURN_IN_SHARE * steps)
         points = ensemble.get_chain(discard=burn_in)
         values = ensemble.get_log_prob(discard=burn_in)
@@ -130,25 +133,31 @@ def _make_ensemble(
 def _draw_starts(
     log_density: Density, dimensions: int, random: np.random.RandomState
 ) -> np.ndarray:
-    """Draw points (POPULATION, d) from a density, approximately.
+    """Draw points approximately from a density.
 
-    The points pass through a sequence of powers of the density, from power 0, which is
-    uniform, to power 1, the density itself (Del Moral et al. 2006, J. R. Stat. Soc. B 68,
-    411). Each power is chosen so that half the points remain effective. The points are
-    then resampled by their weights, and moved.
+    The points are drawn from a sequence of powers of the density (Del Moral et al.
+    2006, J. R. Stat. Soc. B 68, 411). It begins with the power 0, which is a uniform
+    density, and ends with the power 1, the density itself. Each power is chosen so that
+    at least the share `MIN_EFFECTIVE_SHARE` of the points remains effective. Then the
+    points are resampled by their weights, and moved.
 
     Parameters
     ----------
     log_density : callable
-        From points (n, d) to the log (n,) of the density, up to a constant.
+        It maps points (n, d) to the log (n,) of the density, up to a constant.
     dimensions : int
     random : numpy.random.RandomState
+
+    Returns
+    -------
+    array (N_POPULATION, d)
     """
     # Start with uniform points, which are draws from the power 0.
     points = random.uniform(size=(N_POPULATION, dimensions))
     power = 0.0
     values = log_density(points)
-    # Where a constraint excludes points, draw others in their place.
+    # A constraint excludes points of log density -inf. Draw other points in their
+    # place.
     while (is_excluded := np.isneginf(values)).any():
         points[is_excluded] = random.uniform(size=(is_excluded.sum(), dimensions))
         values[is_excluded] = log_density(points[is_excluded])
@@ -189,22 +198,23 @@ def _find_power_rise(values: np.ndarray, most: float) -> float:
     values : array (n,)
         Log densities of the points.
     most : float
-        Largest increase.
+        Upper limit of the result.
 
     Returns
     -------
     float
     """
 
-    def excess(rise: float) -> float:
-        """Compute the effective share of the points minus the smallest allowed one."""
+    def compute_excess(rise: float) -> float:
+        """Compute the effective share of the points minus the smallest accepted one."""
         weight = _compute_weights(values, rise)
-        effective = weight.sum() ** 2 / (weight**2).sum() / N_POPULATION
-        return effective - MIN_EFFECTIVE_SHARE
+        effective_share = weight.sum() ** 2 / (weight**2).sum() / N_POPULATION
+        return effective_share - MIN_EFFECTIVE_SHARE
 
-    if excess(most) >= 0.0:
+    if compute_excess(most) >= 0.0:
         return most
-    return optimize.brentq(excess, 0.0, most)
+    # The excess falls with the rise, so its root is the largest possible rise.
+    return optimize.brentq(compute_excess, 0.0, most)
 
 
 def compute_split_r_hat(chains: np.ndarray) -> np.ndarray:
@@ -256,29 +266,31 @@ def compute_joint_information(
     space: ParameterSpace,
     seed: int,
 ) -> Information:
-    """Compute the information of the joint posterior over the prior, in bits.
+    """Compute the information that the joint posterior adds to the prior, in bits.
 
     It is the Kullback-Leibler divergence E_posterior[log L] - log E_prior[L]. The mean over
-    the prior uses a scrambled Sobol sequence. Its standard error is computed as for
-    independent points, which overestimates it.
+    the prior uses a scrambled Sobol sequence. Its standard error is that of independent
+    points, which is an upper limit.
 
     Parameters
     ----------
     log_likelihood : callable
-        From points (n, d) of the unit cube to log L (n,).
+        It maps points (n, d) of the unit cube to log L (n,).
     drawn : array (draws,)
         log L at draws of the posterior.
     effective : float
         Effective number of independent draws.
     space : ParameterSpace
-        With the prior.
+        The parameters with their priors.
     seed : int
-        Of the sequence.
+        Seed of the Sobol sequence.
     """
     sequence = stats.qmc.Sobol(space.dimensions, rng=seed)
     points = take_allowed_points(sequence, N_PRIOR_DRAWS, space)
     parts = np.array_split(points, N_PRIOR_DRAWS // CHUNK_SIZE)
     prior_log_likelihoods = np.concatenate([log_likelihood(part) for part in parts])
+    # Divide the likelihoods by the largest one, because they may be too small for a
+    # float.
     likelihood = np.exp(prior_log_likelihoods - prior_log_likelihoods.max())
     log_evidence = prior_log_likelihoods.max() + math.log(likelihood.mean())
     prior_error = likelihood.std() / likelihood.mean() / math.sqrt(N_PRIOR_DRAWS)

@@ -70,13 +70,13 @@ def compute_sobol_indices(
     Parameters
     ----------
     function : callable
-        From points (n, d) to outputs (n,) or (n, outputs).
+        It maps points (n, d) to outputs (n,) or (n, outputs).
     low, high : array (d,)
         Ranges of the inputs.
     samples : int
         A power of two.
     resamples : int
-        Of the bootstrap.
+        Number of bootstrap samples, from which the intervals follow.
     seed : int
 
     Returns
@@ -90,8 +90,9 @@ def compute_sobol_indices(
     ValueError
         If an output does not vary.
     """
-    # A and B (samples, d) are independent points of the unit cube. AB[i] is A with column i
-    # replaced by that of B, so f_A and f_AB[i] differ only by the effect of input i.
+    # A and B (samples, d) are independent points of the unit cube. In AB[i], column i
+    # of A is replaced by that of B. So f_A and f_AB[i] differ only by the effect of
+    # input i.
     d = len(low)
     sequence = stats.qmc.Sobol(2 * d, rng=seed)
     A, B = np.split(sequence.random(samples), 2, axis=1)
@@ -143,7 +144,7 @@ def compute_allowed_shares(
     Parameters
     ----------
     function, low, high, samples, resamples, seed
-        As of `compute_sobol_indices`.
+        See `compute_sobol_indices`.
     is_allowed : callable
         Marks the allowed points (n, d) of the unit cube.
 
@@ -199,41 +200,79 @@ def _evaluate_along_lines(
     ends: tuple[np.ndarray, np.ndarray],
     is_allowed: MaskFunction | None,
 ) -> np.ndarray:
-    """Compute outputs (outputs, values, n) at draws (n, d) with other values of input k.
+    """Evaluate the function at each draw with each of several values of input k.
 
-    Draws and values are in the unit cube. The outputs at forbidden points are NaN.
+    Parameters
+    ----------
+    function : callable
+        It maps points (n, d) to outputs (n,) or (n, outputs).
+    draws : array (n, d)
+        Points of the unit cube.
+    k : int
+        Number of the input that is changed.
+    values : array (values,)
+        Values of this input in the unit cube.
+    ends : pair of array (d,)
+        Lowest and highest value of each input, in its own units.
+    is_allowed : callable or None
+        Marks the allowed points (n, d) of the unit cube. None allows all of them.
+
+    Returns
+    -------
+    array (outputs, values, n)
+        NaN at points that are not allowed.
     """
     points = np.repeat(draws[None], len(values), axis=0)
     points[:, :, k] = values[:, None]
-    flat = points.reshape(-1, draws.shape[1])
-    is_good = np.ones(len(flat), dtype=bool)
+    point_list = points.reshape(-1, draws.shape[1])
+    is_evaluated = np.ones(len(point_list), dtype=bool)
     if is_allowed is not None:
-        is_good = is_allowed(flat)
-    good = _evaluate_at(function, flat[is_good], *ends)
-    outputs = np.full((len(good), len(flat)), np.nan)
-    outputs[:, is_good] = good
-    return outputs.reshape(len(good), len(values), len(draws))
+        is_evaluated = is_allowed(point_list)
+    evaluated = _evaluate_at(function, point_list[is_evaluated], *ends)
+    n_outputs = len(evaluated)
+    outputs = np.full((n_outputs, len(point_list)), np.nan)
+    outputs[:, is_evaluated] = evaluated
+    return outputs.reshape(n_outputs, len(values), len(draws))
 
 
 def _compute_shares(output: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """Compute the shares (2, resamples) of one output (values, n).
+    """Compute the shares of the variance of one output, as in `compute_allowed_shares`.
 
-    `counts` (resamples, n) is how often each draw counts.
+    Parameters
+    ----------
+    output : array (values, n)
+        The output at each value of an input, along the line of each of n draws. It is
+        NaN at points that are not allowed.
+    counts : array (resamples, n)
+        How often each resample contains each draw.
+
+    Returns
+    -------
+    array (2, resamples)
+        The explained share Var(E[y | x]) / Var(y), and the remaining share
+        E[Var(y | others)] / Var(y).
     """
-    is_good = ~np.isnan(output)
-    deviation = np.where(is_good, output - np.nanmean(output), 0.0)
-    # Sums over all allowed points, at each value, and along the line of each draw.
-    number = counts @ is_good.T
+    is_allowed = ~np.isnan(output)
+    deviation = np.where(is_allowed, output - np.nanmean(output), 0.0)
+
+    # Count and sum over the allowed points at each value (resamples, values). From
+    # these follow the mean and the variance over all allowed points.
+    number = counts @ is_allowed.T
     sums = counts @ deviation.T
     total = number.sum(axis=1)
     mean = sums.sum(axis=1) / total
     variance = counts @ (deviation**2).sum(axis=0) / total - mean**2
+
+    # The explained part is the variance of the means at the values.
     mean_at_value = sums / np.maximum(number, 1)
-    spread = (number * (mean_at_value - mean[:, None]) ** 2).sum(axis=1) / total
-    length = np.maximum(is_good.sum(axis=0), 1)
+    explained = (number * (mean_at_value - mean[:, None]) ** 2).sum(axis=1) / total
+
+    # The remaining part is the mean of the variances along the lines.
+    length = np.maximum(is_allowed.sum(axis=0), 1)
     mean_on_line = deviation.sum(axis=0) / length
-    squares = np.where(is_good, (deviation - mean_on_line) ** 2, 0.0).sum(axis=0)
-    return np.array([spread, counts @ squares / total]) / variance
+    squares = np.where(is_allowed, (deviation - mean_on_line) ** 2, 0.0).sum(axis=0)
+    remaining = counts @ squares / total
+    return np.array([explained, remaining]) / variance
 
 
 def _require_variation(outputs: np.ndarray) -> None:
@@ -279,27 +318,28 @@ def compute_main_effects(
     Parameters
     ----------
     function, low, high, seed
-        As of `compute_sobol_indices`.
+        See `compute_sobol_indices`.
     points : int
         Number of values of each input.
     is_allowed : callable, optional
-        Marks the allowed points (n, d) of the unit cube; the means are over them.
+        Marks the allowed points (n, d) of the unit cube. The means are those of the
+        allowed points; by default all points are allowed.
 
     Returns
     -------
     grid : array (d, points)
         Values of each input.
     means : array (d, points, outputs)
-        nan at values that hardly any allowed point has.
+        NaN at values where there are hardly any allowed points.
     """
     d = len(low)
     draws = stats.qmc.Sobol(d, rng=seed).random(N_EFFECT_DRAWS)
-    base = low + (high - low) * draws
+    inputs = low + (high - low) * draws
     grid = np.linspace(low, high, points, axis=1)
     means = []
     for k in range(d):
         # Set input k to the same value at all points, and keep the other inputs.
-        changed = base.copy()
+        changed = inputs.copy()
         unit = draws.copy()
         means_of_input = []
         for value, share in zip(grid[k], np.linspace(0, 1, points), strict=True):
@@ -331,7 +371,7 @@ def analyse_surrogate(
 ) -> Sensitivity:
     """Compute Sobol indices and mean responses of a surrogate.
 
-    With constraints, shares of the variance take the place of the indices.
+    With constraints, shares of the variance replace the indices.
 
     Parameters
     ----------
@@ -370,7 +410,8 @@ def analyse_surrogate(
         {"parameter": np.repeat(parameters.free, n_values), "value": grid.ravel()}
     )
     effects[list(targets.names)] = means.reshape(len(effects), -1)
-    # No allowed parameter set has the values that are left out.
+    # The means are NaN where hardly any parameter set is allowed. Leave out these
+    # values.
     return Sensitivity(table, effects.dropna(ignore_index=True))
 
 
@@ -409,9 +450,7 @@ def analyse_from_file(
     out_dir: StrPath,
     source: object = "configuration",
 ) -> pd.DataFrame:
-    """Analyse the surrogate in a file.
-
-    Write sobol.csv and main_effects.csv, and return the first table.
+    """Analyse the surrogate in a file, and write sobol.csv and main_effects.csv.
 
     Parameters
     ----------
@@ -423,8 +462,14 @@ def analyse_from_file(
         Their definitions, which must be those of the surrogate.
     settings : SensitivitySettings
     out_dir : path
+        Folder for the two tables.
     source : object, optional
         Name of the configuration, for an error about definitions.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The content of sobol.csv.
 
     Raises
     ------
@@ -438,7 +483,10 @@ def analyse_from_file(
         result = analyse_surrogate(model, parameters, targets, settings)
     except ValueError as error:
         raise InputError(
-            surrogate_json, "surrogate", str(error), "responses that vary"
+            source=surrogate_json,
+            key="surrogate",
+            value=str(error),
+            allowed="responses that vary",
         ) from None
     write_table(Path(out_dir) / "sobol.csv", result.indices)
     write_table(Path(out_dir) / "main_effects.csv", result.effects)
@@ -446,7 +494,14 @@ def analyse_from_file(
 
 
 def describe_indices(table: pd.DataFrame) -> str:
-    """Write the two shares of the variance as text, a line for each response."""
+    """Describe the two shares of the variance in text, with a line for each response.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        The content of sobol.csv. The shares are the Sobol indices, or with constraints
+        the explained and the remaining share.
+    """
     names = ("first", "total")
     words = "first-order (total)"
     if "explained" in table:
@@ -454,8 +509,9 @@ def describe_indices(table: pd.DataFrame) -> str:
         words = "explained by it alone (remaining if all others are known)"
     lines = []
     for response, rows in table.groupby("response", sort=False):
-        by_second = rows.sort_values(names[1], ascending=False)
-        shares = by_second[["parameter", *names]].itertuples(index=False)
+        # Begin with the parameter of the largest second share.
+        sorted_rows = rows.sort_values(names[1], ascending=False)
+        shares = sorted_rows[["parameter", *names]].itertuples(index=False)
         parameters = ", ".join(
             f"{name} {first:.2f} ({second:.2f})" for name, first, second in shares
         )
