@@ -133,7 +133,7 @@ def expand_profiles(targets: Any, source: Any) -> Any:
     Raises
     ------
     InputError
-        With all faults of a profile.
+        If a profile has faults; the message lists all of them.
     """
     entries = []
     for k, entry in enumerate(targets):
@@ -148,19 +148,27 @@ def expand_profiles(targets: Any, source: Any) -> Any:
 
 
 def expand_own_profiles(targets: Any, source: Any) -> Any:
-    """Replace the profiles in the section `targets` of the user's own simulator.
+    """Replace each profile in `targets` by a target for each of its scores.
+
+    The section is that of a study with the user's own simulator.
 
     Parameters
     ----------
     targets : mapping
-        The entries by name. Anything else is returned as it is; a later check refuses it.
+        The entries by name. A value that is not a mapping is returned unchanged,
+        because a later check refuses it.
     source : object
         File of the section, for an error.
+
+    Returns
+    -------
+    dict
+        The entries in the same order. Other entries than profiles are unchanged.
 
     Raises
     ------
     InputError
-        With all faults of a profile.
+        If a profile has faults; the message lists all of them.
     """
     if not isinstance(targets, Mapping):
         return targets
@@ -174,8 +182,12 @@ def expand_own_profiles(targets: Any, source: Any) -> Any:
         other_names = {*targets, *entries}
         repeated_names = [score for score in score_targets if score in other_names]
         if repeated_names:
-            allowed = "a profile whose scores have names of no other target"
-            raise InputError(source, f"targets.{name}", repeated_names, allowed)
+            raise InputError(
+                source=source,
+                key=f"targets.{name}",
+                value=repeated_names,
+                allowed="a profile whose scores have names of no other target",
+            )
         entries.update(score_targets)
     return entries
 
@@ -202,17 +214,18 @@ def _make_own_targets(
     measured = _validate_entry({name: entry}, _ProfileTargets[OwnProfile], source)
     line = _read_profile(measured, name)
     profile = line.profile
+    # All scores share the unit, the definition and the noise of the profile.
     common_keys: dict[str, Any] = {}
     for key in ("unit", "definition"):
         if key in entry:
             common_keys[key] = getattr(measured, key)
     if measured.noise_sd is not None:
-        # The variances of the scores add up to that of a height.
+        # The variances of all scores add up to the variance of a height.
         common_keys["noise_sd"] = measured.noise_sd / math.sqrt(profile.functions)
-    scores = _describe_scores(measured, line, {})
+    targets_of_scores = _describe_scores(measured, line, {})
     return {
-        score: score_keys | common_keys
-        for score, score_keys in zip(profile.names, scores, strict=True)
+        score: target | common_keys
+        for score, target in zip(profile.names, targets_of_scores, strict=True)
     }
 
 
@@ -244,7 +257,12 @@ def _validate_entry(
     ((name, entry),) = model.model_validate({"targets": targets}).targets.items()
     if not places.find_file(entry.file).is_file():
         key = f"targets.{name}.file"
-        raise InputError(source, key, entry.file, "an existing CSV file")
+        raise InputError(
+            source=source,
+            key=key,
+            value=entry.file,
+            allowed="an existing CSV file",
+        )
     return entry
 
 
@@ -257,18 +275,35 @@ def _make_bench_targets(
     ----------
     measured : BenchProfile
     key : str
-        Of the profile in the configuration, for an error.
+        Key of the profile in the configuration, which an error names.
     source : object
         File of the configuration, for an error.
+
+    Returns
+    -------
+    list of dict
+        An entry of the list `targets` for each score.
+
+    Raises
+    ------
+    InputError
+        If no bench test has this profile, or if the entry names another bench test.
     """
-    # Look up the bench test by the first score, which is a registered response.
+    # The scores are registered responses. Look up the bench test by the first score.
     first_response = find_response(name_derived_column(measured.response, "1"))
     if first_response is None or first_response.profile != measured.response:
-        allowed = "the profile of a bench test, such as turning_profile_mm"
-        raise InputError(source, f"{key}.response", measured.response, allowed)
+        raise InputError(
+            source=source,
+            key=f"{key}.response",
+            value=measured.response,
+            allowed="the profile of a bench test, such as turning_profile_mm",
+        )
     if measured.apparatus not in (None, first_response.apparatus):
         raise InputError(
-            source, f"{key}.apparatus", measured.apparatus, first_response.apparatus
+            source=source,
+            key=f"{key}.apparatus",
+            value=measured.apparatus,
+            allowed=first_response.apparatus,
         )
     # Share the weight of the profile among its scores.
     line = _read_profile(measured, measured.response)
@@ -359,16 +394,28 @@ def _read_profile(measured: MeasuredProfile, name: str) -> _MeasuredLine:
     x = numbers[measured.x]
     z = numbers[measured.z]
     if len(x) <= measured.functions:
-        allowed = f"more than functions, {measured.functions}"
-        raise InputError(path, "rows", len(x), allowed)
+        raise InputError(
+            source=path,
+            key="rows",
+            value=len(x),
+            allowed=f"more than functions, {measured.functions}",
+        )
     for row, (before, after) in enumerate(pairwise(x), start=first + 2):
         if not after > before:
-            allowed = f"above the previous row's {before:g}"
-            raise InputError(f"{path}, row {row}", measured.x, after, allowed)
+            raise InputError(
+                source=f"{path}, row {row}",
+                key=measured.x,
+                value=after,
+                allowed=f"above the previous row's {before:g}",
+            )
     profile = Profile(name, tuple(x), tuple(z), measured.functions)
     if profile.height == 0:
-        allowed = "a height that is not 0: tolerances are in percent of it"
-        raise InputError(path, measured.z, 0, allowed)
+        raise InputError(
+            source=path,
+            key=measured.z,
+            value=0,
+            allowed="a height that is not 0: tolerances are in percent of it",
+        )
 
     if not isinstance(measured.sd, str):
         return _MeasuredLine(profile, float(measured.sd))

@@ -32,7 +32,7 @@ from repose.calibrate.strategies.runs import (
     strip_decimal_points,
 )
 from repose.common import ledger
-from repose.common.errors import InputError, require
+from repose.common.errors import InputError
 from repose.common.files import TURN_COLUMN, write_table
 from repose.common.lock import lock_file
 from repose.common.tables import (
@@ -92,7 +92,14 @@ class Record:
     """
 
     def __init__(self, study: "Study", file: str | os.PathLike | None = None) -> None:
-        """Read the runs in the file, if it exists."""
+        """Read the runs in the file, if it exists.
+
+        Parameters
+        ----------
+        study : Study
+        file : path, optional
+            Where the runs are saved. Without it they are only kept in memory.
+        """
         self.study = study
         self.file = None if file is None else Path(file)
         self.data = pd.DataFrame()  # a checked row for each run
@@ -100,13 +107,13 @@ class Record:
         self._rows: list[Row] = []
         # Whether the file was written by a record, not by the user.
         self._is_record = False
-        # The present turn; None until it is needed.
+        # The present turn, see `_find_turn`; None until it is needed.
         self._cached_turn: _Turn | None = None
         # The last proposal, with the runs that it is based on as its key.
         self._proposals: dict[str, Batch | Answer] = {}
         # Unread columns that `new_unread_columns` has already described.
         self._described_columns: set[str] = set()
-        # Held by the thread that reads or adds runs.
+        # Only the thread that holds this lock reads or adds runs.
         self._lock = threading.RLock()
         self.read()
 
@@ -168,10 +175,10 @@ class Record:
         return self._cached_turn
 
     def _find_turn(self) -> _Turn:
-        """Find the present turn.
+        """Find the present turn, which is a proposal of the strategy and its runs.
 
-        It is the last turn as long as some of its runs are missing. After that, a new
-        turn begins.
+        The last turn remains the present one while some of its runs are missing. Then a
+        new turn begins.
 
         Returns
         -------
@@ -180,7 +187,9 @@ class Record:
         """
         last_turn = self._last_turn
         data = self.sorted_data
-        if last_turn:
+        # Turns are numbered from 1. The number 0 means that no run belongs to a turn
+        # yet.
+        if last_turn > 0:
             # The proposal of a turn depends only on the runs of earlier turns. The rows
             # of `data` are sorted by turn.
             is_earlier = np.sort(self._turn_numbers) < last_turn
@@ -222,15 +231,22 @@ class Record:
         key = data.to_csv()
         if key in self._proposals:
             return self._proposals[key]
-        chosen = strategy(self.study.settings.strategy)
+        strategy_of_study = strategy(self.study.settings.strategy)
         announce("choose the next runs or the answer", data)
         try:
-            proposal = chosen.propose(self.study, data.reset_index(drop=True))
+            proposal = strategy_of_study.propose(
+                self.study, data.reset_index(drop=True)
+            )
         except InputError as error:
             if self.file is None or error.source != "runs":
                 raise
-            # Report the file in place of "runs": the strategy does not know the file.
-            raise InputError(self.file, error.key, error.value, error.allowed) from None
+            # The strategy does not know the file, so put its name into the error.
+            raise InputError(
+                source=self.file,
+                key=error.key,
+                value=error.value,
+                allowed=error.allowed,
+            ) from None
         self._proposals = {key: proposal}
         return proposal
 
@@ -265,8 +281,8 @@ class Record:
             If the table has faults. The record is not changed then.
         """
         table = _check_table(table, list_columns(self.study))
-        # Other threads and other processes wait until the runs are added. They may have
-        # added runs before, so read the file first.
+        # Let other threads and other processes wait until the runs are added. They may
+        # already have added runs themselves, so read the file first.
         file_lock = nullcontext() if self.file is None else lock_file(self.file)
         with self._lock, file_lock:
             self.read()
@@ -276,7 +292,7 @@ class Record:
                 runs = self._complete_earlier_runs(table)
             if "run" not in table and len(self.data):
                 _refuse_repeated_runs(runs, self.data, TABLE_NAME)
-            # The file holds texts.
+            # The file contains text only, so convert all values to text.
             rows = []
             for row in runs.to_dict("records"):
                 rows.append({key: _format_cell(value) for key, value in row.items()})
@@ -331,7 +347,7 @@ class Record:
     def _assign_numbers(
         self, rows: Sequence[Mapping[str, Any]], sets: pd.DataFrame
     ) -> list[Row]:
-        """Return the rows with a sample, a run and a turn for each.
+        """Add the numbers of the sample, the run and the turn to each row.
 
         A run that the strategy asked for gets the numbers of the request. Any other row
         gets the next run number of its sample, or starts a new sample.
@@ -342,12 +358,17 @@ class Record:
             Runs of any table.
         sets : pandas.DataFrame
             The parameters of these rows.
+
+        Returns
+        -------
+        list of dict
+            Copies of the rows with the three numbers.
         """
         requested, turn = self._find_requested_runs(list(sets))
         numbers = self._find_numbers(rows, sets, requested)
 
-        # Only a run that the strategy asked for starts a new turn. Without one, all rows
-        # belong to the turn before.
+        # Only a run that the strategy asked for starts a new turn. If there is no such
+        # run, all rows belong to the turn before.
         is_new_turn = turn != self._last_turn
         turn_of_others = turn
         if is_new_turn and not any(number.was_requested for number in numbers):
@@ -403,8 +424,8 @@ class Record:
                 run = str(unmatched_runs.at[index, "run"])
                 unmatched_runs = unmatched_runs.drop(index=index)
             else:
-                # Keep the numbers of the row. Without a sample, it joins the other runs
-                # with the same parameters.
+                # Keep the numbers that the row has. A row without a sample belongs to
+                # the sample with the same parameters.
                 if point not in sample_of_point:
                     sample_of_point[point] = next(new_samples)
                 sample = row.get("sample", str(sample_of_point[point]))
@@ -493,12 +514,22 @@ class Record:
     def _complete_requested_runs(self, table: pd.DataFrame) -> pd.DataFrame:
         """Complete a table of results of runs that the strategy asked for.
 
-        The result also has the parameters, the run numbers, a status and the turn.
-
         Parameters
         ----------
         table : pandas.DataFrame
             `sample` and the responses; perhaps `run`, `status` and the parameters.
+
+        Returns
+        -------
+        pandas.DataFrame
+            The same runs, sorted by sample and run, with all of these columns and the
+            turn.
+
+        Raises
+        ------
+        InputError
+            If the table has a run that was not asked for, a run twice, or other
+            parameters than those of the request.
         """
         requested = self.requested_runs
         if "run" not in table:
@@ -511,13 +542,17 @@ class Record:
         numbers = pd.MultiIndex.from_frame(table[["sample", "run"]].astype(str))
         unknown = sorted(set(numbers) - set(requested_numbers))
         repeated = sorted(numbers[numbers.duplicated()])
-        if unknown or repeated:
-            first = [*unknown, *repeated][0]
-            allowed = (
-                f"one of the {len(requested)} runs that `ask` gave, each once; a failed run "
-                "has NaN as responses"
+        faulty = [*unknown, *repeated]
+        if faulty:
+            raise InputError(
+                source=TABLE_NAME,
+                key="sample and run",
+                value=list(faulty[0]),
+                allowed=(
+                    f"one of the {len(requested)} runs that `ask` gave, each once; "
+                    "a failed run has NaN as responses"
+                ),
             )
-            raise InputError(TABLE_NAME, "sample and run", list(first), allowed)
         rows = requested_numbers.get_indexer(numbers)
         runs = requested.iloc[rows].reset_index(drop=True)
 
@@ -542,11 +577,21 @@ class Record:
             if name not in table:
                 continue
             requested = runs[name].to_numpy(float)
+            values = _read_numbers(table, name)
             sizes = _compute_rounding_sizes(space, name, requested)
-            rows = zip(_read_numbers(table, name), requested, sizes, strict=True)
-            if not all(_is_rounded(*row) for row in rows):
-                allowed = "the parameters that `ask` gave, or no such column"
-                raise InputError(TABLE_NAME, name, "changed", allowed)
+            is_same = [
+                _is_rounded(value, requested_value, size)
+                for value, requested_value, size in zip(
+                    values, requested, sizes, strict=True
+                )
+            ]
+            if not all(is_same):
+                raise InputError(
+                    source=TABLE_NAME,
+                    key=name,
+                    value="changed",
+                    allowed="the parameters that `ask` gave, or no such column",
+                )
 
     def _complete_earlier_runs(self, table: pd.DataFrame) -> pd.DataFrame:
         """Complete a table of earlier runs, which the strategy did not ask for.
@@ -557,21 +602,36 @@ class Record:
         ----------
         table : pandas.DataFrame
             A column for each free parameter and each response; perhaps `status`.
+
+        Returns
+        -------
+        pandas.DataFrame
+            The runs with all parameters, the responses, and the numbers of the sample,
+            the run and the turn.
+
+        Raises
+        ------
+        InputError
+            If a column is missing.
         """
         space = self.study.parameters
         responses = list_needed_responses(self.study, table.get("status"))
         missing = [name for name in (*space.free, *responses) if name not in table]
         if missing:
-            allowed = f"sample; or also {', '.join(missing)}"
-            raise InputError(TABLE_NAME, "columns", list(table), allowed)
+            raise InputError(
+                source=TABLE_NAME,
+                key="columns",
+                value=list(table),
+                allowed=f"sample; or also {', '.join(missing)}",
+            )
 
         # A fixed parameter may be left out of the table.
-        columns = {}
+        columns: dict[str, Any] = {}
         for name in space.names:
-            is_given = name in table
-            columns[name] = (
-                _read_numbers(table, name) if is_given else space.fixed[name]
-            )
+            if name in table:
+                columns[name] = _read_numbers(table, name)
+            else:
+                columns[name] = space.fixed[name]
         sets = pd.DataFrame(columns)
 
         rows = self._add_responses(sets, table).to_dict("records")
@@ -579,9 +639,10 @@ class Record:
         return numbered.assign(**{TURN_COLUMN: self._turn.number})
 
     def _add_responses(self, runs: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
-        """Return runs with the statuses and responses of a table, and with the turn.
+        """Combine runs with the statuses and responses of a table, and with the turn.
 
-        Other columns of the table are kept if their cells are single values.
+        Other columns of the table are kept if their cells are single values. The runs
+        are not changed.
 
         Parameters
         ----------
@@ -596,6 +657,7 @@ class Record:
         )
         outcomes = judge_runs(cells, self.study.targets.names)
         refuse(TABLE_NAME, outcomes.faults)
+        # Also keep the columns that the study does not read.
         known_names = list_columns(self.study)
         unread = {
             name: column
@@ -674,10 +736,12 @@ def _is_rounded(value: float, requested: float, size: float) -> bool:
 def _compute_rounding_sizes(
     space: ParameterSpace, name: str, values: np.ndarray
 ) -> np.ndarray:
-    """Compute the sizes to which accepted roundings of a parameter are proportional.
+    """Compute a size for each value of a parameter, for `_is_rounded`.
 
-    A size is the range of the parameter, or the value of a fixed one. On a logarithmic
-    scale, it is the range of the logarithm times the value.
+    A rounding error is accepted if it is a small share of this size. For a free
+    parameter, the size is the width of its range, and for a fixed one its value. On a
+    logarithmic scale, the size is the width of the range of the logarithm times the
+    value.
 
     Parameters
     ----------
@@ -733,8 +797,12 @@ def _refuse_repeated_runs(
     for k, run in enumerate(_list_points(new, names), start=1):
         # A failed run never matches, because its responses are NaN.
         if run in known:
-            allowed = "a run of its own: the record has all numbers of this row"
-            raise InputError(f"{source}, row {k}", "row", "there twice", allowed)
+            raise InputError(
+                source=f"{source}, row {k}",
+                key="row",
+                value="there twice",
+                allowed="a run of its own: the record has all numbers of this row",
+            )
 
 
 def _check_table(table: Any, names: Sequence[str]) -> pd.DataFrame:
@@ -751,7 +819,8 @@ def _check_table(table: Any, names: Sequence[str]) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        The table with plain numbers of samples and runs.
+        A copy with the column names of the study. Its numbers of samples and runs have
+        no decimal points.
 
     Raises
     ------
@@ -759,19 +828,36 @@ def _check_table(table: Any, names: Sequence[str]) -> pd.DataFrame:
         If it is not a table of runs.
     """
     if not isinstance(table, pd.DataFrame):
-        raise InputError(TABLE_NAME, "type", type(table).__name__, "a pandas.DataFrame")
+        raise InputError(
+            source=TABLE_NAME,
+            key="type",
+            value=type(table).__name__,
+            allowed="a pandas.DataFrame",
+        )
     repeated_columns = list(map(str, table.columns[table.columns.duplicated()]))
     if repeated_columns:
-        raise InputError(TABLE_NAME, "column", repeated_columns[0], "each column once")
-    require(not table.empty, TABLE_NAME, "rows", 0, "a row for each run")
+        raise InputError(
+            source=TABLE_NAME,
+            key="column",
+            value=repeated_columns[0],
+            allowed="each column once",
+        )
+    if table.empty:
+        raise InputError(
+            source=TABLE_NAME, key="rows", value=0, allowed="a row for each run"
+        )
 
     table = table.rename(columns=match_column_names(table, names))
     for key in NUMBER_COLUMNS:
         if key not in table:
             continue
         if table[key].isna().any():
-            allowed = "a number in each row, as `ask` gave it"
-            raise InputError(TABLE_NAME, key, "missing", allowed)
+            raise InputError(
+                source=TABLE_NAME,
+                key=key,
+                value="missing",
+                allowed="a number in each row, as `ask` gave it",
+            )
         # Write 3.0 as 3, because numbers are compared as text.
         table = table.assign(**{key: strip_decimal_points(table[key])})
     return table.reset_index(drop=True)

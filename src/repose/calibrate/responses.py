@@ -182,8 +182,12 @@ def response(name: str, source: object = "response") -> Response:
     """
     known = find_response(name)
     if known is None:
-        allowed = f"one of {', '.join(sorted(_REGISTRY))}"
-        raise InputError(source, "response", name, allowed)
+        raise InputError(
+            source=source,
+            key="response",
+            value=name,
+            allowed=f"one of {', '.join(sorted(_REGISTRY))}",
+        )
     return known
 
 
@@ -227,5 +231,9 @@ def refuse_other_definitions(
     """
     for name, definition in definitions.items():
         if name in expected and definition != expected[name]:
-            allowed = f"{expected[name]}, as in {source}"
-            raise InputError(path, f"definition of {name}", definition, allowed)
+            raise InputError(
+                source=path,
+                key=f"definition of {name}",
+                value=definition,
+                allowed=f"{expected[name]}, as in {source}",
+            )

@@ -80,8 +80,9 @@ def summarise_runs(
 ) -> dict[str, Any]:
     """Summarise the runs of a sample.
 
-    A sample is ok if at least half of its runs are ok, and at least one. Otherwise it gets
-    the most common status of its failed runs, and its numbers are None.
+    A sample is ok if at least half of its runs are ok, and at least one of them is.
+    Otherwise it gets the most common status of its failed runs, and its means and
+    standard errors are None.
 
     Parameters
     ----------
@@ -94,13 +95,18 @@ def summarise_runs(
     -------
     dict
         `status`, `reason`, `n_seeds` (number of ok runs), then means and standard errors.
+
+    Raises
+    ------
+    ValueError
+        If there are no runs.
     """
     if not runs:
         raise ValueError("runs is empty; expected at least one run")
     ok = [run for run in runs if run["status"] == "ok"]
     failed = [run for run in runs if run["status"] != "ok"]
     is_usable = len(ok) > 0 and 2 * len(ok) >= len(runs)
-    # All keys begin as None, and those of an unusable sample stay so.
+    # Begin with None for all keys. The numbers of an unusable sample stay None.
     summary: dict[str, Any] = dict.fromkeys(recorded.summary)
     texts = [describe_failures(failed, len(runs)), describe_overlaps(runs)]
     summary["reason"] = "; ".join(filter(None, texts))
@@ -181,7 +187,7 @@ def describe_run(run: Mapping[str, Any], template: str) -> str:
     run : mapping
         `seed`, `status`, and responses or `reason`.
     template : str
-        How the bench test writes the responses, as for `str.format`.
+        Text with a placeholder for each response, which `str.format` fills.
     """
     if run["status"] != "ok":
         failure = describe_failure(run["status"], run["reason"])
@@ -192,7 +198,8 @@ def describe_run(run: Mapping[str, Any], template: str) -> str:
     try:
         responses = template.format(**run)
     except (KeyError, TypeError):
-        # A response that is not a target may not have been measured.
+        # The template may name a response that was not measured, because it is no
+        # target.
         return f"seed {run['seed']}: ok{warning}"
     return f"seed {run['seed']}: {responses}{warning}"
 

@@ -14,7 +14,7 @@ from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.settings import CalibrationSettings
 from repose.calibrate.strategies.base import Answer, Batch
 from repose.calibrate.targets import Targets
-from repose.common.errors import InputError, require
+from repose.common.errors import InputError
 from repose.common.files import StrPath, convert_to_path, format_json, write_json
 
 if TYPE_CHECKING:
@@ -76,7 +76,7 @@ class Study:
     Warns
     -----
     UserWarning
-        Of each range of more than two decades that has no scale.
+        For each range that spans more than two decades without a scale.
     """
 
     config: dict[str, Any]
@@ -96,7 +96,10 @@ class Study:
         label: str = "study",
         **sections: Any,
     ) -> None:
-        """Check and complete the settings, and save them next to the file of runs."""
+        """Check and complete the settings, and save them next to the file of runs.
+
+        The parameters are those of the class.
+        """
         from repose.calibrate.parameter_types import describe_wide_ranges
         from repose.calibrate.profile_targets import expand_own_profiles
         from repose.calibrate.study_file import complete_configuration
@@ -113,8 +116,8 @@ class Study:
                 **sections,
             }
         )
-        # Bring the targets into the form of the file: profiles become one target for
-        # each score.
+        # Bring the targets into the form that a configuration file has, and replace
+        # each profile by a target for each of its scores.
         entries = {
             name: _complete_target(entry)
             for name, entry in _convert_to_plain(targets).items()
@@ -159,22 +162,32 @@ class Study:
             damaged.
         """
         settings = _find_settings_file(file)
-        allowed = f"a record of a Study, with its settings beside it in {settings.name}"
-        require(settings.is_file(), file, "settings", "missing", allowed)
-        return cls.own(settings, file)
+        if not settings.is_file():
+            raise InputError(
+                source=file,
+                key="settings",
+                value="missing",
+                allowed=(
+                    "a record of a Study, with its settings beside it in "
+                    f"{settings.name}"
+                ),
+            )
+        return cls.from_configuration(settings, file)
 
     @classmethod
-    def own(
+    def from_configuration(
         cls, content: StrPath | Mapping[str, Any], file: StrPath | None = None
     ) -> Self:
-        """Make the study of a configuration that names a simulator.
+        """Make the study of a configuration for the user's own simulator.
 
         Parameters
         ----------
         content : path or mapping
-            YAML or JSON file of docs/own_simulator.md, or its keys.
+            The configuration that docs/own_simulator.md describes: a YAML or JSON file,
+            or its keys and values.
         file : path, optional
-            As in `Study(..., file=...)`; nothing is written beside it.
+            The file of runs. Unlike `Study(..., file=...)`, this method does not write
+            the settings beside it.
 
         Returns
         -------
@@ -183,17 +196,19 @@ class Study:
         Raises
         ------
         InputError
-            As `Study(...)`.
+            If the configuration has faults.
         """
         from repose.calibrate.study_file import complete_configuration
         from repose.common.reading import read_yaml
 
-        study = cls.__new__(cls)
         if isinstance(content, Mapping):
-            study._set_up(complete_configuration(content), file)
+            config = complete_configuration(content)
         else:
             convert_to_path("content", content)
-            study._set_up(complete_configuration(read_yaml(content), content), file)
+            config = complete_configuration(read_yaml(content), content)
+        # The initialiser takes separate arguments, not a complete configuration.
+        study = cls.__new__(cls)
+        study._set_up(config, file)
         return study
 
     @classmethod
@@ -315,7 +330,7 @@ class Study:
         Warns
         -----
         UserWarning
-            Of each column that is not read, once it varies.
+            For each column that is not read, as soon as its values vary.
         """
         for sentence in self._record.add(runs):
             warnings.warn(sentence, stacklevel=2)
@@ -335,7 +350,6 @@ class Study:
             It takes a row of `ask` as a mapping, and returns the responses by name. It
             reports a failed run by None, by a response that is missing or not a finite
             number, or by a `status` other than ok.
-
         workers : int or concurrent.futures.Executor
             Number of runs at a time, in threads of this process. Threads are enough for
             a function that starts a program and waits for it. An executor can use other
@@ -352,12 +366,16 @@ class Study:
             raised as well, once the runs that had started are recorded.
         """
         if not callable(simulate):
-            allowed = "a function of a row of `ask`"
-            raise InputError("study", "simulate", simulate, allowed)
+            raise InputError(
+                source="study",
+                key="simulate",
+                value=simulate,
+                allowed="a function of a row of `ask`",
+            )
         with _choose_executor(workers) as executor:
             while not self.done:
-                asked = self.ask().to_dict("records")
-                for run, result in _simulate_runs(simulate, asked, executor):
+                requested_runs = self.ask().to_dict("records")
+                for run, result in _simulate_runs(simulate, requested_runs, executor):
                     self.tell(self._make_table(run, result))
         return self.answer()
 
@@ -369,12 +387,18 @@ class Study:
         run : mapping
             A row of `ask`.
         result : object
-            What the user's function returned: a mapping, or None for a failed run.
+            The value that the user's function returned: a mapping, or None for a failed
+            run.
 
         Raises
         ------
         InputError
-            If it is anything else.
+            If the result is neither a mapping nor None.
+
+        Warns
+        -----
+        UserWarning
+            If a response is no valid number, so the run counts as failed.
         """
         import pandas as pd
 
@@ -384,8 +408,12 @@ class Study:
             content = {} if result is None else dict(result)  # type: ignore[call-overload]
         except (TypeError, ValueError):
             names = ", ".join(self.targets.names)
-            allowed = f"a function that returns a mapping with {names}"
-            raise InputError("study", "simulate", [result], allowed) from None
+            raise InputError(
+                source="study",
+                key="simulate",
+                value=[result],
+                allowed=f"a function that returns a mapping with {names}",
+            ) from None
         cells, warning = make_cells(content, self.targets.names)
         if warning:
             warnings.warn(warning, stacklevel=3)
@@ -410,8 +438,12 @@ class Study:
         from repose.calibrate.calibration import calibrate
 
         if self.runs.empty:
-            allowed = "results of the runs that `ask` gave: `tell` adds them"
-            raise InputError("study", "runs", 0, allowed)
+            raise InputError(
+                source="study",
+                key="runs",
+                value=0,
+                allowed="results of the runs that `ask` gave: `tell` adds them",
+            )
         with self._record.locked() as record, _limit_threads():
             return calibrate(self, record.sorted_data, record.proposal)
 
@@ -419,7 +451,7 @@ class Study:
 def _choose_executor(
     workers: int | Executor,
 ) -> AbstractContextManager[Executor | None]:
-    """Choose what simulates runs in parallel.
+    """Choose the executor that simulates runs in parallel.
 
     Parameters
     ----------
@@ -429,38 +461,51 @@ def _choose_executor(
     Returns
     -------
     context manager
-        Its value is the executor; None simulates one run after another. Its exit shuts
-        down threads that were started here, but not the executor of the user.
+        Its value is the executor, or None to simulate one run after another. At its
+        exit, it shuts down threads that were started here, but not the executor of the
+        user.
 
     Raises
     ------
     InputError
-        If it is neither an integer from 1 nor an executor.
+        If `workers` is neither an integer from 1 nor an executor.
     """
     if isinstance(workers, Executor):
         return nullcontext(workers)
+    # In Python, True and False are integers.
     is_integer = isinstance(workers, int) and not isinstance(workers, bool)
     if not is_integer or workers < 1:
-        allowed = "an integer from 1, or an Executor of concurrent.futures"
-        raise InputError("study", "workers", workers, allowed)
+        raise InputError(
+            source="study",
+            key="workers",
+            value=workers,
+            allowed="an integer from 1, or an Executor of concurrent.futures",
+        )
     if workers == 1:
         return nullcontext()
     return ThreadPoolExecutor(workers)
 
 
 def _simulate_runs(
-    simulate: Simulate, asked: Sequence[Run], executor: Executor | None
+    simulate: Simulate, runs: Sequence[Run], executor: Executor | None
 ) -> Iterator[tuple[Run, Any]]:
     """Simulate runs, and yield each with its result as soon as it is finished.
 
     Parameters
     ----------
     simulate : function
-        From a run to its result.
-    asked : sequence of dict
-        The runs.
+        It maps a run to its result.
+    runs : sequence of dict
+        The runs to simulate, each a row of `ask`.
     executor : Executor or None
-        It simulates several runs at a time. None simulates one after another.
+        It simulates several runs at a time. Without it, the runs are simulated one
+        after another.
+
+    Yields
+    ------
+    run : dict
+    result : object
+        The value that `simulate` returned for this run.
 
     Raises
     ------
@@ -469,11 +514,11 @@ def _simulate_runs(
         already started.
     """
     if executor is None:
-        for run in asked:
+        for run in runs:
             yield run, simulate(dict(run))
         return
     # Start all runs, and yield their results in the order in which they end.
-    run_of_future = {executor.submit(simulate, dict(run)): run for run in asked}
+    run_of_future = {executor.submit(simulate, dict(run)): run for run in runs}
     first_error: BaseException | None = None
     try:
         for future in as_completed(run_of_future):
@@ -487,7 +532,8 @@ def _simulate_runs(
                 first_error = error
                 _cancel(run_of_future)
     finally:
-        # Also cancel the runs if a result is refused, or if the user interrupts.
+        # Also cancel the runs that have not started if the caller refuses a result, or
+        # if the user interrupts.
         _cancel(run_of_future)
     if first_error is not None:
         raise first_error
@@ -515,7 +561,12 @@ def _limit_threads() -> AbstractContextManager[Any]:
 def _require_names(key: str, entries: object) -> None:
     """Refuse parameters or targets that are no mapping from names."""
     if not isinstance(entries, Mapping):
-        raise InputError("study", key, entries, f"a mapping from the names of {key}")
+        raise InputError(
+            source="study",
+            key=key,
+            value=entries,
+            allowed=f"a mapping from the names of {key}",
+        )
 
 
 def _complete_target(entry: Any) -> Any:
@@ -536,16 +587,20 @@ def _complete_target(entry: Any) -> Any:
 def _find_settings_file(file: StrPath) -> Path:
     """Return the file of the settings beside a file of runs."""
     path = convert_to_path("file", file)
-    require(
-        path.parent.is_dir(),
-        "study",
-        "file",
-        str(file),
-        "a path in a folder that is there",
-    )
-    require(
-        path.suffix == ".csv", "study", "file", str(file), "a path that ends in .csv"
-    )
+    if not path.parent.is_dir():
+        raise InputError(
+            source="study",
+            key="file",
+            value=str(file),
+            allowed="a path in a folder that is there",
+        )
+    if path.suffix != ".csv":
+        raise InputError(
+            source="study",
+            key="file",
+            value=str(file),
+            allowed="a path that ends in .csv",
+        )
     return path.with_suffix(".json")
 
 
@@ -571,12 +626,16 @@ def _save_settings(content: Mapping[str, Any], file: StrPath) -> None:
         write_json(path, content)
         return
     saved_settings = read_yaml(path)
-    # Compare the settings in the form in which the file would hold them.
+    # Compare the settings in the form that they would have in the file.
     settings = json.loads(format_json(content))
     for key in sorted({*saved_settings, *settings}):
         if saved_settings.get(key) != settings.get(key):
-            allowed = f"{settings.get(key)}, as asked for; or another file"
-            raise InputError(path, key, saved_settings.get(key), allowed)
+            raise InputError(
+                source=path,
+                key=key,
+                value=saved_settings.get(key),
+                allowed=f"{settings.get(key)}, as asked for; or another file",
+            )
 
 
 def _convert_to_plain(value: Any) -> Any:

@@ -4,7 +4,6 @@ A file, or the arguments of `repose.Study`, give a few keys; all others have the
 config/method.yaml or the defaults below. docs/own_simulator.md explains the keys.
 """
 
-import math
 import os
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cache
@@ -99,27 +98,27 @@ class OwnTarget(Section):
     profile: ProfileSection = ABSENT
 
     def contradictions(self) -> Contradictions:
-        """Find numbers of the target that contradict each other.
+        """Find numbers of the target that are impossible or contradict each other.
 
         Yields
         ------
         pair of str
-            The key, and what is allowed: for a value or an aim of 0 or outside the
-            range, and for a tiny noise.
+            The key of the number, and what is allowed. The checks are about a value or
+            an aim that is 0 or outside the range, and about a tiny noise.
         """
         if self.value == 0 and self.profile is None:
             yield "value", "not 0: tolerances are in percent of it"
-        # Without a range, any value is inside.
-        low, high = self.range or (-math.inf, math.inf)
-        if not low <= self.value <= high or low == high:
-            yield "range", f"a pair [low, high] about the value, {self.value:g}"
+        if self.range is not None:
+            low, high = self.range
+            if not low <= self.value <= high or low == high:
+                yield "range", f"a pair [low, high] about the value, {self.value:g}"
         if self.aim is not None:
             # The default range follows from the scatter of the repetitions.
             default_range = compute_target_range(self.value, self.sd, self.repetitions)
             low, high = self.range or default_range
             if self.aim == 0 or not low <= self.aim <= high:
                 yield "aim", f"a number in the range, {low:g} to {high:g}, but not 0"
-        # A smaller noise would be lost in rounding errors.
+        # Rounding errors would hide a smaller noise.
         smallest_noise = 1e-9 * abs(self.value)
         if self.noise_sd is not None and self.noise_sd < smallest_noise:
             yield "noise_sd", f"at least {smallest_noise:g}"
@@ -212,12 +211,12 @@ class StudyFile(Section):
     def _check_targets(
         cls, targets: dict[str, OwnTarget], info: ValidationInfo
     ) -> dict[str, OwnTarget]:
-        """Refuse bad names, names of parameters, and a study without targets.
+        """Check the names of the targets, and require at least one target.
 
         Parameters, responses and standard errors are columns of one table, so their
         names must differ. The suffix _se marks the standard error of a response.
         """
-        # The parameters are missing if they had faults themselves.
+        # `info` lacks the parameters if they have faults themselves.
         parameters = info.data.get("parameters", {})
         # The name of a response must differ from all parameters and standard errors.
         columns = {*parameters, *(f"{name}_se" for name in targets)}
@@ -289,9 +288,11 @@ def complete_configuration(
     content : mapping
         The keys that the user sets.
     source : object, optional
-        File that a fault names; an Origin has the file of each key.
+        File that an error names. An Origin names the file of each key, because a
+        configuration may consist of several files.
     model : type of StudyFile, optional
-        What the configuration may hold; by default `make_configuration_model`.
+        The model that checks the configuration; by default the result of
+        `make_configuration_model`.
 
     Returns
     -------
@@ -320,12 +321,17 @@ def complete_configuration(
             "split": choose_split(config["surrogate"])
         }
 
-    # Check the rules of the strategy. Those of `sequential` do not apply here: its model
-    # checks the budget, and `noise_sd` may replace repeated runs.
+    # Check the rules of the strategy. Leave out those of `sequential`, because its
+    # model already checks the budget, and `noise_sd` may replace repeated runs.
     name = config["strategy"]
     if "constraints" in config and not strategy(name).obeys_constraints:
         file = find_file_to_edit(origin, "strategy")
-        raise YamlError(file, "strategy", name, obeying_strategies())
+        raise YamlError(
+            source=file,
+            key="strategy",
+            value=name,
+            allowed=obeying_strategies(),
+        )
     if name != "sequential":
         section = make_settings(config).of_strategy(name)
         contradictions = cost.find_contradictions(
@@ -336,7 +342,10 @@ def complete_configuration(
         )
         raise_together(
             YamlError(
-                find_file_to_edit(origin, key), key, get_value(config, key), allowed
+                source=find_file_to_edit(origin, key),
+                key=key,
+                value=get_value(config, key),
+                allowed=allowed,
             )
             for key, allowed in contradictions
         )
@@ -346,23 +355,24 @@ def complete_configuration(
 def _add_defaults(
     content: Mapping[str, Any], source: str | Origin, model: type[StudyFile]
 ) -> dict[str, Any]:
-    """Complete the keys of the user by the defaults, without checking them.
+    """Add the defaults to the keys of the user, without checking these keys.
 
-    The defaults are those of config/method.yaml. Its sections `sequential` and
-    `posterior` are shorter in a study with the user's own simulator.
+    The defaults are those of config/method.yaml. A study with the user's own simulator
+    has shorter sections `sequential` and `posterior` than this file.
 
     Parameters
     ----------
     content : mapping
         The keys that the user sets.
     source : str or Origin
-        Their file, for an error.
+        File of these keys, for an error.
     model : type of StudyFile
         It has a field for each section of the result.
 
     Returns
     -------
     dict
+        The configuration with a copy of each section; `content` is not changed.
 
     Raises
     ------
@@ -383,7 +393,8 @@ def _add_defaults(
     config["targets"] = expand_own_profiles(
         config.get("targets"), find_file_to_edit(source, "targets")
     )
-    # Shorten the two sections. A budget in pours is one in runs here.
+    # Choose the defaults of the two shorter sections. A pour of the pipeline is a run
+    # here, so the budget has another key.
     defaults["sequential"] = {
         "start_samples": sequential["start_samples"],
         "seeds": seeds,
@@ -404,7 +415,8 @@ def _add_defaults(
         if not isinstance(defaults.get(name), Mapping):
             continue
         section = config.get(name, {})
-        # Leave anything but a section as it is; the later check refuses it.
+        # A value that is no section remains unchanged, because a later check refuses
+        # it.
         if isinstance(section, Mapping):
             section = {**defaults[name], **section}
         config[name] = section
@@ -424,22 +436,22 @@ def _find_runs_of_a_sample(content: Mapping[str, Any], otherwise: int) -> int:
 
 
 def _refuse_unusable_names(config: Mapping[str, Any], source: str | Origin) -> None:
-    """Refuse names of parameters and targets that no table could have.
+    """Refuse names of parameters and targets that cannot be columns of a table.
 
-    YAML reads an unquoted number or date as a number or date, not as text. A name that
-    begins with # would begin a comment in a table.
+    Such names are not text, because YAML reads an unquoted number or date as a number
+    or date, or they begin with #, which begins a comment in a table.
 
     Parameters
     ----------
     config : mapping
-        The configuration, unchecked.
+        The configuration, which was not checked yet.
     source : str or Origin
-        Its file, for the errors.
+        File of the configuration, for the errors.
 
     Raises
     ------
     YamlError
-        With all such names.
+        If there are such names; the message lists all of them.
     """
     errors = []
     for section in ("parameters", "targets"):
@@ -449,13 +461,26 @@ def _refuse_unusable_names(config: Mapping[str, Any], source: str | Origin) -> N
         file = find_file_to_edit(source, section)
         for name in entries:
             if not isinstance(name, str):
-                allowed = "text as each name; put it in quotes"
-                errors.append(YamlError(file, section, name, allowed))
-            elif name.startswith("#"):
-                allowed = (
-                    "names that do not begin with #, which begins a comment in tables"
+                errors.append(
+                    YamlError(
+                        source=file,
+                        key=section,
+                        value=name,
+                        allowed="text as each name; put it in quotes",
+                    )
                 )
-                errors.append(YamlError(file, section, name, allowed))
+            elif name.startswith("#"):
+                errors.append(
+                    YamlError(
+                        source=file,
+                        key=section,
+                        value=name,
+                        allowed=(
+                            "names that do not begin with #, "
+                            "which begins a comment in tables"
+                        ),
+                    )
+                )
     raise_together(errors)
 
 
@@ -494,7 +519,8 @@ def make_settings(config: Mapping[str, Any]) -> CalibrationSettings:
         model = strategy(name).settings
         if model is not None and name not in StudyFile.model_fields:
             others[name] = model.model_validate(config[name])
-    # These two sections have already been checked against other bounds than usual.
+    # `complete_configuration` has already checked these two sections. Their bounds
+    # differ from those of the models, so construct the models without their checks.
     own_sequential = SequentialSettings.model_construct(
         start_samples=sequential["start_samples"],
         seeds=sequential["seeds"],
@@ -582,12 +608,18 @@ def list_unread_keys(content: Mapping[str, Any]) -> list[str]:
     Parameters
     ----------
     content : mapping
-        The keys that the user set, after the check.
+        The keys that the user set, which have been checked.
+
+    Returns
+    -------
+    list of str
+        Keys such as `seeds` or `sequential.batch`, sorted.
     """
     name = content.get("strategy", "sequential")
     keys_read = _find_keys_read(name, content)
 
-    # List the keys that a strategy may ignore: two at the top level, and all in sections.
+    # Collect the keys that a strategy may ignore: two keys at the top level, and all
+    # keys of sections.
     keys = [key for key in ("seeds", "surrogate") if key in content]
     for section in make_configuration_model().model_fields:
         if isinstance(content.get(section), Mapping):
@@ -611,6 +643,12 @@ def _find_keys_read(name: str, content: Mapping[str, Any]) -> set[str]:
         Name of the strategy.
     content : mapping
         The keys that the user set.
+
+    Returns
+    -------
+    set of str
+        Names of sections, keys of the top level, and keys such as `sequential.seeds`.
+        If a section is named, all of its keys are read.
     """
     strategy_of_study = strategy(name)
     keys = set(COMMON_KEYS)
@@ -619,7 +657,7 @@ def _find_keys_read(name: str, content: Mapping[str, Any]) -> set[str]:
     if strategy_of_study.seeds_key is not None:
         # The strategy has its own key for the number of runs of a sample.
         keys.discard("seeds")
-    # Add what the strategy declares to read.
+    # Add the keys that the strategy declares as read.
     if strategy_of_study.reads:
         keys.update(strategy_of_study.reads)
     elif not strategy_of_study.begins_with_design:
@@ -631,12 +669,13 @@ def _find_keys_read(name: str, content: Mapping[str, Any]) -> set[str]:
     if strategy_of_study.begins_with_design and not is_network:
         keys.discard("network")
 
-    # The number of runs of a sample is either `seeds` or `sequential.seeds`.
+    # The number of runs of a sample is set by `seeds` or by `sequential.seeds`, and
+    # only one of these keys is read.
     if "sequential" in keys:
         keys.add("seeds")
     has_section_key = get_value(content, "sequential.seeds") is not None
-    reads_section_key = name == "sequential" or "seeds" not in content
-    if "seeds" in keys and has_section_key and reads_section_key:
+    prefers_section_key = name == "sequential" or "seeds" not in content
+    if "seeds" in keys and has_section_key and prefers_section_key:
         keys.remove("seeds")
         keys.add("sequential.seeds")
     return keys

@@ -19,10 +19,10 @@ OWN_BENCH = "own"
 
 
 def complete_target(entry: Any) -> Any:
-    """Complete an entry of the list `targets` by its bench test and its range.
+    """Add the missing bench test and range to an entry of the list `targets`.
 
-    The default bench test is that of the response. The default range is `compute_target_range`
-    the measured value.
+    The default bench test is that of the response. The default range lies around the
+    measured value, see `compute_target_range`.
 
     Parameters
     ----------
@@ -33,23 +33,25 @@ def complete_target(entry: Any) -> Any:
     Returns
     -------
     any
-        The completed entry. It gets no range if its numbers cannot be used, since a
-        later check refuses it.
+        A completed copy of the entry. A later check refuses an entry that is not a
+        mapping, or whose numbers cannot be used. So the former is returned unchanged,
+        and the latter gets no range.
     """
     if not isinstance(entry, Mapping):
         return entry
     known_response = find_response(str(entry.get("response")))
     apparatus = UNNAMED if known_response is None else known_response.apparatus
-    complete = {"apparatus": apparatus} | dict(entry)
+    # The keys of the user take precedence.
+    completed = {"apparatus": apparatus} | dict(entry)
     if "range" in entry:
-        return complete
+        return completed
 
     value: Any = entry.get("value")
     sd: Any = entry.get("sd")
     repetitions: Any = entry.get("repetitions")
     if all(map(_is_usable, (value, sd, repetitions))) and repetitions > 0:
-        complete["range"] = list(compute_target_range(value, sd, repetitions))
-    return complete
+        completed["range"] = list(compute_target_range(value, sd, repetitions))
+    return completed
 
 
 def _is_usable(number: Any) -> bool:
@@ -222,7 +224,8 @@ class Targets(tuple[Target, ...]):
     def in_words(self, numbers: Sequence[str]) -> str:
         """Write a number for each target with its unit, as in ``32.5 deg and 66.1 mm``.
 
-        If two responses share a unit, the symbol of its response precedes each number.
+        If two responses have the same unit, each number follows the symbol of its
+        response.
 
         Parameters
         ----------
