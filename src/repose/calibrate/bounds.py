@@ -50,23 +50,21 @@ def find_near_bounds(
     """
     point = np.array([[float(answer[name]) for name in space.names]])
     response_errors = np.sqrt(np.diagonal(surrogate.covariance(point)[0]))
+    lows, highs = space.coordinate_ends
     near = []
     for k, name in enumerate(space.free):
-        # The error of a response, divided by its slope, is an error of the parameter.
-        # Use the smallest one. Responses without a slope are left out, because they do
-        # not depend on the parameter.
         slopes = _compute_slopes(surrogate, point, space, name)
-        has_slope = slopes > 0
-        if not has_slope.any():
+        # No response depends on a parameter without slopes. It has no error.
+        if not (slopes > 0).any():
             continue
-        standard_error = float(np.min(response_errors[has_slope] / slopes[has_slope]))
+        standard_error = _estimate_parameter_error(response_errors, slopes)
 
-        # Compare it with the distance from the nearer bound, along the scale.
-        low = space.coordinate_ends[0][k]
-        high = space.coordinate_ends[1][k]
-        value = float(space.coordinates(name, np.array(float(answer[name]))))
-        is_lower = value - low <= high - value
-        distance = value - low if is_lower else high - value
+        # Compare the error with the distance from the nearer bound, along the scale.
+        low = lows[k]
+        high = highs[k]
+        coordinate = float(space.coordinates(name, np.array(float(answer[name]))))
+        is_lower = coordinate - low <= high - coordinate
+        distance = coordinate - low if is_lower else high - coordinate
         is_determined = standard_error <= MAX_RELATIVE_ERROR * (high - low)
         if is_determined and distance <= standard_error:
             near.append(
@@ -81,6 +79,24 @@ def find_near_bounds(
     return near
 
 
+def _estimate_parameter_error(response_errors: np.ndarray, slopes: np.ndarray) -> float:
+    """Estimate the standard error of a parameter from those of the responses.
+
+    The error of a response divided by its slope is an error of the parameter. The
+    result is the smallest of these errors. Responses of slope 0 are left out, because
+    they do not depend on the parameter.
+
+    Parameters
+    ----------
+    response_errors : ndarray (k,)
+        Standard errors of the predicted responses.
+    slopes : ndarray (k,)
+        Result of `_compute_slopes`. At least one slope is above 0.
+    """
+    has_slope = slopes > 0
+    return float(np.min(response_errors[has_slope] / slopes[has_slope]))
+
+
 def _compute_slopes(
     surrogate: Predictor, point: np.ndarray, space: ParameterSpace, name: str
 ) -> np.ndarray:
@@ -90,7 +106,7 @@ def _compute_slopes(
     ----------
     surrogate : Predictor
     point : ndarray (1, d)
-        Values of all parameters.
+        Values of all parameters, also of the fixed ones.
     space : ParameterSpace
     name : str
         The free parameter.
@@ -98,24 +114,29 @@ def _compute_slopes(
     Returns
     -------
     ndarray (k,)
-        Absolute slopes per unit of the coordinate of the parameter's scale.
+        Absolute slopes. On a logarithmic scale, they are slopes along the logarithm of
+        the parameter.
     """
-    k = space.free.index(name)
-    low = space.coordinate_ends[0][k]
-    high = space.coordinate_ends[1][k]
+    # The range of the parameter along its scale.
+    lows, highs = space.coordinate_ends
+    free_index = space.free.index(name)
+    low = lows[free_index]
+    high = highs[free_index]
     width = high - low
+
+    # Find one coordinate below the answer and one above it, inside the range.
     column = space.names.index(name)
     coordinate = float(space.coordinates(name, np.array(point[0, column])))
-
-    # Use two points around the answer, but do not leave the range.
-    ends = np.clip(
+    two_coordinates = np.clip(
         coordinate + SLOPE_DISTANCE * width * np.array([-1.0, 1.0]), low, high
     )
-    values = ends
+
+    # The surrogate takes values. On a linear scale, values and coordinates are equal.
+    two_values = two_coordinates
     if name in space.scale:
-        values = space.values_at(name, (ends - low) / width)
-    rise = _compute_rise(surrogate, point, column=column, ends=values)
-    return rise / (ends[1] - ends[0])
+        two_values = space.values_at(name, (two_coordinates - low) / width)
+    change = _compute_change(surrogate, point, column=column, two_values=two_values)
+    return change / (two_coordinates[1] - two_coordinates[0])
 
 
 def _describe_parameter(
@@ -149,8 +170,8 @@ def _describe_parameter(
     }
 
 
-def _compute_rise(
-    surrogate: Predictor, point: np.ndarray, column: int, ends: np.ndarray
+def _compute_change(
+    surrogate: Predictor, point: np.ndarray, column: int, two_values: np.ndarray
 ) -> np.ndarray:
     """Compute by how much all responses (k,) change between two values of a parameter.
 
@@ -160,12 +181,12 @@ def _compute_rise(
     point : numpy.ndarray, (1, p)
         The answer.
     column : int
-        Of the parameter.
-    ends : numpy.ndarray, (2,)
+        Column of the parameter.
+    two_values : numpy.ndarray, (2,)
         Two values of the parameter, the smaller one first.
     """
     two_points = np.repeat(point, 2, axis=0)
-    two_points[:, column] = ends
+    two_points[:, column] = two_values
     return np.abs(np.diff(surrogate.predict(two_points), axis=0)[0])
 
 

@@ -36,7 +36,7 @@ from repose.calibrate.uncertainty.posterior import (
     make_measurement,
 )
 from repose.calibrate.uncertainty.settings import PosteriorSettings
-from repose.common.errors import require
+from repose.common.errors import InputError
 from repose.common.files import StrPath, convert_to_path, write_json, write_table
 from repose.common.numbers import format_significant, format_with_error
 
@@ -100,12 +100,13 @@ class Calibration(NamedTuple):
     def intervals(self) -> dict[str, dict[str, Any]]:
         """Values of the answer with their intervals, by parameter, as in the card."""
         space = self.study.parameters
-        ends_of_parameters = cards.find_intervals(
+        interval_ends = cards.find_intervals(
             space, self.solutions, self._posterior_tables
         )
         intervals = {}
-        # The interval of a parameter must contain its value.
-        for name, (low, high) in ends_of_parameters.items():
+        # The interval of the draws need not contain the answer, so widen it if
+        # necessary.
+        for name, (low, high) in interval_ends.items():
             value = self.parameters[name]
             interval = cards.widen_to_value(space, name, value, low, high)
             intervals[name] = {"value": value, **interval}
@@ -118,9 +119,9 @@ class Calibration(NamedTuple):
 
     @property
     def card(self) -> dict[str, Any]:
-        """The material card, as `save` writes it."""
+        """Content of the material card, which `save` writes to a file."""
         settings = self.study.settings
-        # Of the user's own simulator only the definitions of the responses are known,
+        # For the user's own simulator, the definitions of the responses are known, but
         # not the bench tests.
         tests = {}
         for name in self.study.targets.names:
@@ -165,10 +166,14 @@ class Calibration(NamedTuple):
         Raises
         ------
         InputError
-            If there is a file in its place.
+            If `out_dir` is a file.
         """
         out = convert_to_path("out_dir", out_dir)
-        require(not out.is_file(), out, "file", "there already", "a folder")
+        if out.is_file():
+            raise InputError(
+                source=out, key="file", value="there already", allowed="a folder"
+            )
+        # The tables and records are in the order of the names of their files.
         tables = (
             self.samples,
             self.solutions,
@@ -251,8 +256,12 @@ class Calibration(NamedTuple):
         return f"<Calibration of {self.study.settings.label}>\n{self}"
 
     def _repr_html_(self) -> str:
-        """Write the answer for a notebook: parameters, predictions, probabilities."""
+        """Return the answer as HTML, which a notebook shows instead of the text.
+
+        It has tables of the parameters, the predictions and the probabilities.
+        """
         parameters = pd.DataFrame(self.intervals).T
+        # Only some parameters have remarks about their interval, so leave them out.
         parameters = parameters.drop(columns=["at_bound", "widened"], errors="ignore")
         probability = pd.DataFrame({"probability": self.probability})
         probability = probability.rename(index=lambda name: name.replace("_", " "))

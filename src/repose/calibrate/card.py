@@ -58,8 +58,8 @@ def assemble_card(
     solutions : pandas.DataFrame
         All parameter sets that were found.
     posterior : pair of pandas.DataFrame, optional
-        Intervals of the parameters, and draws; without it intervals and correlations are
-        those of the solutions.
+        Intervals of the parameters, and draws. Without a posterior, intervals and
+        correlations are those of the solutions.
     labels : mapping, optional
         Meaning of each parameter, by default its name.
 
@@ -68,10 +68,12 @@ def assemble_card(
     dict
         The content of card.json.
     """
-    parameter_sets = solutions if posterior is None else posterior[1]
+    parameter_sets = solutions
+    if posterior is not None:
+        _, parameter_sets = posterior
     # Correlate the parameters along their scales, so on a logarithmic scale correlate
-    # the logarithms. The correlation of a parameter that is the same in all sets is
-    # undefined, and the card has 0 for it.
+    # the logarithms. A parameter that is the same in all sets has no correlation. The
+    # card has 0 for it.
     coordinates = parameter_sets[list(space.free)]
     for name in space.scale:
         logarithms = space.coordinates(name, coordinates[name])
@@ -125,9 +127,10 @@ def find_intervals(
     solutions: "pd.DataFrame",
     posterior: "PosteriorTables | None",
 ) -> dict[str, IntervalEnds]:
-    """Find the ends of the interval of each parameter; (None, None) for a fixed one.
+    """Find the ends of the interval of each parameter.
 
-    They come from the posterior, or without it from the range of the solutions.
+    They are the ends of the credible interval. Without a posterior, they are the
+    smallest and the largest value among the solutions.
 
     Parameters
     ----------
@@ -136,13 +139,22 @@ def find_intervals(
         All parameter sets that were found.
     posterior : pair of pandas.DataFrame or None
         Intervals of the parameters, and draws.
+
+    Returns
+    -------
+    dict
+        Lower and upper end by name of the parameter; (None, None) for a fixed
+        parameter.
     """
     if posterior is None:
-        free = solutions[list(space.free)]
-        low, high = free.min(), free.max()
+        free_values = solutions[list(space.free)]
+        low = free_values.min()
+        high = free_values.max()
     else:
-        table = posterior[0].set_index("parameter")
-        low, high = table["credible_low"], table["credible_high"]
+        interval_table, _ = posterior
+        table = interval_table.set_index("parameter")
+        low = table["credible_low"]
+        high = table["credible_high"]
     intervals: dict[str, IntervalEnds] = {}
     for name in space.names:
         if name in space.free:
@@ -159,11 +171,10 @@ def widen_to_value(
     low: float | None,
     high: float | None,
 ) -> dict[str, Any]:
-    """Widen the interval of a parameter so that it contains the answer.
+    """Describe the interval of a parameter, widened so that it contains the answer.
 
     The interval of draws or solutions need not contain the answer. If the answer lies at
-    a bound of the searched range, the interval stays as it is, and `at_bound` names the
-    bound.
+    a bound of the searched range, the interval stays as it is.
 
     Parameters
     ----------

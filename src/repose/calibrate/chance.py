@@ -39,14 +39,15 @@ def compute_target_probabilities(
     Returns
     -------
     dict
-        A probability for each target, and one for `all` together; None if fewer than
-        two runs have a value for the response.
+        A probability for each target, and one for `all` together. If a bench test has
+        fewer than two good runs, the probabilities of its targets, of the targets of
+        all later bench tests and of `all` are None.
     """
     random = np.random.default_rng(SEED)
     probabilities: dict[str, float | None] = dict.fromkeys((*targets.names, "all"))
     # Bench tests are independent, so their means are drawn separately. A draw meets all
     # targets if it meets the targets of every bench test.
-    are_all_met = np.ones(N_DRAWS, dtype=bool)
+    meets_all = np.ones(N_DRAWS, dtype=bool)
     for bench in targets.apparatus:
         targets_of_bench = [
             target for target in targets if target.response.apparatus == bench
@@ -56,19 +57,19 @@ def compute_target_probabilities(
         for run in runs.get(bench, ()):
             if run["status"] == "ok":
                 rows.append([run[target.name] for target in targets_of_bench])
-        # A single run does not show the scatter. The probabilities of this bench test
-        # and of all following ones stay None.
+        # A single run does not show the scatter, so `all` is unknown, too.
         if len(rows) < 2:
             return probabilities
 
-        # Each draw is a possible true mean. Count the draws that meet a target.
+        # Each draw is a possible true mean. The probability of a target is the share of
+        # the draws that meet it.
         means = _draw_means(np.array(rows, dtype=float), random)
         for mean, target in zip(means.T, targets_of_bench, strict=True):
             low, high = _find_accepted_range(target, percent)
-            is_met = (mean >= low) & (mean <= high)
-            probabilities[target.name] = float(is_met.mean())
-            are_all_met &= is_met
-    probabilities["all"] = float(are_all_met.mean())
+            meets_target = (mean >= low) & (mean <= high)
+            probabilities[target.name] = float(meets_target.mean())
+            meets_all &= meets_target
+    probabilities["all"] = float(meets_all.mean())
     return probabilities
 
 

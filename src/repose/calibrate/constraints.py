@@ -69,8 +69,8 @@ class Constraint(NamedTuple):
                 f"{CONSTRAINT_FORM} {CONSTRAINT_EXAMPLE!r}; both sides have {left.name}"
             )
         if signs[0] == "<=":
-            return cls(text, left, right)
-        return cls(text, right, left)
+            return cls(text=text, smaller=left, larger=right)
+        return cls(text=text, smaller=right, larger=left)
 
     def compute_excess(self, values: np.ndarray, names: Sequence[str]) -> np.ndarray:
         """Compute by how much the smaller side exceeds the larger one.
@@ -103,12 +103,19 @@ class Constraint(NamedTuple):
 
 
 def _parse_term(side: str, names: Sequence[str]) -> Term:
-    """Parse one side of a constraint; raise ValueError if it is no term."""
+    """Parse one side of a constraint: a parameter, or a factor times a parameter.
+
+    Raises
+    ------
+    ValueError
+        If it is neither. The message describes the expected form.
+    """
     name = side.strip()
-    if name in names:
-        return Term(1.0, name)
-    match = _PRODUCT.fullmatch(name)
     factor = 1.0
+    # A name may contain signs of a product, so look for the whole text first.
+    if name in names:
+        return Term(factor=factor, name=name)
+    match = _PRODUCT.fullmatch(name)
     if match:
         name = match["name"]
         factor = float(match["factor"])
@@ -121,4 +128,4 @@ def _parse_term(side: str, names: Sequence[str]) -> Term:
         raise ValueError(
             f"{CONSTRAINT_FORM} {CONSTRAINT_EXAMPLE!r}, with factors that are not 0"
         )
-    return Term(factor, name)
+    return Term(factor=factor, name=name)

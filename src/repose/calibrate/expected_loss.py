@@ -100,7 +100,8 @@ def minimise_expected_loss(
     starts = points[np.argsort(loss(points))[:N_DESCENTS]]
     # Leave room for the steps of finite differences at both bounds.
     bounds = [(DIFFERENCE_STEP, 1 - DIFFERENCE_STEP)] * space.dimensions
-    # SLSQP takes constraints; without any, L-BFGS-B is as in published results.
+    # L-BFGS-B is the method of the published results, but it allows no constraints.
+    # With constraints, use SLSQP instead.
     options: dict[str, Any] = {"method": "L-BFGS-B"}
     if space.constraints:
         obeys_constraints = {
@@ -123,10 +124,11 @@ def minimise_expected_loss(
     end_points = np.array([minimum.x for minimum in minima])
     losses = np.array([minimum.fun for minimum in minima])
     if space.constraints:
-        # A local search may violate a constraint by its tolerance. Drop such points.
+        # A local search may violate a constraint by its tolerance, so give such points
+        # an infinite loss. All of them may do so. The starts obey the constraints, so
+        # add them to have at least one allowed point.
         end_points = np.vstack([end_points, starts])
         losses = np.concatenate([losses, loss(starts)])
-        # The starts obey all constraints, so one point is always left.
         losses = np.where(space.is_allowed(end_points), losses, np.inf)
     best = end_points[losses.argmin()]
 
@@ -202,10 +204,10 @@ def assess_by_errors(
     Returns
     -------
     dict
-        ``predicted_se``: standard error of the predicted mean of each response;
-        ``expected_error_percent``: root of the expected mean square of the relative
-        deviations from the aims; ``within``: probability that all means lie within
-        some percent of the aims.
+        ``predicted_se`` has the standard error of the predicted mean of each response.
+        ``expected_error_percent`` is the root of the expected mean square of the
+        relative deviations from the aims. ``within`` has the probability that all means
+        lie within each of the `REPORTED_PERCENTS` of the aims.
     """
     inputs = surrogate.inputs or names
     X = np.array([[parameters[name] for name in inputs]])
@@ -214,9 +216,10 @@ def assess_by_errors(
     error = np.sqrt(np.diagonal(covariance[0]))
     aim = targets.aim
 
-    # The expected squared deviation is the predicted one plus the variance of its error.
-    square = ((mean[0] - aim) ** 2 + error**2) / targets.whole**2
-    mean_square = np.average(square, weights=targets.weight)
+    # The expected squared deviation of a response is the squared deviation of its
+    # prediction plus the variance of the error of the prediction.
+    squares = ((mean[0] - aim) ** 2 + error**2) / targets.whole**2
+    mean_square = np.average(squares, weights=targets.weight)
 
     one_percent = targets.whole / 100
     probabilities = {}

@@ -158,10 +158,12 @@ def _search_parameters(
     preference: Preference | None,
     support: Support | None,
 ) -> _SearchResult:
-    """Search inside the ranges of the targets. If this fails, search near the targets.
+    """Search for parameter sets inside the ranges of the targets, or else near them.
 
     Outside the region of the samples a surrogate extrapolates. Any set may then seem to
-    meet the targets, even if none does. So the second search stays in this region.
+    meet the targets, even if none does. So the first search only counts if it finds a
+    set near samples inside the ranges. Otherwise a second search looks for the sets
+    nearest to the targets, and stays in the region of the samples.
 
     Parameters
     ----------
@@ -201,9 +203,9 @@ def _search_parameters(
         region = support
         found = search_in(region)
         evaluations += _count_evaluations(found)
-        # The constraints may exclude the whole region of the samples. Then search the
-        # whole ranges.
-        if not len(found.archive.points):
+        # If the constraints exclude the whole region of the samples, nothing was found.
+        # Then search the whole ranges of the parameters.
+        if len(found.archive.points) == 0:
             region = None
             found = search_in(region)
             evaluations += _count_evaluations(found)
@@ -241,29 +243,42 @@ def _make_violation_function(
 ) -> Callable[[np.ndarray], np.ndarray] | None:
     """Make a function that measures by how much points violate the constraints.
 
-    It takes points (n, d) in [-1, 1] and returns numbers (n,), which are 0 where all
-    constraints are obeyed. With a support, staying in its region is a constraint as well.
-    The result is None if there is nothing to violate.
+    Parameters
+    ----------
+    space : ParameterSpace
+        The parameters, with their constraints.
+    support : Support, optional
+        Region of the samples. A point outside it violates a further constraint.
+
+    Returns
+    -------
+    callable or None
+        It maps points (n, d) in [-1, 1] to violations (n,), which are 0 where all
+        constraints are obeyed. None if there are neither constraints nor a support.
     """
     if support is None and not space.constraints:
         return None
 
-    def violation(points: np.ndarray) -> np.ndarray:
+    def compute_violation(points: np.ndarray) -> np.ndarray:
         unit = (points + 1) / 2
-        total = space.violation(unit)
+        violation = space.violation(unit)
         if support is not None:
-            total += support.excess(space.values(unit))
-        return total
+            violation += support.excess(space.values(unit))
+        return violation
 
-    return violation
+    return compute_violation
 
 
 def _require_aims_in_ranges(targets: Targets) -> None:
     """Refuse a target whose aim lies outside its range."""
     for target in targets:
         if not target.low <= target.aim <= target.high:
-            allowed = f"inside its range {[target.low, target.high]}"
-            raise InputError("targets", target.name, target.aim, allowed)
+            raise InputError(
+                source="targets",
+                key=target.name,
+                value=target.aim,
+                allowed=f"inside its range {[target.low, target.high]}",
+            )
 
 
 def _count_rows(violations: np.ndarray, most: int) -> int:
@@ -316,10 +331,11 @@ def restrict_to_free_parameters(
     columns = [space.names.index(name) for name in space.free]
 
     def respond_to_free(points: np.ndarray) -> np.ndarray:
-        # The range of a fixed parameter is one value, so any coordinate will do.
-        all_parameters = np.zeros((len(points), len(space.names)))
-        all_parameters[:, columns] = points
-        return respond(all_parameters)
+        # The range of a fixed parameter is a single value, so its coordinate has no
+        # effect and can be 0.
+        all_coordinates = np.zeros((len(points), len(space.names)))
+        all_coordinates[:, columns] = points
+        return respond(all_coordinates)
 
     return respond_to_free
 
@@ -337,15 +353,16 @@ def make_interval_table(solutions: pd.DataFrame, space: ParameterSpace) -> pd.Da
     -------
     pandas.DataFrame
         A row for each parameter: `variable`, `low`, `high`, and `dispersion_percent`.
-        This is the width of the interval in percent of the range, both along the scale
-        of the parameter.
+        The dispersion is the width of the interval in percent of the width of the
+        range. Both widths are along the scale of the parameter.
     """
     names = list(space.names)
     low = solutions[names].min().to_numpy(float)
     high = solutions[names].max().to_numpy(float)
     range_low, range_high = space.coordinate_ends
     width_of_free = pd.Series(range_high - range_low, list(space.free))
-    # A fixed parameter has the dispersion 0, whatever its width.
+    # A fixed parameter has an interval of width 0, so its dispersion is 0 for any width
+    # of the range. Use 1 to avoid a division by 0.
     range_width = width_of_free.reindex(names, fill_value=1.0).to_numpy()
     ends = to_coordinates(np.array([low, high]), names, space.scale)
     dispersion_percent = 100 * (ends[1] - ends[0]) / range_width
@@ -366,23 +383,24 @@ def describe_result(
     n_feasible : int
         Number of feasible solutions.
     distance : float
-        Smallest distance between two of them, in normalised parameters.
+        Smallest distance between two feasible solutions, in normalised parameters.
     """
 
-    def in_words(values: Iterable[float]) -> str:
-        return targets.in_words([f"{value:.2f}" for value in values])
+    def format_numbers(numbers: Iterable[float]) -> str:
+        """Write one number for each target, with its unit."""
+        return targets.in_words([f"{number:.2f}" for number in numbers])
 
     ranges = targets.in_words([f"{target.low:g}-{target.high:g}" for target in targets])
     aims = targets.in_words([f"{target.aim:g}" for target in targets])
-    predicted = in_words(responses)
-    deviations = in_words(abs(responses - targets.aim))
+    predicted = format_numbers(responses)
+    deviations = format_numbers(abs(responses - targets.aim))
     if n_feasible:
         return (
             f"{n_feasible} distinct feasible solutions inside {ranges}, at least "
             f"{distance:g} apart in normalised parameters; the answer is predicted "
             f"{predicted}, {deviations} from the target {aims}."
         )
-    outside = in_words(_measure_distances(responses, targets.low, targets.high))
+    outside = format_numbers(_measure_distances(responses, targets.low, targets.high))
     return (
         "All later stages use the nearest solutions: the answer is predicted "
         f"{predicted}, {outside} outside the ranges {ranges}, {deviations} from the "
@@ -411,8 +429,8 @@ def _make_summary(
     """
     best = table.iloc[0]
     responses = best[list(targets.predicted)].to_numpy(float)
-    # A target is a range, or for the distance from the aim a range of no width.
     range_distances = _measure_distances(responses, targets.low, targets.high)
+    # The aim is a range of width 0.
     aim_distances = _measure_distances(responses, targets.aim, targets.aim)
     representative = {}
     for name in (*space.names, *targets.predicted, "objective"):

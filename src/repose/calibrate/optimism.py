@@ -76,8 +76,6 @@ class Pours(NamedTuple):
     ) -> Self | None:
         """Collect the pours of the samples of a fit.
 
-        The result is None if the noise cannot be estimated (`Replicates.estimate`).
-
         Parameters
         ----------
         surrogate : Surrogate
@@ -85,8 +83,13 @@ class Pours(NamedTuple):
         dataset : pandas.DataFrame
             A row for each sample: ``sample``, parameters, mean responses.
         runs : pandas.DataFrame
-            Their single runs.
+            The single runs of these samples.
         targets : Targets
+
+        Returns
+        -------
+        Pours or None
+            None if the noise cannot be estimated (see `Replicates.estimate`).
         """
         samples = list(surrogate.samples)
         noise = Replicates.estimate(runs, samples, targets)
@@ -100,9 +103,10 @@ class Pours(NamedTuple):
         # Each bench test has separate runs, so collect them one test at a time.
         for bench, columns_of_bench in targets.benches.items():
             names = [targets.names[k] for k in columns_of_bench]
-            runs_by_sample = dict(
-                list(select_bench_runs(good, bench).groupby("sample")[names])
-            )
+            responses_by_sample = select_bench_runs(good, bench).groupby("sample")[
+                names
+            ]
+            runs_by_sample = dict(list(responses_by_sample))
             pours_of_samples = [
                 runs_by_sample[sample].to_numpy(float) for sample in samples
             ]
@@ -171,8 +175,9 @@ def estimate_optimism(
 ) -> pd.DataFrame:
     """Estimate the expected optimism of predictions by bootstrap, for each role.
 
-    Each replicate resamples the pours, refits the surrogate and repeats the search on it.
-    The original fit plays the part of the truth.
+    A role says why the search found a parameter set, such as "representative". Each
+    replicate resamples the pours, refits the surrogate and repeats the search. The
+    original fit takes the place of the unknown truth.
 
     Parameters
     ----------
@@ -180,7 +185,8 @@ def estimate_optimism(
         The fit of the pours.
     pours : Pours
     search : callable
-        It finds parameter sets and their roles in a surrogate.
+        It maps a surrogate to the parameter sets (n, d) that it finds, and their n
+        roles.
     targets : Targets
     replicates : int
         Number of refits, at least 2.
@@ -190,9 +196,9 @@ def estimate_optimism(
     Returns
     -------
     pandas.DataFrame
-        `OPTIMISM_COLUMNS`: for each role and response the mean over the replicates of
-        prediction less original fit, in the units of the response, and the standard
-        error of this mean.
+        A row for each role and response, with the `OPTIMISM_COLUMNS`. The optimism of a
+        replicate is its prediction minus that of the original fit, in the units of the
+        response. The row has the mean over the replicates, and its standard error.
     """
     differences_by_role: dict[str, list[np.ndarray]] = {}
     for k in range(replicates):
@@ -206,8 +212,8 @@ def estimate_optimism(
             mean = differences[has_role].mean(axis=0)
             differences_by_role.setdefault(role, []).append(mean)
     rows = []
-    for role, differences_of_replicates in differences_by_role.items():
-        rows += _make_rows(role, np.array(differences_of_replicates), targets)
+    for role, differences_of_role in differences_by_role.items():
+        rows += _make_rows(role, np.array(differences_of_role), targets)
     return pd.DataFrame(rows, columns=list(OPTIMISM_COLUMNS))
 
 

@@ -80,10 +80,11 @@ class ParameterSpace:
             The parameters to read, in this order. By default (None) these are all of
             the section.
         limits : mapping, optional
-            Lowest and highest value by name, to which a prior without a range is cut.
-            Parameters that are not named have no limits.
+            Lowest and highest possible value by name. They limit the range that follows
+            from a prior. Parameters that are not named have no limits.
         constraints : sequence of str, optional
-            The key `constraints` of the configuration, such as "mur <= 0.5 * mus".
+            The key `constraints` of the configuration. An item is a text such as
+            "mur <= 0.5 * mus".
 
         Returns
         -------
@@ -97,7 +98,7 @@ class ParameterSpace:
         scale: dict[str, str] = {}
         for name in names:
             entry = section[name]
-            # A fixed parameter has neither range, scale nor prior.
+            # A fixed parameter has no range, no scale and no prior.
             if isinstance(entry, Mapping) and "fixed" in entry:
                 fixed[name] = float(entry["fixed"])
                 continue
@@ -257,8 +258,8 @@ class ParameterSpace:
         Returns
         -------
         numpy.ndarray, (n, constraints)
-            Each as a share of the largest that the ranges allow; above 0 where the
-            constraint is violated.
+            An excess is above 0 where the constraint is violated. It is a share of the
+            largest excess that the ranges allow.
         """
         if not self.constraints:
             return np.zeros((len(unit), 0))
@@ -270,8 +271,10 @@ class ParameterSpace:
         columns = []
         for constraint in self.constraints:
             excess = constraint.compute_excess(values, self.names)
-            size = constraint.compute_largest_excess(largest_values, self.names)
-            columns.append(excess / size)
+            largest_excess = constraint.compute_largest_excess(
+                largest_values, self.names
+            )
+            columns.append(excess / largest_excess)
         return np.column_stack(columns)
 
     @cached_property
@@ -303,8 +306,9 @@ class ParameterSpace:
         """Compute the logarithm of the prior density at points of the unit cube.
 
         The constant of normalisation is left out, so without priors the result is 0. A
-        prior is a normal density of the value. On a logarithmic scale, the density of the
-        coordinate is this density times the value.
+        prior is a normal density of the value. On a logarithmic scale, the coordinate
+        is the logarithm of the value, and its density is that of the value times the
+        value.
 
         Parameters
         ----------
@@ -348,8 +352,9 @@ class ParameterSpace:
     def marginal_cdf(self, unit: np.ndarray) -> np.ndarray:
         """Compute the distribution function of each parameter among the allowed sets.
 
-        Without constraints it is `prior_cdf`. With them it is the rank of the parameter
-        among many sets of the prior, of which only the allowed ones count.
+        Without constraints, it is `prior_cdf`. With constraints, it is estimated from
+        many draws of the prior that obey the constraints: the share of the draws with a
+        smaller value.
 
         Parameters
         ----------
@@ -364,12 +369,12 @@ class ParameterSpace:
         shares = self.prior_cdf(unit)
         if not self.constraints:
             return shares
-        allowed = np.sort(self.prior_cdf(self._allowed_prior), axis=0)
-        ranks = (np.arange(len(allowed)) + 0.5) / len(allowed)
-        # Both ends of the range keep the shares 0 and 1.
+        drawn_shares = np.sort(self.prior_cdf(self._allowed_prior), axis=0)
+        ranks = (np.arange(len(drawn_shares)) + 0.5) / len(drawn_shares)
+        # Interpolate between the draws. The ends of the range keep the shares 0 and 1.
         for k in range(self.dimensions):
             shares[:, k] = np.interp(
-                shares[:, k], [0.0, *allowed[:, k], 1.0], [0.0, *ranks, 1.0]
+                shares[:, k], [0.0, *drawn_shares[:, k], 1.0], [0.0, *ranks, 1.0]
             )
         return shares
 
@@ -412,13 +417,13 @@ def find_range(
     entry : pair or mapping
         Its entry in the section `parameters`.
     limits : mapping, optional
-        Lowest and highest value by name, to which a prior without a range is cut.
-        Without limits the prior is not cut.
+        Lowest and highest possible value by name. They limit the range that follows
+        from a prior.
 
     Returns
     -------
     pair of float
-        Both are the same for a fixed parameter.
+        A fixed parameter has its value twice.
     """
     if not isinstance(entry, Mapping):
         return float(entry[0]), float(entry[1])
@@ -427,8 +432,10 @@ def find_range(
     if "range" in entry:
         return float(entry["range"][0]), float(entry["range"][1])
 
-    # The entry is a prior without a range.
+    # The entry is a prior without a range. Use the values that are at all probable.
     mean = entry["prior"]["mean"]
-    half = PRIOR_HALF_WIDTH_SDS * entry["prior"]["sd"]
+    half_width = PRIOR_HALF_WIDTH_SDS * entry["prior"]["sd"]
     lowest, highest = (limits or {}).get(name, (-math.inf, math.inf))
-    return float(max(lowest, mean - half)), float(min(highest, mean + half))
+    low = max(lowest, mean - half_width)
+    high = min(highest, mean + half_width)
+    return float(low), float(high)

@@ -98,7 +98,7 @@ class _ParameterBounds:
             )
             yield key, f"a known key{hint}"
 
-        # A fixed value stands alone.
+        # An entry with a fixed value has no other keys.
         if "fixed" in entry:
             if len(entry) > 1:
                 yield "", "fixed alone, or prior with or without range"
@@ -106,7 +106,7 @@ class _ParameterBounds:
                 yield "fixed", self.number
             return
 
-        # A range on its own must be written as a plain pair.
+        # A range without a prior or a scale must be written as a plain pair.
         if "range" in entry and not {"prior", "scale"} & set(entry):
             yield (
                 "",
@@ -114,7 +114,7 @@ class _ParameterBounds:
             )
             return
 
-        # What remains is a prior, or a range with a scale.
+        # Otherwise, the entry must be a prior, or a range with a scale.
         prior = entry.get("prior")
         has_good_range = "range" not in entry or self._is_range(entry["range"])
         is_complete = prior is not None or {"range", "scale"} <= set(entry)
@@ -201,8 +201,10 @@ def find_far_priors(parameters: Mapping[str, Any]) -> Contradictions:
             continue
         mean = entry["prior"]["mean"]
         half_width = PRIOR_HALF_WIDTH_SDS * entry["prior"]["sd"]
-        low, high = mean - half_width, mean + half_width
-        if high < entry["range"][0] or low > entry["range"][1]:
+        low = mean - half_width
+        high = mean + half_width
+        range_low, range_high = entry["range"]
+        if high < range_low or low > range_high:
             yield (
                 name,
                 f"a range that meets {low:g} to {high:g}, {PRIOR_HALF_WIDTH_SDS:g} sd about "
@@ -213,8 +215,9 @@ def find_far_priors(parameters: Mapping[str, Any]) -> Contradictions:
 def describe_wide_ranges(parameters: Mapping[str, Any]) -> Iterator[str]:
     """Describe each parameter whose range is too wide for a linear scale.
 
-    Parameters whose entry names a scale are left out, because their user has chosen it.
-    Ranges that begin at or below 0 are left out as well, because they have no logarithm.
+    Parameters whose entry names a scale are left out, because the user has chosen the
+    scale. Ranges that begin at or below 0 are left out as well, because a logarithmic
+    scale is impossible for them.
 
     Parameters
     ----------
@@ -224,7 +227,7 @@ def describe_wide_ranges(parameters: Mapping[str, Any]) -> Iterator[str]:
     Yields
     ------
     str
-        A sentence with the remedy.
+        A sentence about the parameter that proposes a remedy.
     """
     for name, entry in parameters.items():
         if isinstance(entry, Mapping) and not {"scale", "fixed"}.isdisjoint(entry):
@@ -247,7 +250,9 @@ def find_constraint_faults(
     parameters: Mapping[str, Any],
     limits: Limits | None = None,
 ) -> Contradictions:
-    """Yield (key, what is allowed) for each fault of the key `constraints`.
+    """Find the faults of the key `constraints`.
+
+    The constraints are checked together only if each of them is valid.
 
     Parameters
     ----------
@@ -255,7 +260,7 @@ def find_constraint_faults(
     parameters : mapping
         The section `parameters`, without faults.
     limits : mapping, optional
-        As in `ParameterSpace.of`.
+        See `ParameterSpace.of`.
 
     Yields
     ------
@@ -264,19 +269,22 @@ def find_constraint_faults(
         allowed.
     """
     names = tuple(parameters)
-    fixed = {name for name, entry in parameters.items() if "fixed" in entry}
+    fixed_names = {name for name, entry in parameters.items() if "fixed" in entry}
     faults = []
+    # Check each constraint.
     for k, text in enumerate(constraints):
         try:
             constraint = Constraint.parse(text, names)
         except ValueError as error:
             faults.append((str(k), str(error)))
             continue
-        if {constraint.smaller.name, constraint.larger.name} <= fixed:
+        if {constraint.smaller.name, constraint.larger.name} <= fixed_names:
             faults.append((str(k), "a constraint with a parameter that is not fixed"))
     if faults:
         yield from faults
         return
+
+    # Check that all constraints together leave enough of the ranges.
     space = ParameterSpace.of(parameters, limits=limits, constraints=constraints)
     share = space.allowed_share
     if share < MIN_ALLOWED_SHARE:

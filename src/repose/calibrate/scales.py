@@ -38,7 +38,7 @@ def to_coordinates(
     ----------
     values : numpy.ndarray, (n, p)
     names : sequence of str
-        Of the columns.
+        Names of the columns.
     scale : mapping
         Name of the scale by the name of the column. A column without one is linear.
     """

@@ -40,7 +40,7 @@ def draw_run_seeds(
     purpose : str or int
         One of `PURPOSE_STREAMS`, or the number of another stream.
     number : int
-        Of the sample.
+        Number of the sample.
     count : int
         Number of seeds. A larger number only adds seeds at the end.
     apparatus : str, optional
@@ -49,7 +49,7 @@ def draw_run_seeds(
     Returns
     -------
     list of int
-        From 0 to 2^32 - 1.
+        Seeds from 0 to 2^32 - 1.
     """
     import numpy as np
 

@@ -69,6 +69,7 @@ class MIGA:
         Parameters
         ----------
         dimensions : int
+            Number of coordinates of a point.
         settings : MigaSettings, optional
             None stands for the settings of config/method.yaml.
         """
@@ -82,7 +83,7 @@ class MIGA:
         self.mutation_probability = self.settings.mutation_probability
         self.mutation_amplitude = self.settings.mutation_amplitude
         self.random = np.random.RandomState(self.settings.seed)
-        # Row of each island's first individual, (islands, 1).
+        # Row of the first individual of each island in `_points`, (islands, 1).
         self._first = population * np.arange(islands)[:, None]
         self._points = self.random.uniform(-1, 1, (islands * population, dimensions))
         self.best: np.ndarray | None = None
@@ -118,7 +119,8 @@ class MIGA:
             self.best = points[fitness.argmin()].copy()
             self.best_fitness = float(fitness.min())
 
-        # Number of the generation within its round, which begins with new random numbers.
+        # Find the number of this generation within its round. Each round begins with
+        # new random numbers.
         step = self.generation % self.generations
         if step == 0:
             self._draw_round()
@@ -247,7 +249,7 @@ def islands_ga(
     rounds : int
         Number of migrations.
     target : float, optional
-        The search ends early once a value reaches this one or falls below it.
+        The search ends early as soon as a value is at most this one.
     **settings
         Fields of `repose.calibrate.search.settings.MigaSettings`; those left out have
         the values of config/method.yaml.
@@ -270,6 +272,7 @@ def islands_ga(
     history = []
 
     def scale_to_bounds(points: np.ndarray) -> np.ndarray:
+        """Convert points from [-1, 1] to the bounds. Rounding must not exceed them."""
         return np.clip(low + (points + 1) * half_width, low, high)
 
     # Each pass evaluates and breeds one generation.
@@ -285,7 +288,7 @@ def islands_ga(
         history.append(miga.best_fitness)
         if target is not None and miga.best_fitness <= target:
             break
-    # The best point stays unknown while every value is infinite.
+    # There is no best point if every value was infinite.
     if miga.best is None:
         raise ValueError(
             f"objective is infinite at all {miga.evaluations} points; "

@@ -63,7 +63,7 @@ class Objective:
     def __init__(
         self, targets: Targets, margin: float = 0.0, constrained: bool = True
     ) -> None:
-        """Copy the arrays (k,) of the targets, and choose the penalty.
+        """Set the arrays (k,) of the targets, and choose the penalty.
 
         Parameters
         ----------
@@ -78,8 +78,10 @@ class Objective:
         self.target = targets.aim
         self.weight = targets.weight
         self.width = self.high - self.low
+        # A point outside the ranges costs `infeasible`, and `penalty` per unit of V.
         if constrained:
-            # Inside the ranges F is at most the sum of the weights.
+            # Inside the ranges F is at most the sum of the weights. So every point
+            # outside costs more than any point inside.
             self.infeasible = float(self.weight.sum()) + margin
             self.penalty = VIOLATION_PENALTY
         else:
@@ -147,7 +149,8 @@ class Preference:
         scaled = []
         for name, (prior_mean, prior_sd) in space.prior.items():
             k = space.free.index(name)
-            # On another scale the prior is no normal distribution of the coordinate.
+            # On a logarithmic scale, the coordinate has no normal distribution, so it
+            # needs a function of its own.
             if name in space.scale:
                 scaled.append((k, _make_deviation(space, name)))
                 continue
@@ -229,7 +232,7 @@ class Archive:
         capacity : int
             Largest number of points that are kept.
         buffer : int, optional
-            Largest number of points that wait.
+            Largest number of points in the buffer.
         """
         self.distance = distance
         self.capacity = capacity
@@ -238,7 +241,7 @@ class Archive:
         self.fitness = np.empty(0)
         self._waiting: list[tuple[np.ndarray, np.ndarray]] = []
         self._n_waiting = 0
-        # Points of at least this fitness cannot enter.
+        # Points with this fitness or a larger one cannot enter the archive.
         self._worst = math.inf
 
     def add(self, points: np.ndarray, fitness: np.ndarray) -> None:
@@ -259,7 +262,7 @@ class Archive:
             return
         points = points[may_enter]
         fitness = fitness[may_enter]
-        # Add them to the buffer in parts no larger than it.
+        # Add the points in parts that fit into the buffer. Empty it if it is too full.
         for start in range(0, len(points), self.buffer):
             part = slice(start, start + self.buffer)
             n_added = len(points[part])
@@ -351,11 +354,11 @@ def search_points(
         Its cost is added to the fitness.
     violation : callable, optional
         Maps points (n, inputs) to their violations (n,) of the constraints between
-        parameters, 0 where these are obeyed. Only such points enter the archive.
+        parameters. Only points with the violation 0 enter the archive.
 
     Returns
     -------
-    Search
+    SearchResult
     """
     miga = MIGA(inputs, settings)
     archive = Archive(
@@ -363,7 +366,7 @@ def search_points(
     )
     history = []
     n_feasible = 0
-    for round_ in range(1, settings.rounds + 1):
+    for round_number in range(1, settings.rounds + 1):
         populations = []
         for _ in range(settings.generations):
             points = miga.ask()
@@ -386,8 +389,9 @@ def search_points(
             np.concatenate([population.points for population in populations]),
             np.concatenate([population.fitness for population in populations]),
         )
+        # The columns are `HISTORY_COLUMNS`.
         row = (
-            round_,
+            round_number,
             miga.generation,
             miga.evaluations,
             miga.best_fitness,
