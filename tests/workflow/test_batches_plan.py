@@ -14,7 +14,7 @@ from synthetic import Study as Given
 
 from repose.calibrate import strategies
 from repose.calibrate.strategies import base
-from repose.calibrate.strategies.base import make_batch_samples
+from repose.calibrate.strategies.base import samples_of
 from repose.calibrate.targets import Targets
 from repose.common.files import write_text
 from repose.config.pipeline import PipelineConfig
@@ -244,7 +244,7 @@ class Probe(strategies.Strategy):
 
     def propose(self, study, data):
         return strategies.Batch(
-            make_batch_samples(
+            samples_of(
                 study.parameters, np.full((3, study.parameters.dimensions), 0.5), 2, 1
             )
         )

@@ -445,7 +445,7 @@ def test_the_runs_of_a_sample_stand_at_the_top_or_in_the_section(strategy, n):
     yaml.safe_load((ROOT / "tests/calibrate/uncertainty/refused.yaml").read_text()),
 )
 def test_a_bad_configuration_is_refused_by_name(key, value, message):
-    input_error(message, Study.own, changed(key, value))
+    input_error(message, Study.from_configuration, changed(key, value))
 
 
 @pytest.mark.parametrize("name", ["sequential", "posterior"])
@@ -464,7 +464,10 @@ def test_all_faults_of_a_configuration_are_reported_at_once():
     content = changed("seed", None) | {"design": {"samples": 3}, "label": 3}
     content["parameters"]["mu.s"] = [0.8, 0.2]
     content["targets"]["time_s"] |= {"sd": -1, "repetitions": "many"}
-    found = {fault.key for fault in input_error("expected", Study.own, content).faults}
+    found = {
+        fault.key
+        for fault in input_error("expected", Study.from_configuration, content).faults
+    }
     targets = {"targets.time_s.sd", "targets.time_s.repetitions"}
     assert found == {"seed", "design.samples", "label", "parameters.mu.s", *targets}
 

@@ -315,7 +315,7 @@ def strategy(name: str, source: object = "strategy") -> Strategy[Any]:
     return _REGISTRY[name]
 
 
-def make_batch_samples(
+def samples_of(
     space: ParameterSpace, unit: np.ndarray, seeds: int, first: int = 1
 ) -> "pd.DataFrame":
     """Make the table of samples of a `Batch`.

@@ -148,7 +148,7 @@ def check_responses(data: pd.DataFrame, targets: Targets) -> None:
         )
 
 
-def summarise_by_sample(
+def samples_of_runs(
     data: pd.DataFrame, space: ParameterSpace, targets: Targets
 ) -> pd.DataFrame:
     """Summarise the runs by sample, as the stage `dataset` does.

@@ -10,11 +10,11 @@ from repose.calibrate.answer import WITHIN_COLUMNS
 from repose.calibrate.designs import latin_hypercube as design
 from repose.calibrate.inversion import Inversion, invert
 from repose.calibrate.probability import compute_box_probability
-from repose.calibrate.strategies.base import Answer, Batch, make_batch_samples
+from repose.calibrate.strategies.base import Answer, Batch, samples_of
 from repose.calibrate.strategies.runs import (
     find_next_sample,
+    samples_of_runs,
     split_by_bench,
-    summarise_by_sample,
 )
 from repose.calibrate.study import Study
 from repose.calibrate.surrogates.base import Surrogate
@@ -46,7 +46,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     if data.empty:
         return make_design_batch(study, settings.seeds)
     # Fit a surrogate to the means of the samples, and search on it.
-    samples = summarise_by_sample(data, space, study.targets)
+    samples = samples_of_runs(data, space, study.targets)
     training, support = fit_surrogate(study, samples, data)
     inversion = invert(
         training.model, space, study.targets, settings.miga, support=support
@@ -70,7 +70,7 @@ def make_design_batch(study: Study, seeds: int) -> Batch:
         space, section.samples, section.method, section.seed
     )
     notes = {"why": NOT_LATIN_WARNING} if space.constraints else {}
-    return Batch(make_batch_samples(space, unit, seeds), notes)
+    return Batch(samples_of(space, unit, seeds), notes)
 
 
 def fit_surrogate(
@@ -82,7 +82,7 @@ def fit_surrogate(
     ----------
     study : Study
     samples : pandas.DataFrame
-        The samples to fit, from `summarise_by_sample`.
+        The samples to fit, from `samples_of_runs`.
     data : pandas.DataFrame
         Their runs.
 
@@ -149,14 +149,12 @@ def make_answer(
     mean = model.predict(values[None])
     covariance = model.covariance(values[None])
     # The answer becomes a new sample, to be simulated again.
-    samples = make_batch_samples(
-        space, space.unit(values), seeds, find_next_sample(data)
-    )
+    samples = samples_of(space, space.unit(values), seeds, find_next_sample(data))
     return Answer(
         values=values,
         mean=mean[0],
         covariance=covariance[0],
-        probability=compute_probabilities(mean, covariance, targets),
+        probability=probability_of(mean, covariance, targets),
         samples=samples,
         why=why,
         others=others[names].to_numpy(float),
@@ -177,7 +175,7 @@ def _note_stop(inversion: Inversion) -> dict[str, Any]:
     return {**stop, "summary": stop}
 
 
-def compute_probabilities(
+def probability_of(
     mean: np.ndarray, covariance: np.ndarray, targets: Targets
 ) -> dict[str, float]:
     """Compute how probably an answer meets the targets.

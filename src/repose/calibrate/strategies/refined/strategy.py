@@ -16,7 +16,7 @@ from repose.calibrate.optimism import (
     make_representative_search,
 )
 from repose.calibrate.seeds import PURPOSE_STREAMS
-from repose.calibrate.strategies.base import Answer, Batch, make_batch_samples
+from repose.calibrate.strategies.base import Answer, Batch, samples_of
 from repose.calibrate.strategies.published.strategy import (
     fit_surrogate,
     make_answer,
@@ -25,8 +25,8 @@ from repose.calibrate.strategies.published.strategy import (
 from repose.calibrate.strategies.refined.places import draw_near_targets
 from repose.calibrate.strategies.runs import (
     find_next_sample,
+    samples_of_runs,
     split_by_bench,
-    summarise_by_sample,
 )
 from repose.calibrate.study import Study
 from repose.calibrate.surrogates.support import Support
@@ -52,7 +52,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     if data.empty:
         return make_design_batch(study, section.design_seeds)
     space = study.parameters
-    samples = summarise_by_sample(data, space, study.targets)
+    samples = samples_of_runs(data, space, study.targets)
     # Mark the samples of the second stage by the number 1 in the column `round`. The
     # fit uses such samples only for training, so the test samples stay those of the
     # design.
@@ -120,7 +120,7 @@ def _propose_second_stage(
     )
     # `propose` tells the stages apart by number: these samples come after the design.
     first_number = max(find_next_sample(data), study.settings.design.samples + 1)
-    samples = make_batch_samples(space, places, seeds=1, first=first_number)
+    samples = samples_of(space, places, seeds=1, first=first_number)
     parameter_sets = samples[list(space.names)].to_numpy(float)
     # Keep the predictions, to compare them with the runs.
     samples[list(study.targets.predicted)] = training.model.predict(parameter_sets)

@@ -12,7 +12,7 @@ import pandas as pd
 from repose.calibrate.answer import ENDS_NOT_SIMULATED, WITHIN_COLUMNS
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.probability import compute_box_probability
-from repose.calibrate.strategies.base import SO_FAR, Answer, Batch, make_batch_samples
+from repose.calibrate.strategies.base import SO_FAR, Answer, Batch, samples_of
 from repose.calibrate.strategies.runs import check_responses, find_next_sample
 from repose.calibrate.strategies.sequential.advise import (
     Advice,
@@ -79,9 +79,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
         return _propose_another_start(study, data, observed, error)
     notes = _describe_state(advice, study)
     if advice.stop is None:
-        samples = make_batch_samples(
-            space, advice.batch, section.seeds, find_next_sample(data)
-        )
+        samples = samples_of(space, advice.batch, section.seeds, find_next_sample(data))
         return Batch(samples, notes)
 
     # The search ends with this answer.
@@ -112,7 +110,7 @@ def _propose_start(study: Study, data: pd.DataFrame, notes: Mapping[str, Any]) -
     unit = make_start(space, section, study.settings.design.seed + len(data))
     n_samples = (section.most_pours - len(data)) // section.seeds
     first = 1 if data.empty else find_next_sample(data)
-    samples = make_batch_samples(space, unit[:n_samples], section.seeds, first)
+    samples = samples_of(space, unit[:n_samples], section.seeds, first)
     return Batch(samples, notes)
 
 
@@ -223,7 +221,7 @@ def give_answer(
         mean=mean[0],
         covariance=covariance[0],
         probability=_compute_probabilities(mean, covariance, targets, space),
-        samples=make_batch_samples(space, unit, checks, find_next_sample(data)),
+        samples=samples_of(space, unit, checks, find_next_sample(data)),
         why="; ".join(reasons),
         others=space.values(others.points),
         others_mean=others.mean,
