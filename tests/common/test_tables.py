@@ -91,7 +91,7 @@ def profile(path):
 
 @functools.cache
 def own_study():
-    return Study.from_configuration(OWN)
+    return Study.own(OWN)
 
 
 # Reader: a good table, a column of numbers, and a function that gives its numbers.
@@ -462,7 +462,7 @@ def test_an_empty_cell_where_all_others_number_the_rows_is_refused(tmp_path):
 
 def test_a_row_of_means_of_runs_is_refused_by_its_numbers(tmp_path):
     rng = np.random.default_rng(3)
-    study = Study.from_configuration(OWN)
+    study = Study.own(OWN)
     low = study.parameters.low
     high = study.parameters.high
     sets = low + (high - low) * rng.random((8, 2))

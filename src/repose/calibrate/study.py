@@ -172,10 +172,10 @@ class Study:
                     f"{settings.name}"
                 ),
             )
-        return cls.from_configuration(settings, file)
+        return cls.own(settings, file)
 
     @classmethod
-    def from_configuration(
+    def own(
         cls, content: StrPath | Mapping[str, Any], file: StrPath | None = None
     ) -> Self:
         """Make the study of a configuration for the user's own simulator.

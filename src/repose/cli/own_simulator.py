@@ -49,7 +49,7 @@ def _load_own_study(args: argparse.Namespace) -> "Study":
 
     # Only the verb `ask` needs the runs so far, to choose the next ones.
     runs_csv = args.runs if args.verb == "ask" else None
-    study = Study.from_configuration(args.config, runs_csv)
+    study = Study.own(args.config, runs_csv)
 
     # Warn of keys that the strategy does not use, and of ranges that are too wide.
     unread_keys = list_unread_keys(read_yaml(args.config))

@@ -135,7 +135,7 @@ def test_the_study_is_that_of_the_article():
     table2 = pd.read_csv(ROOT / "resources/published/table2.csv").set_index("parameter")
     for name, ends in PARAMETERS.items():
         assert ends == table2.loc[name, ["low", "high"]].tolist()
-    assert list(Study.from_configuration(STUDY).targets.aim) == [32.5, 66.5]
+    assert list(Study.own(STUDY).targets.aim) == [32.5, 66.5]
 
 
 def test_the_page_names_file_columns_and_command():

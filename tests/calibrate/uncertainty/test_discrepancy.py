@@ -168,7 +168,7 @@ def test_the_published_study_has_a_discrepancy_and_so_have_responses_of_a_users_
         name: {"value": value, "sd": 1.0, "repetitions": 5}
         for name, value in OWN.items()
     }
-    study_targets = Study.from_configuration(content).targets
+    study_targets = Study.own(content).targets
     runs = pd.DataFrame(
         {"sample": [1, 2, 3], "slope": [29.0, 30.0, 31.0], "time": [3.0, 4.0, 5.0]}
     )

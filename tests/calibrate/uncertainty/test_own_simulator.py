@@ -48,7 +48,7 @@ def simulate(table, noise=0.01, seed=1):
 
 @pytest.fixture(scope="module")
 def study():
-    return Study.from_configuration(CONTENT)
+    return Study.own(CONTENT)
 
 
 @pytest.fixture(scope="module")
@@ -186,7 +186,7 @@ def test_ask_and_tell_stop_with_an_answer_that_meets_the_targets(study, tmp_path
     while not stop:
         simulate(following, seed=k).to_csv(tmp_path / "new.csv", index=False)
         runs = added(study, tmp_path / "new.csv", record)
-        now = Study.from_configuration(CONTENT, record)
+        now = Study.own(CONTENT, record)
         following = now.ask()
         stop = now.done
         k = k + 1
@@ -264,7 +264,7 @@ def noise_of(study, table):
 
 
 def test_single_runs_give_a_rough_noise_and_correlations_need_more(study):
-    single = Study.from_configuration(SINGLE).ask()
+    single = Study.own(SINGLE).ask()
     exact = simulate(single, noise=0.0, seed=3)[["angle_deg", "time_s"]]
     noisy = simulate(single, noise=0.02, seed=3)[["angle_deg", "time_s"]]
     found = noise_of(study, single.join(noisy))
@@ -284,9 +284,7 @@ def test_single_runs_give_a_rough_noise_and_correlations_need_more(study):
 @pytest.mark.parametrize(("samples", "low", "high"), [(16, 0.3, 1.3), (32, 0.8, 1.2)])
 def test_how_rough_the_estimate_is(samples, low, high):
     """The numbers of docs/own_simulator.md: estimated over true noise, eight seeds, both responses."""
-    study = Study.from_configuration(
-        CONTENT | {"sequential": {"start_samples": samples, "seeds": 1}}
-    )
+    study = Study.own(CONTENT | {"sequential": {"start_samples": samples, "seeds": 1}})
     single = study.ask()
     true = 0.02 * np.sqrt(
         (simulate(single, noise=0.0)[["angle_deg", "time_s"]] ** 2).mean().to_numpy()
@@ -299,7 +297,7 @@ def test_how_rough_the_estimate_is(samples, low, high):
 
 
 def test_stated_noise_stands_in_for_replicates_and_not_beside_them(study, table):
-    known = Study.from_configuration(changed("targets.angle_deg.noise_sd", 0.7))
+    known = Study.own(changed("targets.angle_deg.noise_sd", 0.7))
     single = noise_of(known, table[::2])
     assert single.covariance[0, 0] == pytest.approx(0.49)
     assert single.sources == {
@@ -329,7 +327,7 @@ def test_too_few_single_runs_are_refused_with_the_ways_out(study, table):
 
 @pytest.mark.slow
 def test_single_runs_are_calibrated_with_a_warning(tmp_path, command):
-    table = simulate(Study.from_configuration(SINGLE).ask(), noise=0.02).drop(
+    table = simulate(Study.own(SINGLE).ask(), noise=0.02).drop(
         columns=["restitution", "sample", "run"]
     )
     runs, *config = files_of(tmp_path, SINGLE, table)
@@ -433,9 +431,7 @@ def changed(key, value):
 def test_the_runs_of_a_sample_stand_at_the_top_or_in_the_section(strategy, n):
     few = {"design": {"samples": 16}} if strategy == "published" else {}
     for seeds in ({"seeds": n}, {"sequential": {"seeds": n}}):
-        asked = Study.from_configuration(
-            CONTENT | seeds | few | {"strategy": strategy}
-        ).ask()
+        asked = Study.own(CONTENT | seeds | few | {"strategy": strategy}).ask()
         counts = asked.groupby("sample").size()
         assert counts.tolist() == 16 * [n]
 
@@ -445,7 +441,7 @@ def test_the_runs_of_a_sample_stand_at_the_top_or_in_the_section(strategy, n):
     yaml.safe_load((ROOT / "tests/calibrate/uncertainty/refused.yaml").read_text()),
 )
 def test_a_bad_configuration_is_refused_by_name(key, value, message):
-    input_error(message, Study.from_configuration, changed(key, value))
+    input_error(message, Study.own, changed(key, value))
 
 
 @pytest.mark.parametrize("name", ["sequential", "posterior"])
@@ -464,17 +460,14 @@ def test_all_faults_of_a_configuration_are_reported_at_once():
     content = changed("seed", None) | {"design": {"samples": 3}, "label": 3}
     content["parameters"]["mu.s"] = [0.8, 0.2]
     content["targets"]["time_s"] |= {"sd": -1, "repetitions": "many"}
-    found = {
-        fault.key
-        for fault in input_error("expected", Study.from_configuration, content).faults
-    }
+    found = {fault.key for fault in input_error("expected", Study.own, content).faults}
     targets = {"targets.time_s.sd", "targets.time_s.repetitions"}
     assert found == {"seed", "design.samples", "label", "parameters.mu.s", *targets}
 
 
 @pytest.mark.slow
 def test_a_prior_moves_the_answer(table):
-    study = Study.from_configuration(
+    study = Study.own(
         changed(
             "parameters.friction",
             {"prior": {"mean": 0.5, "sd": 0.01}, "range": [0.2, 0.8]},
