@@ -155,12 +155,12 @@ class Check:
         )
 
     def make_card_entry(self) -> dict[str, Any]:
-        """Make the entry of this check in the material card.
+        """Make the entry of this check for the list `tests` of the material card.
 
-        The caller adds the definition of the response and its bench test. The keys of
-        the surrogate's prediction are left out if their values are unknown.
+        The caller adds the definition of the response and its bench test. If the
+        surrogate's prediction or its optimism is unknown, the entry has no key for it.
         """
-        row: dict[str, Any] = {
+        entry: dict[str, Any] = {
             "response": self.response,
             "apparatus": self.apparatus,
             "unit": self.unit,
@@ -172,20 +172,20 @@ class Check:
         }
         # Add the keys that only some checks have.
         if self.whole is not None:
-            row["whole"] = self.whole
+            entry["whole"] = self.whole
         if self.predicted is not None:
-            row["predicted"] = self.predicted
+            entry["predicted"] = self.predicted
         if self.optimism is not None:
-            row["optimism"] = self.optimism
-            row["optimism_error"] = self.optimism_error
-        row["simulated"] = self.simulated
-        row["standard_error"] = self.standard_error
-        row["runs"] = self.runs
-        row["status"] = self.status
-        row["met"] = self.verdict.met
-        row["verdict"] = self.verdict.value
-        row["probability_inside"] = self.probability
-        return row
+            entry["optimism"] = self.optimism
+            entry["optimism_error"] = self.optimism_error
+        entry["simulated"] = self.simulated
+        entry["standard_error"] = self.standard_error
+        entry["runs"] = self.runs
+        entry["status"] = self.status
+        entry["met"] = self.verdict.met
+        entry["verdict"] = self.verdict.value
+        entry["probability_inside"] = self.probability
+        return entry
 
     @property
     def error_percent(self) -> float | None:

@@ -189,6 +189,8 @@ def train_surrogate(
     def fit(part: np.ndarray, covariance: np.ndarray | None = None) -> _Fit:
         """Fit a new surrogate to the samples in some rows.
 
+        The samples, their runs and the settings are those of the enclosing function.
+
         Parameters
         ----------
         part : numpy.ndarray

@@ -89,8 +89,8 @@ class QuadraticSurface(Surrogate):
                 f"expected at least {n_terms + 1}, one more than the terms"
             )
 
-        # Join the results of all fits. A single fit may serve all responses. Then its
-        # root is assigned to each of them.
+        # Join the results of all fits. There is one fit for each response, or a single fit
+        # of all responses. In the second case, the responses share its root.
         fits = _fit_responses(terms, Y, precision)
         self.coefficients_ = np.hstack([fit.coefficients for fit in fits])
         residuals = np.hstack([fit.residuals for fit in fits])

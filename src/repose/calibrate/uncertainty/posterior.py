@@ -472,7 +472,7 @@ def _read_references(
     dict
         Tables with `low` and `high`, whose index has the parameters. The table `miga`
         has the ranges of the solutions of the search, and the table `published` has the
-        published intervals. It is missing if `files` names no file for it.
+        published intervals. The latter is missing if there is no file for it.
     """
     references = {}
     if files.table3 is not None:
