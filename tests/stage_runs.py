@@ -4,7 +4,7 @@ from repose.stages import answer, batches, miga, network, validate
 
 
 def trained(dataset_csv, runs_csv, study, out, source="configuration"):
-    return network.run(
+    return network.write_surrogate(
         dataset_csv,
         runs_csv,
         out,
@@ -19,7 +19,7 @@ def trained(dataset_csv, runs_csv, study, out, source="configuration"):
 def searched(
     surrogate_json, study, table3_csv, out, support=None, source="configuration"
 ):
-    return miga.run(
+    return miga.find_solutions(
         surrogate_json,
         out,
         parameters=study.parameters,
@@ -33,11 +33,13 @@ def searched(
 
 
 def propose(name, study, folders, out):
-    return batches.run_propose(name, study, folders, out, definitions=study.definitions)
+    return batches.write_proposal(
+        name, study, folders, out, definitions=study.definitions
+    )
 
 
 def conclude(name, study, folders, out):
-    return batches.run_conclude(
+    return batches.write_conclusion(
         name,
         folders,
         out,
@@ -49,7 +51,7 @@ def conclude(name, study, folders, out):
 
 
 def compared(solutions_csv, jobs, study, published, out, support=None):
-    return validate.run(
+    return validate.write_comparison(
         solutions_csv,
         jobs,
         out,

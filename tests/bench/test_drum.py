@@ -275,7 +275,7 @@ def test_a_job_writes_what_tables_and_film_read(tmp_path):
     assert job["summary"]["drum_slip_deg"] == measured["drum_slip_deg"]
     assert run["status"] == "ok", run["reason"]
     assert run["after_time_s"] > run["before_time_s"] > 0
-    tables = drum_tables.run(
+    tables = drum_tables.write_tables(
         [tmp_path / "drum_3.json"], config(**keys), PARTICLE, tmp_path
     )
     record = tables["record"].set_index("time_s")["surface_deg"]
@@ -327,7 +327,7 @@ def test_means_have_errors(tmp_path):
     ]
     whole = config()
     row = (
-        drum_tables.run(paths, whole, PARTICLE, tmp_path)["summary"]
+        drum_tables.write_tables(paths, whole, PARTICLE, tmp_path)["summary"]
         .set_index("key")
         .loc["report_bed_deg"]
     )
@@ -336,7 +336,7 @@ def test_means_have_errors(tmp_path):
     assert row["runs"] == 2
     input_error(
         "each seed once",
-        drum_tables.run,
+        drum_tables.write_tables,
         [paths[0], paths[0]],
         whole,
         PARTICLE,
@@ -344,7 +344,7 @@ def test_means_have_errors(tmp_path):
     )
     input_error(
         "repose stage drum",
-        drum_tables.run,
+        drum_tables.write_tables,
         [tmp_path / "nothing.json"],
         whole,
         PARTICLE,
@@ -354,8 +354,8 @@ def test_means_have_errors(tmp_path):
 
 def test_a_changed_definition_measures_the_kept_frames(tmp_path):
     path = saved(tmp_path, 1, 30.0)
-    wide = drum_tables.run([path], config(fit_share=0.9), PARTICLE, tmp_path)
-    narrow = drum_tables.run([path], config(fit_share=0.5), PARTICLE, tmp_path)
+    wide = drum_tables.write_tables([path], config(fit_share=0.9), PARTICLE, tmp_path)
+    narrow = drum_tables.write_tables([path], config(fit_share=0.5), PARTICLE, tmp_path)
     for tables in (wide, narrow):
         angle = tables["runs"].loc[0, "start_surface_deg"]
         assert angle == pytest.approx(30.0, abs=3.0)

@@ -428,7 +428,7 @@ def test_the_built_in_crop_is_reported_in_a_folder_without_a_configuration(
         Path("sizes.csv").write_text((ROOT / "crops/wheat/sizes.csv").read_text())
         Path("published").symlink_to(ROOT / "crops/wheat/published")
         arguments = [*arguments, f"--config={config_file}"]
-    monkeypatch.setattr("repose.stages.design.run", lambda *_: None)
+    monkeypatch.setattr("repose.stages.design.write_design", lambda *_: None)
     assert ("built-in goji example" in command(*arguments).err) is warned
 
 

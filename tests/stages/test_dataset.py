@@ -52,7 +52,7 @@ def study(tmp_path):
 
 
 def write(samples, paths, out):
-    return dataset.run(samples, paths, TARGETS, DEFINITIONS, out)
+    return dataset.write_dataset(samples, paths, TARGETS, DEFINITIONS, out)
 
 
 def test_the_line_of_the_angle_is_in_the_summary(study):
@@ -66,7 +66,7 @@ def test_the_line_of_the_angle_is_in_the_summary(study):
         {"aor_deg": angle | {"measure.fit_to": 0.7, "measure.views": 6}},
         {"height_mm": {}},
     ):
-        summary = dataset.run(
+        summary = dataset.write_dataset(
             folder / "samples.csv", paths, TARGETS, definitions, folder / "out"
         )
         line = (
@@ -210,7 +210,7 @@ def several(study):
 
 def test_bench_tests_of_one_sample_are_merged(study):
     folder, paths, targets = several(study)
-    dataset.run(folder / "samples.csv", paths, targets, {}, folder / "out")
+    dataset.write_dataset(folder / "samples.csv", paths, targets, {}, folder / "out")
     table = pd.read_csv(folder / "out/dataset.csv")
     responses = (
         "drum_slip_deg",
@@ -248,7 +248,7 @@ def test_a_job_that_is_missing_or_twice_is_named(study):
     for jobs, expected, message in wrong:
         input_error(
             message,
-            dataset.run,
+            dataset.write_dataset,
             folder / "samples.csv",
             jobs,
             expected,

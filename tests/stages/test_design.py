@@ -11,7 +11,7 @@ from repose.bench.space import contact_space
 from repose.calibrate.designs import exchange_search
 from repose.calibrate.designs import latin_hypercube as design
 from repose.calibrate.designs.settings import DesignSettings
-from repose.stages.design import run as run_design
+from repose.stages.design import write_design
 
 
 def strata_are_filled_once(points):
@@ -122,7 +122,7 @@ def test_a_kept_design_stays_as_it_was_made(seed):
 @pytest.mark.usefixtures("short_search")
 @pytest.mark.parametrize("method", ["lhsdesign", "optimal"])
 def test_written_samples_are_still_stratified(tmp_path, method):
-    run_design(
+    write_design(
         contact_space(RANGES),
         DesignSettings(samples=15, method=method, seed=2026),
         tmp_path,

@@ -410,7 +410,7 @@ def test_table_4_has_the_expected_optimism_of_each_role(study):
         ],
         columns=["role", "response", "optimism", "optimism_se", "replicates"],
     )
-    found = validate.run(
+    found = validate.write_comparison(
         study / "v/solutions.csv",
         paths,
         study / "v",

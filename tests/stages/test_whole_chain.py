@@ -98,10 +98,10 @@ def whole_chain(out: Path, targets, space, surrogate="network", replicates=False
     study = study_of(
         targets, space, definitions, MEASURE, surrogate, network=network, miga=SEARCH
     )
-    samples, _ = design.run(
+    samples, _ = design.write_design(
         space, DesignSettings(samples=40, method="lhsdesign", seed=1), out / "design"
     )
-    dataset.run(
+    dataset.write_dataset(
         out / "design/samples.csv",
         pour(samples, targets, out / "jobs"),
         targets,

@@ -44,7 +44,7 @@ def dataset(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.stages import dataset
 
     jobs = list_job_files(args.jobs, args.samples)
-    dataset.run(
+    dataset.write_dataset(
         args.samples,
         jobs,
         study.targets,
@@ -66,7 +66,7 @@ def network(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.calibrate.training import describe_training
     from repose.stages import network
 
-    metrics = network.run(
+    metrics = network.write_surrogate(
         args.dataset,
         args.runs,
         args.out,
@@ -91,7 +91,7 @@ def miga(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.stages import miga
 
-    summary = miga.run(
+    summary = miga.find_solutions(
         args.network,
         args.out,
         parameters=study.parameters,
@@ -117,7 +117,7 @@ def optimism(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.stages import optimism
 
-    table = optimism.run(
+    table = optimism.write_optimism(
         args.network,
         args.dataset,
         args.runs,
@@ -278,7 +278,7 @@ def validate(args: argparse.Namespace, study: PipelineConfig) -> None:
     optimism = None
     if args.optimism is not None:
         optimism = read_table(args.optimism, OPTIMISM_COLUMNS)
-    validation.run(
+    validation.write_comparison(
         args.solutions,
         args.jobs,
         args.out,

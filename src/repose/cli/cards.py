@@ -134,4 +134,4 @@ def material_card(args: argparse.Namespace, study: PipelineConfig) -> None:
         parameter_names=study.parameter_names,
     )
     files = {name: getattr(args, name) for name in FILE_OPTIONS}
-    card_study.run(study, result, files=files, out=args.out)
+    card_study.write_card(study, result, files=files, out=args.out)

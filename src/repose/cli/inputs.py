@@ -168,7 +168,7 @@ def design(args: argparse.Namespace, study: "PipelineConfig | Study") -> None:
 
     # With our simulator the design is a table of samples.
     if isinstance(study, PipelineConfig):
-        design_stage.run(study.parameters, study.settings.design, args.out)
+        design_stage.write_design(study.parameters, study.settings.design, args.out)
         _print_allowed_share(study.parameters)
         return
 

@@ -347,4 +347,4 @@ def drum_tables(args: argparse.Namespace, study: PipelineConfig) -> None:
 
     require_section(study.config, "drum")
     _, particle = load_grain_and_particle(study, args.berry, args.particle)
-    drum_tables.run(args.runs, study.config, particle, args.out)
+    drum_tables.write_tables(args.runs, study.config, particle, args.out)

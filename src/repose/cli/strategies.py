@@ -29,7 +29,7 @@ def propose(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.stages import batches
 
-    proposal = batches.run_propose(
+    proposal = batches.write_proposal(
         args.strategy,
         study.study(),
         folders=args.batches,
@@ -61,7 +61,7 @@ def conclude(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.stages import batches
 
-    check = batches.run_conclude(
+    check = batches.write_conclusion(
         args.strategy,
         args.batches,
         args.out,

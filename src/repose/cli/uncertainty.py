@@ -131,7 +131,7 @@ def next(args: argparse.Namespace, study: PipelineConfig) -> None:
     grain, particle = load_grain_and_particle(study, args.berry, args.particle)
     every_response = {"targets": next_measurement.list_all_responses()}
     scene = Scene.of(study.config | every_response, {}, grain=grain, particle=particle)
-    table = next_measurement.run(
+    table = next_measurement.write_ranking(
         args.pours,
         scene,
         args.out,

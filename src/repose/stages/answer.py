@@ -16,7 +16,7 @@ from repose.calibrate.answer import (
 )
 from repose.calibrate.bounds import describe_near_bound
 from repose.calibrate.targets import Target, Targets
-from repose.common.errors import InputError, require
+from repose.common.errors import InputError
 from repose.common.files import StrPath, read_json
 from repose.common.tables import Column
 from repose.common.tables import read as read_cells
@@ -84,8 +84,8 @@ def read_answer(  # noqa: PLR0913  (each describes the study of the answer)
     small_run : bool, optional
         Whether the study is too small for a calibration.
     parameter_names : sequence of str, optional
-        Names of the parameters, if another program simulates the study. With None,
-        repose simulates it, and its contact parameters in the table are meant.
+        Names of the parameters, if another program simulates the study. By default,
+        they are the contact parameters of repose that the table has.
 
     Returns
     -------
@@ -96,8 +96,8 @@ def read_answer(  # noqa: PLR0913  (each describes the study of the answer)
     InputError
         If a file is damaged, or has no row for a target.
     """
-    # The summary has the parameter set, whether it meets the targets, and a sentence on
-    # this.
+    # The summary has the parameter set, whether it meets the targets, and a sentence
+    # about this.
     keys = {"representative": dict, "feasible": bool, "message": str}
     summary = read_json(summary_json, keys, "the answer of a calibration; run it first")
     rows = _read_checks(check_csv, targets)
@@ -161,8 +161,12 @@ def _read_checks(check_csv: StrPath, targets: Targets) -> dict[str, dict[str, An
     rows = {row["response"]: row for row in table.rows()}
     for name in targets.names:
         if name not in rows:
-            allowed = f"a row {name}, a target of the configuration"
-            raise InputError(check_csv, "response", sorted(rows), allowed)
+            raise InputError(
+                check_csv,
+                key="response",
+                value=sorted(rows),
+                allowed=f"a row {name}, a target of the configuration",
+            )
     return rows
 
 
@@ -178,7 +182,7 @@ def _read_parameters(
     values : mapping
         The parameters and predicted responses of the answer, by name.
     summary_json : path
-        The file that they are from, for messages.
+        The file with these values, for messages.
     parameter_names : sequence of str or None
         Names of the parameters, if another program simulates the study. With None,
         repose simulates it, and its contact parameters must be within physical limits.
@@ -190,12 +194,13 @@ def _read_parameters(
     """
     parameters = {}
     for name in list_parameters(values, parameter_names):
-        value: Any = values.get(name)
+        value = values.get(name)
         if parameter_names is None:
-            value = check_value(name, value, summary_json)
-        is_number = isinstance(value, int | float)
-        require(is_number, summary_json, name, value, "a number")
-        parameters[name] = float(value)
+            parameters[name] = check_value(name, value, summary_json)
+        elif isinstance(value, int | float):
+            parameters[name] = float(value)
+        else:
+            raise InputError(summary_json, key=name, value=value, allowed="a number")
     return parameters
 
 

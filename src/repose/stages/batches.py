@@ -28,7 +28,7 @@ PROPOSAL_FILE = "proposal.json"
 PROPOSAL_KEYS = {"answer": bool, "why": str, "pours": int, "notes": dict}
 
 
-def run_propose(
+def write_proposal(
     strategy_name: str,
     study: Study,
     folders: Sequence[StrPath],
@@ -55,8 +55,8 @@ def run_propose(
     definitions : mapping
         How the configuration defines the responses.
     parameter_names : sequence of str, optional
-        Names of the parameters, if another program simulates the study. With None,
-        repose simulates it, and its contact parameters in the table are meant.
+        Names of the parameters, if another program simulates the study. By default,
+        they are the contact parameters of repose that the table has.
     source : object, optional
         File of the configuration, for error messages.
 
@@ -82,9 +82,11 @@ def run_propose(
         # The strategy knows no files. Raise its error again with the folder of the last
         # batch as the source. Before the first batch, the strategy itself is the source.
         last_folder = folders[-1] if folders else strategy_name
-        raise InputError(last_folder, error.key, error.value, error.allowed) from None
+        raise InputError(
+            last_folder, key=error.key, value=error.value, allowed=error.allowed
+        ) from None
 
-    # Describe the proposal. If it is the answer, add the parameter sets found.
+    # Describe the proposal. If it is the answer, add the parameter sets that it found.
     content = {
         "answer": False,
         "why": proposal.notes.get("why", ""),
@@ -99,7 +101,7 @@ def run_propose(
     return content
 
 
-def run_conclude(
+def write_conclusion(
     strategy_name: str,
     folders: Sequence[StrPath],
     out_dir: StrPath,
@@ -127,8 +129,8 @@ def run_conclude(
     measure : MeasureSettings or None
         The section `measure`, which defines the angles of piles.
     parameter_names : sequence of str, optional
-        Names of the parameters, if another program simulates the study. With None,
-        repose simulates it, and its contact parameters in the table are meant.
+        Names of the parameters, if another program simulates the study. By default,
+        they are the contact parameters of repose that the table has.
 
     Returns
     -------
@@ -136,8 +138,12 @@ def run_conclude(
         The content of check.csv.
     """
     if len(folders) < 2:
-        allowed = "the folders of all batches, that of the answer last"
-        raise InputError(folders[0], "batches", 1, allowed)
+        raise InputError(
+            folders[0],
+            key="batches",
+            value=1,
+            allowed="the folders of all batches, that of the answer last",
+        )
     proposals = _read_proposals(folders)
     answer_proposal = proposals[-1]
 
@@ -178,7 +184,9 @@ def _read_proposals(folders: Sequence[StrPath]) -> list[dict[str, Any]]:
         for path in paths
     ]
     if not proposals[-1]["answer"]:
-        raise InputError(paths[-1], "answer", False, "true in the last folder")
+        raise InputError(
+            paths[-1], key="answer", value=False, allowed="true in the last folder"
+        )
     return proposals
 
 
@@ -203,7 +211,7 @@ def write_answer(
     answer_runs : pandas.DataFrame
         Single runs with the parameters of the answer.
     out_dir, parameters, targets, measure
-        As in `run_conclude`.
+        As in `write_conclusion`.
 
     Returns
     -------
@@ -215,13 +223,13 @@ def write_answer(
     # The first solution is the answer. Make its row of Table 4.
     solutions = pd.DataFrame(proposal["solutions"])
     columns = [*parameters.names, *targets.predicted]
-    best = solutions.loc[0, columns].astype(float).to_dict()
+    answer = solutions.loc[0, columns].astype(float).to_dict()
     row = {
         "sample": 1,
         "solution": "1",
         "role": "representative",
-        **best,
-        **_rename_optimism(notes.get("optimism", ()), targets),
+        **answer,
+        **_make_optimism_cells(notes.get("optimism", ()), targets),
         **_summarise_runs(answer_runs, targets),
     }
 
@@ -249,7 +257,7 @@ def write_answer(
     write_table(out / "table4.csv", table4)
     write_table(out / "representative.csv", representative)
     write_table(out / "check.csv", check)
-    write_json(out / "summary.json", _make_summary(proposal, best, n_pours))
+    write_json(out / "summary.json", _make_summary(proposal, answer, n_pours))
     return check
 
 
@@ -307,31 +315,32 @@ def _compare_with_prediction(
     return table
 
 
-def _rename_optimism(
+def _make_optimism_cells(
     rows: Sequence[Mapping[str, Any]], targets: Targets
 ) -> dict[str, float]:
-    """Return the expected optimism of the answer, under the columns of Table 4.
+    """Make the cells of Table 4 with the expected optimism of the answer.
 
     Parameters
     ----------
     rows : sequence of mapping
-        Note of the strategy. Each row has `response`, the `optimism` of its prediction,
-        and `optimism_se`, its standard error.
+        Note of the strategy, a row for each response. It has the name of the
+        `response`, the `optimism` of its prediction, and `optimism_se`, the standard
+        error of the optimism.
     targets : Targets
 
     Returns
     -------
     dict
-        Optimism and its standard error for each target that has a row.
+        Optimism and standard error of each target with a row, by column of the table.
     """
     rows_by_response = {row["response"]: row for row in rows}
-    columns = {}
+    cells = {}
     for target in targets:
         row = rows_by_response.get(target.name)
         if row is not None:
-            columns[target.response.optimism] = row["optimism"]
-            columns[target.response.optimism_error] = row["optimism_se"]
-    return columns
+            cells[target.response.optimism] = row["optimism"]
+            cells[target.response.optimism_error] = row["optimism_se"]
+    return cells
 
 
 def _summarise_runs(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
@@ -351,14 +360,14 @@ def _summarise_runs(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
         with fewer than two there is no error. Such a value is NaN for a target and None
         for another angle.
     """
-    good = runs[runs["status"] == "ok"]
+    is_good = runs["status"] == "ok"
+    good_runs = runs[is_good]
     row: dict[str, Any] = {}
     good_run_counts = []
     for target in targets:
         response = target.response
-        values = select_bench_runs(good, response.apparatus)[target.name].to_numpy(
-            float
-        )
+        runs_of_bench = select_bench_runs(good_runs, response.apparatus)
+        values = runs_of_bench[target.name].to_numpy(float)
         # The array turns None into NaN.
         mean, error = np.array(mean_and_error(values), dtype=float)
         row[response.simulated] = mean
@@ -366,7 +375,7 @@ def _summarise_runs(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
         good_run_counts.append(len(values))
 
     # Add the mean angle of the piles by every definition.
-    piles = select_bench_runs(good, UNNAMED)
+    piles = select_bench_runs(good_runs, UNNAMED)
     for name in MEAN_KEYS.values():
         if name in piles:
             values = piles[name].dropna().to_numpy(float)
@@ -374,7 +383,7 @@ def _summarise_runs(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
 
     # Describe how the runs ended. Without a good run, the status is the most frequent
     # failure.
-    failures = runs.loc[runs["status"] != "ok", "status"].value_counts()
+    failures = runs.loc[~is_good, "status"].value_counts()
     reasons = [f"{count} runs {status}" for status, count in failures.items()]
     # A response of another bench test may have fewer good runs.
     n_good = min(good_run_counts)
@@ -388,8 +397,8 @@ def _tabulate_batches(proposals: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
     """Make the table of proposals, with a row for each.
 
     A row has the number of the batch, the number of runs before it, and the reason.
-    Some strategies add a note `row` to the proposals that matter. The table then has
-    only these.
+    Some strategies add a note `row` with further columns to some of their proposals.
+    The table then has only the rows of these proposals.
 
     Parameters
     ----------
@@ -438,8 +447,8 @@ def read_runs_of_batches(
         The batches in order, each with dataset.csv and runs.csv.
     targets : Targets
     parameter_names : sequence of str, optional
-        Names of the parameters, if another program simulates the study. With None,
-        repose simulates it, and its contact parameters in the table are meant.
+        Names of the parameters, if another program simulates the study. By default,
+        they are the contact parameters of repose that the table has.
 
     Returns
     -------
@@ -459,7 +468,9 @@ def read_runs_of_batches(
         repeated = earlier_samples.intersection(dataset["sample"])
         if repeated:
             path = Path(folder) / "dataset.csv"
-            raise InputError(path, "sample", min(repeated), "in one batch alone")
+            raise InputError(
+                path, key="sample", value=min(repeated), allowed="in one batch alone"
+            )
         earlier_samples.update(dataset["sample"])
         batches.append(
             arrange_for_strategy(dataset, runs, targets).assign(batch=number)
@@ -482,8 +493,8 @@ def read_tables(
         The batches, each with dataset.csv and runs.csv.
     targets : Targets
     parameter_names : sequence of str, optional
-        Names of the parameters, if another program simulates the study. With None,
-        repose simulates it, and its contact parameters in the table are meant.
+        Names of the parameters, if another program simulates the study. By default,
+        they are the contact parameters of repose that the table has.
 
     Returns
     -------

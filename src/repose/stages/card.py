@@ -340,21 +340,24 @@ def translate_faults(
         One for each error, with its dotted key, the value, and what is allowed.
     """
     for fault in error.errors(include_url=False):
-        # Drop the steps of the path that are no keys: pydantic adds the branch of a union,
-        # and "[key]" for a wrong key.
+        # Pydantic's path to a fault has steps that are no keys of the file: the chosen
+        # type of a union, and "[key]" for a wrong key.
         internal_steps = ("[key]", "float", "list", "dict")
         keys = [str(step) for step in fault["loc"] if step not in internal_steps]
         dotted_key = prefix + ".".join(keys)
 
         value = fault["input"]
-        allowed = fault["msg"].removeprefix("Input should be ")
         if fault["type"] == "missing":
-            # The input is then the section around the missing key.
+            # Pydantic's input is the section that lacks the key, not a value of the key.
             value = None
-            allowed = "the key is missing"
+            detail = "the key is missing"
         elif fault["type"] == "extra_forbidden":
-            allowed = "a known key"
-        yield InputError(source, dotted_key, value, f"{EXPECTED_CONTENT}: {allowed}")
+            detail = "a known key"
+        else:
+            detail = fault["msg"].removeprefix("Input should be ")
+        yield InputError(
+            source, key=dotted_key, value=value, allowed=f"{EXPECTED_CONTENT}: {detail}"
+        )
 
 
 def _find_parameter_faults(
@@ -371,14 +374,21 @@ def _find_parameter_faults(
     """
     for name in PARAMETERS:
         if name not in parameters:
-            key = f"parameters.{name}"
             yield InputError(
-                source, key, None, f"{EXPECTED_CONTENT}: the key is missing"
+                source,
+                key=f"parameters.{name}",
+                value=None,
+                allowed=f"{EXPECTED_CONTENT}: the key is missing",
             )
     for name, parameter in parameters.items():
         lowest, highest = PHYSICAL_LIMITS[name]
         for key in ("value", "low", "high"):
             value = parameter[key]
+            # A number that the card does not state is null.
             if value is not None and not lowest <= value <= highest:
-                allowed = f"{EXPECTED_CONTENT}: {lowest:g} to {highest:g}"
-                yield InputError(source, f"parameters.{name}.{key}", value, allowed)
+                yield InputError(
+                    source,
+                    key=f"parameters.{name}.{key}",
+                    value=value,
+                    allowed=f"{EXPECTED_CONTENT}: {lowest:g} to {highest:g}",
+                )

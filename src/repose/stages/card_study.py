@@ -21,7 +21,7 @@ from repose.calibrate.profiles import ProfileSection
 from repose.calibrate.responses import Response, name_derived_column
 from repose.calibrate.runs import name_error_column
 from repose.calibrate.targets import Targets
-from repose.common.errors import InputError, raise_together, require
+from repose.common.errors import InputError, raise_together
 from repose.common.files import StrPath, read_table, write_json
 from repose.grain.berry_files import SIZE_COLUMNS, read_grain
 from repose.grain.settings import GrainSettings
@@ -116,7 +116,7 @@ class CardStudy(Protocol):
 # --- make a card ----------------------------------------------------------------------
 
 
-def run(
+def write_card(
     study: CardStudy, answer: Result, files: Mapping[str, Any], out: StrPath
 ) -> dict[str, Any]:
     """Make and write the material card of a finished calibration.
@@ -128,9 +128,9 @@ def run(
     answer : Result
         The answer of the study, simulated again.
     files : mapping of str to path
-        The input files by name. ``feasible`` is always needed, ``berry`` and
-        ``particle`` only if repose simulated the study. ``posterior``, ``draws``,
-        ``table4`` and ``dataset`` may be None; ``draws`` belongs to ``posterior``.
+        The input files by name. ``feasible`` is always needed. ``berry`` and
+        ``particle`` are needed if repose simulated the study. ``posterior``,
+        ``table4`` and ``dataset`` may be None. ``draws`` is needed with ``posterior``.
     out : path
         The file to write.
 
@@ -165,11 +165,17 @@ def run(
             answer_row=answer_row,
         )
     else:
-        moduli = ("density_kg_m3", "elastic_modulus_pa", "shear_modulus_pa")
+        grain_columns = (
+            *SIZE_COLUMNS,
+            "density_kg_m3",
+            "elastic_modulus_pa",
+            "shear_modulus_pa",
+            "n",
+        )
         content = make_card(
             study,
             answer,
-            grain=read_grain(files["berry"], (*SIZE_COLUMNS, *moduli, "n")),
+            grain=read_grain(files["berry"], grain_columns),
             particle=Particle.load(files["particle"]),
             feasible=feasible,
             posterior=posterior,
@@ -196,7 +202,7 @@ def make_card(
     Parameters
     ----------
     study, answer
-        As in `run`.
+        As in `write_card`.
     grain : mapping
         The content of `berry.json`.
     particle : Particle
@@ -264,7 +270,7 @@ def make_external_card(
     Parameters
     ----------
     study, answer, feasible, posterior, answer_row
-        As in `make`.
+        As in `make_card`.
     simulator : str
         Name of the program.
 
@@ -371,16 +377,22 @@ def _find_chosen_response(study: CardStudy, response: Response) -> Response:
     for other in bench(response.apparatus).responses:
         if other.name == name:
             return other
+    # The bench test has no separate response for this definition.
     return response
 
 
 def _collect_definition_settings(
     study: CardStudy, response: Response, grain: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Return the settings that define a response, by the last part of their keys."""
+    """Return the settings that define a response, by the last part of their keys.
+
+    The height of a grain may be left out in the configuration. Then it is computed from
+    the grain, and rounded.
+    """
     settings = {}
     for dotted_key, value in response.settings(study.config).items():
-        settings[dotted_key.rpartition(".")[2]] = value
+        _, _, last_part = dotted_key.rpartition(".")
+        settings[last_part] = value
     if GRAIN_HEIGHT_KEY in settings:
         height_mm = study.settings.measure.for_grain(grain).berry_height_mm
         settings[GRAIN_HEIGHT_KEY] = (
@@ -447,6 +459,7 @@ def _describe_lines(
     line = describe_line_of_response(measure, response_name)
     if not line:
         return {}
+    # Without Table 4 the row is empty. That of another simulator may lack the angles.
     has_all_angles = set(MEAN_KEYS.values()) <= set(answer_row)
     if not has_all_angles:
         return {"line": line}
@@ -515,8 +528,12 @@ def read_repose_card(card_json: StrPath) -> dict[str, Any]:
     """Read the card of a study that repose simulated; InputError for another one."""
     content = card.read_card(card_json)
     if "simulator" in content:
-        allowed = "the card of a study that repose simulated"
-        raise InputError(card_json, "simulator", content["simulator"], allowed)
+        raise InputError(
+            card_json,
+            key="simulator",
+            value=content["simulator"],
+            allowed="the card of a study that repose simulated",
+        )
     return content
 
 
@@ -568,13 +585,20 @@ def require_same_study(
     if not different_keys:
         return
 
-    first, *others = different_keys
-    allowed = (
-        f"{study_values[first]}, as in {source}: card and configuration of one study"
+    # The message shows both values of the first key, and only names the other keys.
+    first_key, *other_keys = different_keys
+    remark = ""
+    if other_keys:
+        remark = f"; other differences: {', '.join(other_keys)}"
+    raise InputError(
+        card_json,
+        key=first_key,
+        value=card_values.get(first_key),
+        allowed=(
+            f"{study_values[first_key]}, as in {source}: card and configuration of one "
+            f"study{remark}"
+        ),
     )
-    if others:
-        allowed += f"; other differences: {', '.join(others)}"
-    raise InputError(card_json, first, card_values.get(first), allowed)
 
 
 def _collect_card_values(content: Mapping[str, Any]) -> dict[str, Any]:
@@ -713,8 +737,12 @@ def _rebuild_funnel(content: Mapping[str, Any], source: object) -> dict[str, Any
             sections.append(test["bench"])
     if not sections:
         names = [test["apparatus"] for test in content["tests"]]
-        allowed = "the card of a study with piles of the funnel"
-        raise InputError(source, "tests", names, allowed)
+        raise InputError(
+            source,
+            key="tests",
+            value=names,
+            allowed="the card of a study with piles of the funnel",
+        )
 
     # Several targets of the funnel share its section.
     funnel = {**sections[0], "seeds": 1}
@@ -756,8 +784,12 @@ def _find_laws(content: Mapping[str, Any], source: object) -> dict[str, str]:
         settings = SimulationSettings.model_construct(None, **law_names)
         if describe_laws(settings) == content["laws"]:
             return law_names
-    allowed = "laws of this version; give --config, the study's own"
-    raise InputError(source, "laws", content["laws"].get("normal"), allowed)
+    raise InputError(
+        source,
+        key="laws",
+        value=content["laws"].get("normal"),
+        allowed="laws of this version; give --config, the study's own",
+    )
 
 
 def rebuild_particle(
@@ -791,33 +823,39 @@ def rebuild_particle(
     grain = content["grain"]
     semi_axes_m = 1e-3 * np.array(grain["ellipsoids_mm"], float).reshape(-1, 3)
     spheres_m = 1e-3 * np.array(grain["spheres_mm"], float).reshape(-1, 4)
-    n_parts = len(semi_axes_m) + len(spheres_m)
-    require(n_parts, source, "grain.ellipsoids_mm", [], "the half axes of a body")
-    allowed = (
-        "the moments of the clump, which cards of earlier versions lack; "
-        "give --config, the study's own"
-    )
-    has_moments = len(spheres_m) <= 1 or "inertia_kg_m2" in grain
-    require(has_moments, source, "grain.inertia_kg_m2", None, allowed)
-
-    # Find the radius of a sphere around the centre of mass that encloses the body.
-    if len(spheres_m):
-        extents_m = np.linalg.norm(spheres_m[:, :3], axis=1) + spheres_m[:, 3]
-    else:
-        extents_m = semi_axes_m.sum(axis=0)
-    radius_m = extents_m.max()
-
-    # An older card lacks the moments of inertia. A solid sphere of this radius gives
-    # them: 0.4 m r^2.
+    if len(semi_axes_m) == 0 and len(spheres_m) == 0:
+        raise InputError(
+            source,
+            key="grain.ellipsoids_mm",
+            value=[],
+            allowed="the half axes of a body",
+        )
+    radius_m = _compute_enclosing_radius(semi_axes_m, spheres_m)
     mass_kg = 1e-3 * grain["mass_g"]
-    sphere_inertia_kg_m2 = np.full(3, 0.4 * mass_kg * radius_m**2)
+
+    # A card of an earlier version has no moments of inertia. Those of a solid sphere
+    # replace them, which would be wrong for a clump of spheres.
+    inertia_kg_m2 = grain.get("inertia_kg_m2")
+    if inertia_kg_m2 is None:
+        if len(spheres_m) > 1:
+            raise InputError(
+                source,
+                key="grain.inertia_kg_m2",
+                value=None,
+                allowed=(
+                    "the moments of the clump, which cards of earlier versions lack; "
+                    "give --config, the study's own"
+                ),
+            )
+        inertia_kg_m2 = np.full(3, 0.4 * mass_kg * radius_m**2)
+
     particle = Particle(
         kind=grain["shape"],
         semi_axes_m=semi_axes_m,
         density_kg_m3=grain["density_kg_m3"],
         volume_m3=1e-9 * grain["volume_mm3"],
         mass_kg=mass_kg,
-        inertia_kg_m2=np.array(grain.get("inertia_kg_m2", sphere_inertia_kg_m2)),
+        inertia_kg_m2=np.array(inertia_kg_m2),
         bounding_radius_m=float(radius_m),
         deviation_max_m=0.0,
         deviation_rms_m=0.0,
@@ -827,6 +865,26 @@ def rebuild_particle(
     if n_spheres is None or n_spheres == 1 or particle.is_clump:
         return particle
     return _fill_with_spheres(particle, n_spheres)
+
+
+def _compute_enclosing_radius(
+    semi_axes_m: np.ndarray, spheres_m: np.ndarray
+) -> np.floating:
+    """Compute the radius of a sphere about the centre of mass that encloses a body.
+
+    Parameters
+    ----------
+    semi_axes_m : ndarray
+        Half axes (K, 3) of ellipsoids. The body is their Minkowski sum, so that its own
+        half axes are the sums of theirs.
+    spheres_m : ndarray
+        Centres and radii (M, 4) of the spheres of a clump. Without any, the body
+        consists of the ellipsoids.
+    """
+    if len(spheres_m) > 0:
+        centre_distances_m = np.linalg.norm(spheres_m[:, :3], axis=1)
+        return (centre_distances_m + spheres_m[:, 3]).max()
+    return semi_axes_m.sum(axis=0).max()
 
 
 def _fill_with_spheres(particle: "Particle", n_spheres: int) -> "Particle":

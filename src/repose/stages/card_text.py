@@ -90,8 +90,9 @@ def describe_card(card: Card) -> str:
     lines.append(f"  {describe_differences(map(_read_check, card['tests']))}")
     # The probability is unknown with too few runs.
     for percent, probability in card["within"].items():
-        text = "unknown; it requires two good runs of each bench test"
-        if probability is not None:
+        if probability is None:
+            text = "unknown; it requires two good runs of each bench test"
+        else:
             text = f"{probability:.2f}"
         lines.append(f"  all within {percent}: probability {text}")
     for name, settings in _collect_bench_settings(card).items():
@@ -122,9 +123,10 @@ def _describe_subject(card: Card) -> Iterator[str]:
 
     grain = card["grain"]
     axes = " x ".join(format_significant(axis) for axis in grain["mean_axes_mm"])
-    sizes = f"mean of {grain['measured']}"
     if grain["measured"] == 1:
         sizes = "mean axes only"
+    else:
+        sizes = f"mean of {grain['measured']}"
     if grain["relative_spread"]:
         sizes += f", spread {format_significant(100 * grain['relative_spread'], 2)} %"
     yield (

@@ -53,8 +53,8 @@ def make_tables(
         The measured jobs by bench test, and then by number of the sample.
     targets : Targets
     parameter_names : sequence of str, optional
-        Names of the parameters, if another program simulates the study. With None,
-        repose simulates it, and its contact parameters in the table are meant.
+        Names of the parameters, if another program simulates the study. By default,
+        they are the contact parameters of repose that the table has.
 
     Returns
     -------
@@ -156,7 +156,7 @@ def describe_counts(samples: Mapping[str, int], runs: Mapping[str, int]) -> str:
     )
 
 
-def run(
+def write_dataset(
     samples_csv: StrPath,
     paths: Iterable[StrPath],
     targets: Targets,
@@ -181,8 +181,8 @@ def run(
     prefix : str, optional
         Before the names of the files.
     parameter_names : sequence of str, optional
-        Names of the parameters, if another program simulates the study. With None,
-        repose simulates it, and its contact parameters in the table are meant.
+        Names of the parameters, if another program simulates the study. By default,
+        they are the contact parameters of repose that the table has.
 
     Returns
     -------
@@ -223,8 +223,8 @@ def read_jobs(
     samples : pandas.DataFrame
     targets : Targets
     parameter_names : sequence of str, optional
-        Names of the parameters, if another program simulates the study. With None,
-        repose simulates it, and its contact parameters in the table are meant.
+        Names of the parameters, if another program simulates the study. By default,
+        they are the contact parameters of repose that the table has.
 
     Returns
     -------
@@ -244,11 +244,15 @@ def read_jobs(
         job, apparatus = read_job(path, targets)
         sample = job["sample"]
         if sample not in parameters.index:
-            raise InputError(path, "sample", sample, "in the table")
+            raise InputError(path, key="sample", value=sample, allowed="in the table")
         if sample in jobs[apparatus]:
             first_path = path_of_job[apparatus, sample]
-            allowed = f"a sample of the table, once; also in {first_path}"
-            raise InputError(path, "sample", sample, allowed)
+            raise InputError(
+                path,
+                key="sample",
+                value=sample,
+                allowed=f"a sample of the table, once; also in {first_path}",
+            )
         _check_parameters(job, parameters.loc[sample], path)
         jobs[apparatus][sample] = job
         path_of_job[apparatus, sample] = path
@@ -260,9 +264,9 @@ def read_jobs(
         if missing_samples:
             raise InputError(
                 f"jobs of the {name}",
-                "samples without a file",
-                missing_samples,
-                "one file a sample",
+                key="samples without a file",
+                value=missing_samples,
+                allowed="one file a sample",
             )
     return jobs
 
@@ -274,9 +278,14 @@ def _check_parameters(job: Job, parameters: pd.Series, path: object) -> None:
         value = job["parameters"].get(name)
         # Treat a missing value or a text as NaN, which fails the comparison.
         number = value if isinstance(value, int | float) else math.nan
+        # The numbers of the file and of the table may be rounded differently.
         if not math.isclose(number, expected, rel_tol=1e-6, abs_tol=1e-9):
-            allowed = f"{expected}, as in the table of samples"
-            raise InputError(path, f"parameters.{name}", value, allowed)
+            raise InputError(
+                path,
+                key=f"parameters.{name}",
+                value=value,
+                allowed=f"{expected}, as in the table of samples",
+            )
 
 
 def read_job(path: StrPath, targets: Targets) -> tuple[Job, str]:
@@ -292,35 +301,43 @@ def read_job(path: StrPath, targets: Targets) -> tuple[Job, str]:
     Returns
     -------
     dict
-        The job.
+        The content of the file.
     str
-        The name of its bench test.
+        The name of the job's bench test.
 
     Raises
     ------
     InputError
-        If no target belongs to its bench test, or if a run is damaged.
+        If no target belongs to this bench test, or if a run is damaged.
     """
     keys = {"sample": int, "parameters": dict, "runs": list}
     job = read_json(path, keys, "a job's JSON file")
     apparatus = job.get("apparatus", UNNAMED)
     if apparatus not in targets.apparatus:
-        allowed = f"a bench test of the targets, {', '.join(targets.apparatus)}"
-        raise InputError(path, "apparatus", apparatus, allowed)
+        raise InputError(
+            path,
+            key="apparatus",
+            value=apparatus,
+            allowed=f"a bench test of the targets, {', '.join(targets.apparatus)}",
+        )
     if not job["runs"]:
-        raise InputError(path, "runs", [], "at least one run")
+        raise InputError(path, key="runs", value=[], allowed="at least one run")
 
-    # How a run may end depends on its bench test.
-    statuses: tuple[str, ...] = RUN_STATUSES
-    if apparatus != OWN_BENCH:
+    # The statuses that a run may have depend on its bench test.
+    if apparatus == OWN_BENCH:
+        statuses: tuple[str, ...] = RUN_STATUSES
+    else:
         statuses = bench(apparatus, path).statuses
     bench_targets = _select_targets(targets, apparatus)
-    # Check how each run ended, and the responses of the good ones.
     for position, run in enumerate(job["runs"]):
         key = f"runs[{position}]"
+        # In a damaged file, an entry may be something else than a run.
         status = run.get("status") if isinstance(run, dict) else run
         if not isinstance(run, dict) or status not in statuses:
-            raise InputError(path, f"{key}.status", status, ", ".join(statuses))
+            raise InputError(
+                path, key=f"{key}.status", value=status, allowed=", ".join(statuses)
+            )
+        # Only a good run must have the responses.
         if status == "ok":
             for target in bench_targets:
                 _check_response(run, key, target=target, path=path)
@@ -329,7 +346,9 @@ def read_job(path: StrPath, targets: Targets) -> tuple[Job, str]:
     seeds = [run.get("seed") for run in job["runs"]]
     has_repeated_seed = len(set(map(str, seeds))) < len(seeds)
     if None in seeds or has_repeated_seed:
-        raise InputError(path, "seed", seeds, "a seed for each run, and none twice")
+        raise InputError(
+            path, key="seed", value=seeds, allowed="a seed for each run, and none twice"
+        )
     return job, apparatus
 
 
@@ -354,9 +373,13 @@ def _check_response(
     number = value if isinstance(value, int | float) else math.nan
     key = f"{run_key}.{target.name}"
     if not math.isfinite(number):
-        raise InputError(path, key, value, "a finite number, as the run is ok")
+        raise InputError(
+            path, key=key, value=value, allowed="a finite number, as the run is ok"
+        )
     if abs(number) > ROUNDING_FACTOR * highest:
-        raise InputError(path, key, value, f"a finite number, up to {highest:g}")
+        raise InputError(
+            path, key=key, value=value, allowed=f"a finite number, up to {highest:g}"
+        )
 
 
 def _select_targets(targets: Targets, apparatus: str) -> tuple[Target, ...]:

@@ -10,7 +10,7 @@ from repose.calibrate.parameter_space import ParameterSpace
 from repose.common.files import StrPath, write_table
 
 
-def run(
+def write_design(
     parameters: ParameterSpace, settings: DesignSettings, out_dir: StrPath
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Make the design and compare it with others; write samples.csv and comparison.csv.

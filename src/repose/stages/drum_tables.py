@@ -77,8 +77,8 @@ def run_job(
         run = test.run(scene.with_seed(seed), interval_s=0.0)
         wall_s = round(time.perf_counter() - start_s, 3)
 
-        # The JSON file has the raw record. Its measurement depends on definitions that
-        # may change, so it is only returned.
+        # The JSON file has the raw record. The measurement is returned but not saved,
+        # because it depends on definitions that may change.
         job = describe_job(test, scene, seed)
         description = {key: job[key] for key in ("parameters", "time_step_s")}
         write_timings(out, name, {str(seed): wall_s})
@@ -90,16 +90,16 @@ def run_job(
     return results
 
 
-def run(
+def write_tables(
     json_paths: Sequence[str | PathLike],
     config: Mapping[str, Any],
     particle: "Particle",
     out_dir: str | PathLike,
 ) -> "dict[str, pd.DataFrame]":
-    """Measure saved runs of the drum, and write the tables of `make_tables`.
+    """Measure saved runs of the drum, and write their tables.
 
-    The files are runs.csv, summary.csv, record.csv and profile.csv, and median.npz, a
-    copy of the frames of the run that `choose_median_run` names.
+    The tables are runs.csv, summary.csv, record.csv and profile.csv. The file median.npz
+    is a copy of the frames of the run that `choose_median_run` chooses.
 
     Parameters
     ----------
@@ -108,30 +108,32 @@ def run(
     config : mapping
         The whole configuration.
     particle : Particle
+        The body of the grains.
     out_dir : path
         Folder to write.
 
     Returns
     -------
     dict of pandas.DataFrame
-        The tables, see `make_tables`.
+        Result of `make_tables`.
 
     Raises
     ------
     InputError
         If a file is missing or was not written by `run_job`, or if a seed is repeated.
     """
-    # A measurement needs no parameters of the contacts.
-    scene = Scene.of(config, {}, grain={}, particle=particle)
+    # Contacts and material matter for a simulation only, so a measurement can do
+    # without their parameters.
+    scene = Scene.of(config, parameters={}, grain={}, particle=particle)
     runs: list[MeasuredRun] = []
     path_of_seed: dict[int, Path] = {}
     for path in map(Path, json_paths):
         record = read_json(path, {"run": dict}, EXPECTED_FILES)["run"]
         seed = record.get("seed")
         if seed in path_of_seed:
-            raise InputError(path, "run.seed", seed, "each seed once")
+            raise InputError(path, key="run.seed", value=seed, allowed="each seed once")
         runs.append(_measure_run(record, path, scene))
-        path_of_seed[record["seed"]] = path
+        path_of_seed[seed] = path
 
     tables_by_name = make_tables(runs)
     for name, table in tables_by_name.items():
@@ -199,22 +201,24 @@ def make_tables(
     Parameters
     ----------
     runs : sequence of MeasuredRun
+        The numbers of each run, and its arrays by name.
 
     Returns
     -------
     dict of pandas.DataFrame
-        ``runs``: a row for each run. ``summary``: see `average_quantities`. ``record``:
-        all runs over time. ``profile``: the motion of all runs over depth, lengths in
-        mm.
+        Four tables. ``runs`` has a row for each run. ``summary`` is the result of
+        `average_quantities`. ``record`` has a row for each time of each run.
+        ``profile`` has a row for each depth in each run, with lengths in mm.
     """
     import pandas as pd
 
     records = {}
     profiles = {}
     for run, arrays in runs:
+        seed = run["seed"]
         record = {key: arrays[key] for key in RECORD_COLUMNS}
-        records[run["seed"]] = pd.DataFrame(record)
-        profiles[run["seed"]] = pd.DataFrame(arrays["profile"], columns=PROFILE_COLUMNS)
+        records[seed] = pd.DataFrame(record)
+        profiles[seed] = pd.DataFrame(arrays["profile"], columns=PROFILE_COLUMNS)
     run_table = pd.DataFrame([run for run, _ in runs])
     return {
         "runs": run_table,

@@ -60,6 +60,12 @@ def describe_job(test: BenchTest[Any], scene: Scene, name: object) -> dict[str, 
     """Describe a job for the head of each of its files.
 
     If the name consists of digits, it is the number of a sample.
+
+    Returns
+    -------
+    dict
+        The sample, its parameters, the time step and, as ``apparatus``, the bench test.
+        The funnel is the default and is left out.
     """
     description: dict[str, Any] = {}
     if test.name != UNNAMED:
@@ -217,9 +223,11 @@ def measure_runs(scene: Scene, path: Path) -> dict[str, Any]:
     test = bench_of(job, path)
     saved_runs = job.pop("pours")
     for saved_run in saved_runs:
-        if saved_run["status"] not in test.statuses:
-            allowed = ", ".join(test.statuses)
-            raise InputError(path, "status", saved_run["status"], allowed)
+        status = saved_run["status"]
+        if status not in test.statuses:
+            raise InputError(
+                path, key="status", value=status, allowed=", ".join(test.statuses)
+            )
     positions = read_positions(positions_file(path))
     runs = []
     for saved_run in saved_runs:

@@ -55,9 +55,9 @@ class KeptRuns:
         Returns
         -------
         Run or None
-            None if no run was kept, or if its file is damaged or was written by another
-            program. None also if the job would now make a different run, because its
-            parameters, its settings or the engine have changed.
+            None if the run must be made: there is no file of it, the file is damaged or
+            foreign, or the job would now make a different run, because its parameters,
+            its settings or the engine have changed.
         """
         path = self._path(seed)
         if not _is_current(path):
@@ -90,18 +90,20 @@ class KeptRuns:
 def read_measurement(pours: Path) -> dict[str, Any] | None:
     """Read the kept measurement of a saved job.
 
-    Return None if there is none, or if the stage would now measure differently.
+    Returns
+    -------
+    dict or None
+        None if the job must be measured: there is no kept measurement of it, or settings,
+        files or code have changed since then.
     """
     path = _measurement_file(pours)
-    if (
-        not is_own_file(path)
-        or attached.read_record(path) != provenance.get_current_record()
-    ):
+    if not is_own_file(path):
+        return None
+    if attached.read_record(path) != provenance.get_current_record():
         return None
     kept = read_json(path)
-    if kept["of"] != _hash_sources(pours):
-        return None
-    return kept["result"]
+    has_same_sources = kept["of"] == _hash_sources(pours)
+    return kept["result"] if has_same_sources else None
 
 
 def write_measurement(pours: Path, result: Mapping[str, Any]) -> None:

@@ -18,7 +18,7 @@ from repose.common.files import StrPath, read_table, write_json, write_table
 INTERVAL_COLUMNS = ("low", "high", "dispersion_percent")
 
 
-def run(
+def find_solutions(
     surrogate_json: StrPath,
     out_dir: StrPath,
     *,

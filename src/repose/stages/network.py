@@ -14,7 +14,7 @@ from repose.stages.parameter_sets import list_parameters
 from repose.stages.tables import read_dataset, read_runs
 
 
-def run(  # noqa: PLR0913  (each is part of the study)
+def write_surrogate(  # noqa: PLR0913  (each is part of the study)
     dataset_csv: StrPath,
     runs_csv: StrPath,
     out_dir: StrPath,
@@ -44,8 +44,8 @@ def run(  # noqa: PLR0913  (each is part of the study)
     settings : NetworkSettings
         The section `network`.
     parameter_names : sequence of str, optional
-        Names of the parameters, if another program simulates the study. With None,
-        repose simulates it, and its contact parameters in the table are meant.
+        Names of the parameters, if another program simulates the study. By default,
+        they are the contact parameters of repose that the table has.
     scale : mapping, optional
         Name of the scale of each parameter that is not linear, by name.
     source : object, optional

@@ -49,7 +49,7 @@ FEWEST_SETS = 4
 
 
 def draw_plausible_sets(draws_csv: StrPath, seed: int, out: StrPath) -> pd.DataFrame:
-    """Draw `N_PLAUSIBLE_SETS` sets from the posterior, and write them as samples.
+    """Choose `N_PLAUSIBLE_SETS` draws of the posterior at random, and write a table.
 
     Parameters
     ----------
@@ -72,7 +72,12 @@ def draw_plausible_sets(draws_csv: StrPath, seed: int, out: StrPath) -> pd.DataF
     """
     draws = read_table(draws_csv, PARAMETERS)
     if len(draws) < N_PLAUSIBLE_SETS:
-        raise InputError(draws_csv, "rows", len(draws), f"{N_PLAUSIBLE_SETS} or more")
+        raise InputError(
+            draws_csv,
+            key="rows",
+            value=len(draws),
+            allowed=f"{N_PLAUSIBLE_SETS} or more",
+        )
     generator = np.random.default_rng(seed)
     rows = np.sort(generator.choice(len(draws), N_PLAUSIBLE_SETS, replace=False))
     samples = draws.loc[rows, list(parameters_among(draws))].reset_index(drop=True)
@@ -116,21 +121,23 @@ def rank_responses(
             continue
         variances = variance_components(response_runs["value"], response_runs["sample"])
 
-        # s^2: the variance of the difference between a measurement and the simulator.
+        # The variance of the difference between a measurement and the simulator
         discrepancy = discrepancy_percent / 100 * variances.mean
         error_variance = variances.within / repetitions + discrepancy**2
         # A response that never varies has no scatter, and would divide by 0.
         if not error_variance > 0:
             continue
 
-        # tau^2: the variance between the sets, from the intraclass correlation and from
-        # both ends of its confidence interval.
+        # The variance between the sets follows from the intraclass correlation. The ends
+        # of its confidence interval give those of the information.
         correlations = np.array([variances.icc, variances.icc_low, variances.icc_high])
-        # A correlation below 0 is an estimate of 0. One of 1 would mean infinite
-        # information.
+        # An estimate below 0 means 0. A correlation of 1 would give infinite
+        # information, so the largest value is just below 1.
         correlations = correlations.clip(0, 1 - 1e-12)
-        between_variance = variances.within * correlations / (1 - correlations)
-        bits, bits_low, bits_high = 0.5 * np.log2(1 + between_variance / error_variance)
+        between_variances = variances.within * correlations / (1 - correlations)
+        # Information of a normal variable that is measured with a normal error
+        signal_to_noise = between_variances / error_variance
+        bits, bits_low, bits_high = 0.5 * np.log2(1 + signal_to_noise)
         rows.append(
             {
                 "response": response,
@@ -147,8 +154,12 @@ def rank_responses(
             }
         )
     if not rows:
-        allowed = f"{FEWEST_SETS} sets or more with two runs of a response"
-        raise InputError("next", "runs", len(runs), allowed)
+        raise InputError(
+            "next",
+            key="runs",
+            value=len(runs),
+            allowed=f"{FEWEST_SETS} sets or more with two runs of a response",
+        )
     table = pd.DataFrame(rows, columns=COLUMNS)
     return table.sort_values("bits", ascending=False, kind="stable", ignore_index=True)
 
@@ -162,7 +173,7 @@ def list_all_responses() -> list[dict[str, str]]:
     return entries
 
 
-def run(
+def write_ranking(
     pours: Iterable[StrPath],
     scene: Scene,
     out_dir: StrPath,
@@ -171,6 +182,8 @@ def run(
     discrepancy_percent: float,
 ) -> pd.DataFrame:
     """Rank further responses of saved runs by the information that each would add.
+
+    The runs are measured again, and the ranking is written as next.csv.
 
     Parameters
     ----------
@@ -208,7 +221,8 @@ def run(
                 )
     runs = pd.DataFrame(rows).dropna(subset="value")
 
-    # One measurement of a pile gives its angle by every definition.
+    # Leave out what is measured already. One measurement of a pile gives its angle by
+    # every definition.
     known_responses = set(targets.names)
     if CALIBRATED_ANGLE in known_responses:
         known_responses.update(MEAN_KEYS.values())

@@ -63,7 +63,7 @@ def make_repeated_search(
     return search
 
 
-def run(
+def write_optimism(
     surrogate_json: StrPath,
     dataset_csv: StrPath,
     runs_csv: StrPath,
@@ -91,8 +91,8 @@ def run(
     solutions : int
         Number of sets besides the representative that are simulated again.
     parameter_names : sequence of str, optional
-        Names of the parameters, if another program simulates the study. With None,
-        repose simulates it, and its contact parameters in the table are meant.
+        Names of the parameters, if another program simulates the study. By default,
+        they are the contact parameters of repose that the table has.
 
     Returns
     -------
@@ -103,19 +103,22 @@ def run(
     surrogate = load(surrogate_json, targets.names)
     dataset = read_dataset(dataset_csv, targets, parameter_names)
     runs = read_runs(runs_csv, targets, dataset, dataset_csv)
+    # Without two runs of a sample the noise is unknown, and `pours` is None.
     pours = Pours.collect(surrogate, dataset, runs, targets)
-    table = pd.DataFrame(columns=list(OPTIMISM_COLUMNS))
-    if pours is not None and settings.replicates:
+    if pours is None or settings.replicates == 0:
+        table = pd.DataFrame(columns=list(OPTIMISM_COLUMNS))
+    else:
+        search = make_repeated_search(
+            parameters,
+            targets,
+            settings,
+            count=solutions,
+            support=Support.from_dataset(dataset_csv, parameters),
+        )
         table = estimate_optimism(
             surrogate,
             pours,
-            make_repeated_search(
-                parameters,
-                targets,
-                settings,
-                count=solutions,
-                support=Support.from_dataset(dataset_csv, parameters),
-            ),
+            search,
             targets,
             replicates=settings.replicates,
             seed=settings.seed,

@@ -62,8 +62,8 @@ def read_samples(
     further_columns : iterable of str, optional
         Further columns that it must have.
     parameter_names : sequence of str, optional
-        Names of the parameters, if another program simulates the study. With None,
-        repose simulates it, and its contact parameters in the table are meant.
+        Names of the parameters, if another program simulates the study. By default,
+        they are the contact parameters of repose that the table has.
 
     Returns
     -------
@@ -93,15 +93,20 @@ def list_job_files(
     Parameters
     ----------
     arguments : iterable of str
-        Paths of files and folders. A folder stands for one file per sample.
+        Paths of files and folders. A folder stands for the files of all samples in it.
     samples_csv : path
-        The table of samples.
+        The table of samples. It is read only if one of the paths is a folder.
     ending : str, optional
         Ending of the files in a folder.
-    """
-    paths = [Path(word) for word in arguments]
 
-    # Read the table of samples only if there is a folder.
+    Returns
+    -------
+    list of Path
+        The files in the order of the arguments. They need not exist.
+    """
+    paths = [Path(argument) for argument in arguments]
+
+    # The files in a folder have the numbers of the samples, such as 001.json.
     names: list[str] = []
     if any(path.is_dir() for path in paths):
         samples = tables.read(samples_csv, [SAMPLE_COLUMN]).values["sample"]
@@ -128,8 +133,8 @@ def read_sample(
     number : int
         Number of the sample.
     parameter_names : sequence of str, optional
-        Names of the parameters, if another program simulates the study. With None,
-        repose simulates it, and its contact parameters in the table are meant.
+        Names of the parameters, if another program simulates the study. By default,
+        they are the contact parameters of repose that the table has.
 
     Returns
     -------
@@ -141,16 +146,20 @@ def read_sample(
     InputError
         If there is no such sample, or a value is beyond the limits of the contact law.
     """
-    # This program checked its own tables when it wrote them.
+    # This program checked its own tables when it wrote them. Check any other table.
     columns = _read_unchanged_table(path)
     if columns is None:
-        columns = tables.read(
-            path, (SAMPLE_COLUMN, *_describe_columns(parameter_names))
-        ).values
+        table = tables.read(path, (SAMPLE_COLUMN, *_describe_columns(parameter_names)))
+        columns = table.values
     numbers = columns["sample"]
     if number not in numbers:
-        first = ", ".join(map(str, numbers[:3]))
-        raise InputError(path, "sample", number, f"one of {len(numbers)}: {first}, ...")
+        first_numbers = ", ".join(map(str, numbers[:3]))
+        raise InputError(
+            path,
+            key="sample",
+            value=number,
+            allowed=f"one of {len(numbers)}: {first_numbers}, ...",
+        )
     row = numbers.index(number)
     return {
         name: columns[name][row] for name in list_parameters(columns, parameter_names)
@@ -158,20 +167,21 @@ def read_sample(
 
 
 def _read_unchanged_table(path: str | os.PathLike) -> dict[str, list] | None:
-    """Read a table that this program wrote, without checks.
+    """Read a table without checks, if this program wrote it and nothing changed it.
 
-    The checks of `tables.read` need libraries whose import takes a third of the time of
-    a job that starts another program.
+    `tables.read` is avoided here, because it imports large libraries. Their import takes
+    a third of the time of a job that starts another program.
 
     Parameters
     ----------
     path : path
+        The table.
 
     Returns
     -------
     dict or None
-        The numbers of each column by its name. None if another program wrote or changed
-        the table, or if a cell is not a number.
+        The numbers of each column by its name. None if the table must be checked:
+        another program wrote or changed it, or it has other cells than numbers.
     """
     if not ledger.is_own_file(path):
         return None

@@ -110,13 +110,17 @@ def read_representative(
         If `path` is None, or the table lacks the row `representative`.
     """
     if path is None:
-        allowed = "a table of published solutions"
-        raise InputError("configuration", "validation.published", None, allowed)
+        raise InputError(
+            "configuration",
+            key="validation.published",
+            value=None,
+            allowed="a table of published solutions",
+        )
     table = read(path, (SOLUTION_COLUMN, *map(Column, parameter_names)))
     for row in table.rows():
         if row["solution"] == "representative":
             return {name: row[name] for name in parameter_names}
-    raise InputError(path, "solution", None, "a row 'representative'")
+    raise InputError(path, key="solution", value=None, allowed="a row 'representative'")
 
 
 def list_sets_to_simulate(
@@ -126,8 +130,7 @@ def list_sets_to_simulate(
 ) -> list[str]:
     """List the names of the published parameter sets that can be simulated.
 
-    The list is empty if the table has none of the responses, or lacks a parameter of
-    the study. The numbers of the table are not checked (`check_published_sets`).
+    The numbers of the table are not checked; `check_published_sets` does that.
 
     Parameters
     ----------
@@ -137,6 +140,12 @@ def list_sets_to_simulate(
         Responses of the study's targets.
     parameter_names : iterable of str
         Parameters of the study.
+
+    Returns
+    -------
+    list of str
+        The names. The list is empty without a table, or if the table has none of the
+        responses or lacks a parameter of the study.
     """
     rows = []
     for table in list_tables(path):
@@ -162,7 +171,9 @@ def check_published_sets(path: StrPath | None) -> None:
             read(table, (SOLUTION_COLUMN, *PARAMETER_COLUMNS), others=holds_numbers)
         )
         if not 1 <= n_rows <= MOST_SETS:
-            raise InputError(table, "rows", n_rows, f"1 to {MOST_SETS} solutions")
+            raise InputError(
+                table, key="rows", value=n_rows, allowed=f"1 to {MOST_SETS} solutions"
+            )
 
 
 def read_stored(path: StrPath) -> "pd.DataFrame":

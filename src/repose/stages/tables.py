@@ -31,8 +31,8 @@ def read_dataset(
         The table.
     targets : Targets
     parameter_names : sequence of str, optional
-        Names of the parameters, if another program simulates the study. With None,
-        repose simulates it, and its contact parameters in the table are meant.
+        Names of the parameters, if another program simulates the study. By default,
+        they are the contact parameters of repose that the table has.
 
     Raises
     ------
@@ -87,21 +87,26 @@ def read_runs(
         means differ from those in `dataset`.
     """
     runs = read_table(runs_csv, ("sample", "seed", "status", *targets.names))
-    has_benches = "apparatus" in runs
-    unique_columns = (
-        ["sample", "seed", "apparatus"] if has_benches else ["sample", "seed"]
-    )
+    # The column `apparatus` exists only if there are several bench tests.
+    has_several_benches = "apparatus" in runs
+    unique_columns = ["sample", "seed"]
+    if has_several_benches:
+        unique_columns.append("apparatus")
     _refuse_repeated_rows(runs, unique_columns, runs_csv)
     # With several bench tests, a run has only the responses of its own bench test.
-    if not has_benches:
+    if not has_several_benches:
         _check_responses(runs, targets, runs_csv)
     _check_count(runs, runs_csv, dataset_csv=dataset_csv, key="runs")
 
     unmatched_samples = set(runs["sample"]).symmetric_difference(dataset["sample"])
     if unmatched_samples:
-        allowed = f"the samples of {dataset_csv}, all of them"
-        raise InputError(runs_csv, "sample", min(unmatched_samples), allowed)
-    if not has_benches:
+        raise InputError(
+            runs_csv,
+            key="sample",
+            value=min(unmatched_samples),
+            allowed=f"the samples of {dataset_csv}, all of them",
+        )
+    if not has_several_benches:
         _check_run_counts(runs, dataset, runs_csv=runs_csv, dataset_csv=dataset_csv)
         _check_means(
             runs, dataset, targets=targets, runs_csv=runs_csv, dataset_csv=dataset_csv
@@ -118,8 +123,12 @@ def _check_run_counts(
     for sample, n_seeds in zip(dataset["sample"], dataset["n_seeds"], strict=True):
         count = int(counts.get(sample, 0))
         if count != n_seeds:
-            allowed = f"{n_seeds:g}, the n_seeds of this sample in {dataset_csv}"
-            raise InputError(f"{runs_csv}, sample {sample}", "ok runs", count, allowed)
+            raise InputError(
+                f"{runs_csv}, sample {sample}",
+                key="ok runs",
+                value=count,
+                allowed=f"{n_seeds:g}, the n_seeds of this sample in {dataset_csv}",
+            )
 
 
 def _check_means(
@@ -141,12 +150,12 @@ def _check_means(
     """
     samples = dataset[dataset["status"] == "ok"].set_index("sample")
     good = runs[runs["status"] == "ok"]
-    # Both results have the samples as index. `sem` is the standard error of a mean.
+    # The index of both results is the sample. `sem` is the standard error of a mean.
     runs_by_sample = good.groupby("sample")[list(targets.names)]
     means = runs_by_sample.mean().reindex(samples.index)
     errors = runs_by_sample.sem().reindex(samples.index)
 
-    # Pair what the runs give with the columns of the samples.
+    # Pair the quantities that follow from the runs with the columns of the samples.
     comparisons = (
         ("mean", means, targets.names),
         ("standard error", errors, targets.errors),
@@ -191,9 +200,9 @@ def _require_equal(
     sample = stored.index[~is_equal][0]
     raise InputError(
         f"{runs_csv}, sample {sample}",
-        f"{quantity} of {response}",
-        float(computed[sample]),
-        f"{stored[sample]:.6g}, its {quantity} in {dataset_csv}",
+        key=f"{quantity} of {response}",
+        value=float(computed[sample]),
+        allowed=f"{stored[sample]:.6g}, its {quantity} in {dataset_csv}",
     )
 
 
@@ -217,9 +226,12 @@ def _check_responses(table: pd.DataFrame, targets: Targets, path: object) -> Non
         is_wrong = is_ok & ~table[name].between(low, high)
         if is_wrong.any():
             first_wrong = int(is_wrong.to_numpy().argmax())
-            value = float(table[name].iloc[first_wrong])
-            allowed = f"a number from {low:g} to {high:g}, as the status is ok"
-            raise InputError(f"{path}, row {first_wrong + 1}", name, value, allowed)
+            raise InputError(
+                f"{path}, row {first_wrong + 1}",
+                key=name,
+                value=float(table[name].iloc[first_wrong]),
+                allowed=f"a number from {low:g} to {high:g}, as the status is ok",
+            )
 
 
 def _refuse_repeated_rows(
@@ -231,7 +243,9 @@ def _refuse_repeated_rows(
         row = int(is_repeated.argmax())
         value = table[columns].iloc[row].tolist()
         key = " and ".join(columns)
-        raise InputError(f"{path}, row {row + 1}", key, value, "each once")
+        raise InputError(
+            f"{path}, row {row + 1}", key=key, value=value, allowed="each once"
+        )
 
 
 def _check_count(
@@ -240,5 +254,9 @@ def _check_count(
     """Refuse a table whose number of rows differs from the summary of the dataset."""
     summary, summary_json = read_summary(dataset_csv)
     if key in summary and len(table) != summary[key]:
-        allowed = f"{summary[key]}, the {key} of {summary_json}"
-        raise InputError(path, "rows", len(table), allowed)
+        raise InputError(
+            path,
+            key="rows",
+            value=len(table),
+            allowed=f"{summary[key]}, the {key} of {summary_json}",
+        )

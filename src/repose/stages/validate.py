@@ -50,9 +50,8 @@ def select_for_validation(
 ) -> pd.DataFrame:
     """Select the representative solution and `count` others.
 
-    The second is the solution with the least objective. The rest are spread over all
-    solutions: each is the one farthest, in normalised parameters, from those already
-    chosen (Gonzalez 1985).
+    The first other one has the least objective. Each further one is the solution that is
+    farthest, in normalised parameters, from all that are already chosen (Gonzalez 1985).
 
     Parameters
     ----------
@@ -140,13 +139,14 @@ def compare_solutions(
     measure : MeasureSettings or None
         The section `measure`, which defines the angles of piles.
     parameter_names : sequence of str, optional
-        Names of the parameters, if another program simulates the study. With None,
-        repose simulates it, and its contact parameters in the table are meant.
+        Names of the parameters, if another program simulates the study. By default,
+        they are the contact parameters of repose that the table has.
 
     Returns
     -------
     dict of pandas.DataFrame
-        `make_table4` and `representative`.
+        ``table4`` is the result of `make_table4`. ``representative`` compares the
+        representative solution with the measurement.
     """
     dataset, _ = make_tables(solutions, jobs, targets, parameter_names)
     parameters = list_parameters(solutions, parameter_names)
@@ -164,7 +164,7 @@ def compare_solutions(
         simulated[response.simulated] = simulated[response.name]
     rows = pd.concat([solutions.reset_index(drop=True), simulated], axis=1)
 
-    # The representative solution is also compared with the physical measurement.
+    # Compare the representative solution with the physical measurement, too.
     answer = rows[rows["role"] == "representative"].iloc[0]
     answer_runs = {
         bench: jobs[bench][answer["sample"]]["runs"] for bench in targets.apparatus
@@ -192,8 +192,8 @@ def make_table4(
     measure : MeasureSettings, optional
         The section `measure`.
     parameter_names : sequence of str, optional
-        Names of the parameters, if another program simulates the study. With None,
-        repose simulates it, and its contact parameters in the table are meant.
+        Names of the parameters, if another program simulates the study. By default,
+        they are the contact parameters of repose that the table has.
 
     Returns
     -------
@@ -347,8 +347,12 @@ def write_solutions(
     )
     all_solutions = read_table(path, needed_columns)
     if len(all_solutions) <= count:
-        allowed = f"at least {count + 1}"
-        raise InputError(path, "solutions", len(all_solutions), allowed)
+        raise InputError(
+            path,
+            key="solutions",
+            value=len(all_solutions),
+            allowed=f"at least {count + 1}",
+        )
     selected = select_for_validation(all_solutions, count, space)
     selected = selected.reset_index(drop=True)
     selected["sample"] = selected.index + 1
@@ -359,7 +363,7 @@ def write_solutions(
     return solutions
 
 
-def run(
+def write_comparison(
     solutions_csv: StrPath,
     jobs: Iterable[StrPath],
     out_dir: StrPath,
@@ -391,8 +395,8 @@ def run(
     optimism : pandas.DataFrame, optional
         Expected optimism of the predictions, from the stage `optimism`.
     parameter_names : sequence of str, optional
-        Names of the parameters, if another program simulates the study. With None,
-        repose simulates it, and its contact parameters in the table are meant.
+        Names of the parameters, if another program simulates the study. By default,
+        they are the contact parameters of repose that the table has.
 
     Returns
     -------
@@ -405,7 +409,7 @@ def run(
     solutions = solutions.astype({"solution": str})
     if optimism is not None:
         solutions = add_optimism(solutions, optimism, targets.responses)
-    # Compare the predictions with the simulations.
+    # Compare the predictions with the simulations. Published sets are compared already.
     jobs_by_bench = read_jobs(jobs, solutions, targets, parameter_names)
     tables = compare_solutions(
         solutions,
@@ -489,16 +493,17 @@ def write_published_sets(
     """
     sets = _read_numbered_sets(published_csv, parameter_names)
     simulated, _ = make_tables(sets, read_jobs(jobs, sets, targets), targets)
-    descriptions = [name for name in ("solution", "source", "wall") if name in sets]
-    table = sets[["sample", *descriptions, *parameter_names]].copy()
+    text_columns = [name for name in ("solution", "source", "wall") if name in sets]
+    table = sets[["sample", *text_columns, *parameter_names]].copy()
     if "source" not in sets:
         table["source"] = ""
 
-    # Mark the numbers of the publication by `published` in the names of their columns.
-    for word in ("predicted", "simulated", "measured"):
+    # Put `published_` into the names of columns with responses of the publication, for
+    # example `aor_published_simulated_deg`.
+    for kind in ("predicted", "simulated", "measured"):
         for column in sets:
-            if f"_{word}_" in column:
-                new_name = column.replace(f"_{word}_", f"_published_{word}_")
+            if f"_{kind}_" in column:
+                new_name = column.replace(f"_{kind}_", f"_published_{kind}_")
                 table[new_name] = sets[column]
 
     # Store the angle by every definition, since studies may calibrate different ones.
@@ -521,7 +526,7 @@ def compare_with_published(
     measure: MeasureSettings,
     simulated_by: Mapping[str, str],
 ) -> pd.DataFrame:
-    """Compare stored simulations of the published sets with the publication.
+    """Compare our stored simulations of published parameter sets with the publication.
 
     Parameters
     ----------
@@ -532,7 +537,8 @@ def compare_with_published(
     measure : MeasureSettings
         The section `measure`.
     simulated_by : mapping
-        Hashes of today's engine and scene. A set with other hashes is `stale`.
+        Hashes of the present engine and scene. A set that was simulated with others is
+        marked as `stale`.
 
     Returns
     -------
@@ -559,7 +565,7 @@ def compare_with_published(
         return pd.DataFrame(columns=columns)
 
     table = stored.copy()
-    # Add the simulated responses, and how much they differ from the publication's.
+    # Add the simulated responses, and their differences from the published ones.
     for response, column in column_of_response.items():
         table[response.simulated] = stored[column]
         table[response.standard_error] = stored[name_error_column(column)]
@@ -569,7 +575,7 @@ def compare_with_published(
             table[name_derived_column(response.name, "difference")] = difference
     if set(ANGLE_COLUMNS) <= set(stored):
         table["line"] = describe_calibrated_lines(targets.responses, measure)
-    # A set is stale if engine or scene have changed since its simulation.
+    # Results of an earlier engine or scene may differ from those of a new simulation.
     hashes = stored[list(HASH_NAMES)]
     table["stale"] = (hashes != pd.Series(simulated_by)).any(axis=1)
     return table

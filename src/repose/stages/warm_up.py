@@ -14,8 +14,8 @@ def warm_up(scene: Scene, cores: int = 1) -> float:
     """Compile the kernels of every bench test of the targets.
 
     A single time step with one grain compiles them. The kernels of the contacts with
-    walls take nearly half of the time. With a second core, another process compiles them
-    at the same time.
+    walls take nearly half of the time. If there is a second core, another process
+    compiles these at the same time.
 
     Parameters
     ----------
@@ -33,7 +33,8 @@ def warm_up(scene: Scene, cores: int = 1) -> float:
     names = Targets.of(scene.settings.config["targets"]).apparatus
     simulations = [bench(name).build(scene) for name in names]
 
-    # The cache on disk shares the kernels that the other process compiles.
+    # The other process leaves its kernels in the cache on disk, from which this process
+    # loads them.
     def compile_walls() -> None:
         for simulation in simulations:
             simulation.wall_loads()
@@ -46,8 +47,8 @@ def warm_up(scene: Scene, cores: int = 1) -> float:
         simulation.add("berry", (0.0, 0.0, 0.0))
         simulation.run_steps(1)
     if cores > 1:
-        # All kernels that a study needs are compiled now, by this process if not by the
-        # other one.
+        # The time step above needed all kernels, so they are compiled now. The other
+        # process may be slower, but its result is no longer needed.
         wall_process.terminate()
         wall_process.join()
     return time.perf_counter() - start_s
