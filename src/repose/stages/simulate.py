@@ -15,7 +15,7 @@ import subprocess
 import sys
 import traceback
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from math import isqrt
 from pathlib import Path
 from types import FrameType
@@ -87,7 +87,16 @@ def find_prime(seed: int) -> int:
 
 
 def fill_template(text: str, values: Mapping[str, Any], source: object) -> str:
-    """Fill a template.
+    """Fill a template of Jinja2.
+
+    Parameters
+    ----------
+    text : str
+        The template.
+    values : mapping
+        Values of the names that the template may use.
+    source : object
+        File of the template, for messages.
 
     Raises
     ------
@@ -99,11 +108,13 @@ def fill_template(text: str, values: Mapping[str, Any], source: object) -> str:
         return _make_environment().from_string(text).render(values)
     # An expression in a template may raise any exception.
     except Exception as error:
-        source_and_line = f"{source}, line {_find_template_line(error)}"
-        fault = f"{type(error).__name__}: {error}"
         names = ", ".join(values)
-        allowed = f"a template of Jinja2 with the names {names}"
-        raise InputError(source_and_line, "template", fault, allowed) from None
+        raise InputError(
+            f"{source}, line {_find_template_line(error)}",
+            key="template",
+            value=f"{type(error).__name__}: {error}",
+            allowed=f"a template of Jinja2 with the names {names}",
+        ) from None
 
 
 def _find_template_line(error: Exception) -> int:
@@ -131,12 +142,18 @@ def find_template_names(text: str, source: object) -> set[str]:
     try:
         template = _make_environment().parse(text)
     except TemplateError as error:
-        allowed = "a template of Jinja2"
-        raise InputError(source, "template", str(error), allowed) from None
-    # The name of a referenced file is None if an expression computes it.
-    for name in meta.find_referenced_templates(template):
-        allowed = "one file, without include, import or extends"
-        raise InputError(source, "template", name, allowed)
+        raise InputError(
+            source, key="template", value=str(error), allowed="a template of Jinja2"
+        ) from None
+    # The name of an included file is None if an expression computes it.
+    included_files = list(meta.find_referenced_templates(template))
+    if included_files:
+        raise InputError(
+            source,
+            key="template",
+            value=included_files[0],
+            allowed="one file, without include, import or extends",
+        )
     return meta.find_undeclared_variables(template)
 
 
@@ -151,7 +168,9 @@ def read_template(path: StrPath) -> str:
     try:
         return Path(path).read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
-        raise InputError(path, "template", str(error), "text in UTF-8") from None
+        raise InputError(
+            path, key="template", value=str(error), allowed="text in UTF-8"
+        ) from None
 
 
 def deck_name(template: StrPath) -> str:
@@ -217,27 +236,43 @@ def _find_faults(
     source: str,
     fixed_names: Collection[str],
 ) -> Iterator[InputError]:
-    """Find the faults that `check_simulator` raises; its parameters are the same."""
+    """Find the faults that `check_simulator` raises.
+
+    The parameters are those of `check_simulator`.
+
+    Yields
+    ------
+    YamlError or InputError
+        A fault of the configuration, or of a template.
+    """
     if find_program(settings.command) is None:
-        key = "simulator.command.0"
-        yield YamlError(source, key, settings.command[0], EXPECTED_PROGRAM)
+        yield YamlError(
+            source,
+            key="simulator.command.0",
+            value=settings.command[0],
+            allowed=EXPECTED_PROGRAM,
+        )
 
     missing_files = [
         name for name in _list_study_files(settings) if not Path(name).is_file()
     ]
     for name in missing_files:
         key = "simulator.template" if name == settings.template else "simulator.files"
-        yield YamlError(source, key, name, EXPECTED_FILE)
+        yield YamlError(source, key=key, value=name, allowed=EXPECTED_FILE)
     yield from _find_file_faults(settings, source)
 
     # A parameter must not have the name of a number of the run.
     reserved_names = ", ".join(RUN_VARIABLES)
     for name in RUN_VARIABLES:
         if name in parameters:
-            allowed = f"another name: {reserved_names} are numbers of the run itself"
-            yield YamlError(source, f"parameters.{name}", name, allowed)
+            yield YamlError(
+                source,
+                key=f"parameters.{name}",
+                value=name,
+                allowed=f"another name: {reserved_names} are numbers of the run itself",
+            )
 
-    # A template that is missing was reported above, and cannot be read.
+    # A missing template was reported above, and cannot be read.
     if settings.template not in missing_files:
         yield from _find_name_faults(
             settings, parameters, source=source, fixed_names=fixed_names
@@ -248,11 +283,15 @@ def _find_faults(
         pile_responses = list_pile_responses()
         for name in targets:
             if name not in pile_responses:
-                allowed = (
-                    f"one of {', '.join(pile_responses)}, which a file of particles gives, or "
-                    "`simulator.output` with the table that has it"
+                yield YamlError(
+                    source,
+                    key=f"targets.{name}",
+                    value=name,
+                    allowed=(
+                        f"one of {', '.join(pile_responses)}, which a file of particles "
+                        "gives, or `simulator.output` with the table that has it"
+                    ),
                 )
-                yield YamlError(source, f"targets.{name}", name, allowed)
 
 
 def _find_file_faults(settings: SimulatorSettings, source: str) -> Iterator[InputError]:
@@ -260,18 +299,26 @@ def _find_file_faults(settings: SimulatorSettings, source: str) -> Iterator[Inpu
 
     Yields
     ------
-    InputError
+    YamlError
         For two inputs of the same name, and for an output with the name of an input.
     """
     for name in _find_repeated_names(settings):
-        allowed = "files whose names differ in the folder of a run"
-        yield YamlError(source, "simulator.files", name, allowed)
+        yield YamlError(
+            source,
+            key="simulator.files",
+            value=name,
+            allowed="files whose names differ in the folder of a run",
+        )
     # If the program wrote no output, an input of the same name would be read instead.
     input_names = _list_input_files(settings)
     for key, name in settings.files_by_key.items():
         if name in input_names:
-            allowed = "a file that the run writes, not one that it is given"
-            yield YamlError(source, f"simulator.{key}", name, allowed)
+            yield YamlError(
+                source,
+                key=f"simulator.{key}",
+                value=name,
+                allowed="a file that the run writes, not one that it is given",
+            )
 
 
 def _find_name_faults(
@@ -287,7 +334,8 @@ def _find_name_faults(
     ----------
     settings : SimulatorSettings
     parameters : mapping
-        A value for each parameter. Template and command are filled with it on trial.
+        A value for each parameter. To test them, template and command are filled with
+        these values.
     source : str
         File of the configuration, for the messages.
     fixed_names : collection of str
@@ -296,6 +344,7 @@ def _find_name_faults(
     Yields
     ------
     InputError
+        A fault of a template, or of a parameter in the configuration.
     """
     known_names = (*parameters, *RUN_VARIABLES)
     used_names: set[str] = set()
@@ -305,18 +354,26 @@ def _find_name_faults(
         unknown_names = sorted(names_in_text.difference(known_names))
         for name in unknown_names:
             yield InputError(
-                source_of_text, "name", name, f"one of {', '.join(known_names)}"
+                source_of_text,
+                key="name",
+                value=name,
+                allowed=f"one of {', '.join(known_names)}",
             )
-        # With all names known, filling shows whether its expressions can be computed.
+        # If all names are known, fill the text to test whether its expressions can be
+        # computed.
         if not unknown_names:
             yield from _try_to_fill(text, parameters, source_of_text)
-    # Without a template the program reads all parameters from a file.
+    # Without a template the program reads all parameters from a file, so none is unused.
     if settings.template is None:
         return
     for name in parameters:
         if name not in used_names and name not in fixed_names:
-            allowed = f"a name that {settings.template} or the command uses"
-            yield YamlError(source, f"parameters.{name}", name, allowed)
+            yield YamlError(
+                source,
+                key=f"parameters.{name}",
+                value=name,
+                allowed=f"a name that {settings.template} or the command uses",
+            )
 
 
 def find_used_names(settings: SimulatorSettings) -> set[str]:
@@ -393,7 +450,7 @@ def run_once(
 ) -> dict[str, Any]:
     """Run the program once, and write the record of the run.
 
-    A finished run with the same inputs is not made again.
+    If a good run with the same inputs exists, its result is used instead.
 
     Parameters
     ----------
@@ -403,7 +460,8 @@ def run_once(
     sample, run, seed : int
         Number of the sample, number of the run in it, and seed of the run.
     out_dir : path
-        The folder of the sample; RUN.json is the record.
+        The folder of the sample. The record is its file RUN.json, where RUN is the
+        number of the run.
 
     Returns
     -------
@@ -425,7 +483,7 @@ def run_once(
     out = Path(out_dir)
     inputs = _collect_inputs(settings, values)
     run_folder = out / str(run)
-    # A failed run is made again, since its cause may be repaired.
+    # A failed run is not kept, because the user may have repaired the cause.
     ending = _find_finished_run(run_folder, inputs, settings)
     if ending is None:
         ending = _run_in_folder(settings, inputs, run_folder)
@@ -469,16 +527,20 @@ def _collect_inputs(
     ]
     program = find_program(command)
     if program is None:
-        raise InputError("simulator", "command", command[0], EXPECTED_PROGRAM)
+        raise InputError(
+            "simulator", key="command", value=command[0], allowed=EXPECTED_PROGRAM
+        )
     deck = None
     if settings.template is not None:
         text = read_template(settings.template)
         deck = fill_template(text, values, settings.template)
-    # Files are compared by their content.
+    # Use hashes, because two files are the same if their contents are the same.
     hashes = {}
     for name in settings.files:
         if not Path(name).is_file():
-            raise InputError("simulator", "files", name, EXPECTED_FILE)
+            raise InputError(
+                "simulator", key="files", value=name, allowed=EXPECTED_FILE
+            )
         hashes[Path(name).name] = provenance.hash_file(name)
     return {
         "command": command,
@@ -531,18 +593,27 @@ def find_file_fault(folder: Path, name: str) -> InputError | None:
     Returns
     -------
     InputError or None
-        The fault, with what to remove so that the run is made again.
+        The fault. Its message tells what to remove so that the run is made again. None
+        if the file is as the run left it.
     """
     path = folder / name
     if not path.is_file():
-        allowed = f"the file of this run; remove {folder}.json, and run again"
-        return InputError(path, "file", "lost", allowed)
-    if ledger.is_changed(folder.parent, f"{folder.name}/{name}"):
-        allowed = (
-            "the file as this run left it; remove it, which is damaged or edited, and "
-            f"{folder}.json, and run again"
+        return InputError(
+            path,
+            key="file",
+            value="lost",
+            allowed=f"the file of this run; remove {folder}.json, and run again",
         )
-        return InputError(path, "content", "something else", allowed)
+    if ledger.is_changed(folder.parent, f"{folder.name}/{name}"):
+        return InputError(
+            path,
+            key="content",
+            value="something else",
+            allowed=(
+                "the file as this run left it; remove it, which is damaged or edited, "
+                f"and {folder}.json, and run again"
+            ),
+        )
     return None
 
 
@@ -558,8 +629,8 @@ def _run_in_folder(
 ) -> Ending:
     """Run the program in a temporary folder, and rename this folder at the end.
 
-    A folder with the final name is therefore complete. An existing folder of this name
-    is replaced.
+    A folder with the final name is therefore complete. An existing folder with this
+    name is replaced.
 
     Parameters
     ----------
@@ -572,6 +643,7 @@ def _run_in_folder(
     Returns
     -------
     Ending
+        How the run ended.
     """
     work_folder = folder.with_name(f"{folder.name}.part")
     # An interrupted run may have left a folder of the temporary name.
@@ -580,20 +652,21 @@ def _run_in_folder(
     _write_inputs(settings, inputs, work_folder)
     command = [inputs["program"], *inputs["command"][1:]]
     ending = _call_program(command, work_folder, settings)
-    # The program may have removed its own folder. Then it has left no files.
+    # The program may have removed its own folder. The run then has no files.
     work_folder.mkdir(exist_ok=True)
     if ending.status == OK:
         ending = _check_outputs(settings, work_folder)
 
     _remove_unlisted_files(work_folder, settings)
-    # Only a good run is used again, since the cause of a failure may be repaired.
+    # The hash of its inputs lets a later call use this run again. A failed run gets none,
+    # because the user may repair the cause.
     if ending.status == OK:
         (work_folder / INPUT_HASH_FILE).write_text(
             json.dumps(_hash_inputs(inputs)), encoding="utf-8"
         )
         for name in settings.files_read:
-            listed = f"{folder.name}/{name}"
-            ledger.list_file_below(folder.parent, listed, source=work_folder / name)
+            final_name = f"{folder.name}/{name}"
+            ledger.list_file_below(folder.parent, final_name, source=work_folder / name)
     shutil.rmtree(folder, ignore_errors=True)
     os.replace(work_folder, folder)
     return ending
@@ -628,7 +701,13 @@ def _write_inputs(
 
 
 def _check_outputs(settings: SimulatorSettings, work_folder: Path) -> Ending:
-    """Check that a program that ended well has written every file that is read."""
+    """Check whether a program that ended well has written every file that is read.
+
+    Returns
+    -------
+    Ending
+        ``ok``, or ``no_output`` with the first file that is missing.
+    """
     for name in settings.files_read:
         path = work_folder / name
         if not path.exists():
@@ -644,7 +723,8 @@ def _call_program(
     """Call the program in a folder, without a shell, and wait for its end.
 
     The file `PRINTED_FILE` receives what the program prints. If the program takes too
-    long, or if this process is asked to end, the program is stopped with its children.
+    long, or if this process receives a signal to end, the program is stopped with its
+    children.
 
     Parameters
     ----------
@@ -658,6 +738,7 @@ def _call_program(
     Returns
     -------
     Ending
+        How the program ended.
     """
     # Libraries with threads of their own read OMP_NUM_THREADS.
     environment_changes = {
@@ -716,24 +797,24 @@ def _exit_on_sigterm() -> Iterator[None]:
 def _stop_program(process: "subprocess.Popen[bytes]") -> None:
     """Stop a program with all its children.
 
-    The signal SIGTERM asks the program to end. If it still runs after `STOP_TIME_S`, the
-    signal SIGKILL ends it.
+    The signal SIGTERM asks the processes to end. The signal SIGKILL ends those that
+    still run when the program has ended, or after `STOP_TIME_S`.
 
     Parameters
     ----------
     process : subprocess.Popen
         The program, which leads a process group of its own.
     """
+    # Send both signals even if the program ends after the first one, because its
+    # children may still run.
     for signal_number in (signal.SIGTERM, signal.SIGKILL):
         try:
             os.killpg(process.pid, signal_number)
         except ProcessLookupError:
             # All processes of the group have ended.
-            break
-        try:
+            return
+        with suppress(subprocess.TimeoutExpired):
             process.wait(STOP_TIME_S)
-        except subprocess.TimeoutExpired:
-            continue
 
 
 def _read_last_line(path: Path) -> str:
@@ -761,7 +842,8 @@ def _remove_unlisted_files(work_folder: Path, settings: SimulatorSettings) -> No
     kept_names = {PARAMETERS_FILE, PRINTED_FILE, *settings.files_read, *settings.keep}
     if settings.template is not None:
         kept_names.add(deck_name(settings.template))
-    # In reverse order, the content of a folder comes before the folder.
+    # In reverse order, the content of a folder comes before the folder, which may be
+    # empty then.
     for path in sorted(work_folder.rglob("*"), reverse=True):
         if path.is_dir() and not path.is_symlink():
             if not any(path.iterdir()):

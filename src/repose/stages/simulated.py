@@ -33,6 +33,11 @@ def list_record_files(entries: Iterable[str]) -> dict[Path, list[Path]]:
     entries : iterable of str
         FOLDER=COUNT: the folder of a sample, with the number of its runs.
 
+    Returns
+    -------
+    dict
+        The paths of the records in each folder. Runs are numbered from 1.
+
     Raises
     ------
     InputError
@@ -42,10 +47,14 @@ def list_record_files(entries: Iterable[str]) -> dict[Path, list[Path]]:
     for entry in entries:
         folder, _, count = entry.rpartition("=")
         if not folder or not count.isdecimal():
-            expected = (
-                "FOLDER=COUNT, the folder of a sample with the number of its runs"
+            raise InputError(
+                "command line",
+                key="runs",
+                value=entry,
+                allowed=(
+                    "FOLDER=COUNT, the folder of a sample with the number of its runs"
+                ),
             )
-            raise InputError("command line", "runs", entry, expected)
         path = Path(folder)
         files[path] = [path / f"{run}.json" for run in range(1, int(count) + 1)]
     return files
@@ -78,11 +87,12 @@ def measure_sample(
     dict
         The job, as `repose.stages.dataset` reads it.
     """
+    keys = {"sample": int, "run": int, "seed": int, "parameters": dict, "status": str}
     runs = []
     job: dict[str, Any] = {}
     for path in map(Path, records):
-        keys = {"sample": int, "run": int, "seed": int, "parameters": dict}
-        record = read_json(path, keys | {"status": str}, "the record of a run")
+        record = read_json(path, keys, "the record of a run")
+        # All runs of a sample agree in these three entries.
         job = {name: record[name] for name in ("apparatus", "sample", "parameters")}
         ending = Ending(record["status"], record["reason"])
         numbers: dict[str, float | None] = dict.fromkeys(responses)
@@ -122,7 +132,7 @@ def read_responses(
     Returns
     -------
     Ending
-        ``ok``, or why the run counts as failed.
+        Its status is ``ok``, or it has the reason why the run counts as failed.
     dict
         A number for each response. All are None for a failed run.
 
@@ -131,13 +141,14 @@ def read_responses(
     InputError
         If a file of the run has been lost or changed since the run.
     """
-    no_numbers: dict[str, float | None] = dict.fromkeys(responses)
-    contents: dict[str, Any] = {}
     for name in settings.files_read:
         fault = find_file_fault(folder, name)
         if fault is not None:
             raise fault
+
     # The file of particles comes first, so that the table may overwrite its responses.
+    no_numbers: dict[str, float | None] = dict.fromkeys(responses)
+    contents: dict[str, Any] = {}
     try:
         if settings.particles is not None:
             contents |= measure_pile(folder, settings, measure)
@@ -148,7 +159,8 @@ def read_responses(
     except (InputError, OSError, ValueError) as error:
         return Ending("bad_output", _in_one_line(error)), no_numbers
 
-    # Judge the run like a row of a user's table, by its numbers and its own status.
+    # The contents may have a status that the program gave. Judge the run by this status
+    # and by its numbers, like a row of a user's table.
     cells, _ = make_cells(contents, responses)
     outcome = judge_runs({name: [cell] for name, cell in cells.items()}, responses)
     status = outcome.statuses[0]
@@ -179,10 +191,20 @@ def read_response_table(path: Path) -> dict[str, Any]:
 
     if path.suffix.lower() == ".json":
         return read_json(path, what="responses by name")
-    what = "a CSV file of responses"
-    rows = tables.read(path, (), what, others=lambda cells: False).rows()
+
+    # The caller checks the cells. Here they may be of any kind, so none of the columns
+    # counts as a column of numbers.
+    table = tables.read(
+        path,
+        columns=(),
+        what="a CSV file of responses",
+        others=lambda cells: False,
+    )
+    rows = table.rows()
     if len(rows) != 1:
-        raise InputError(path, "rows", len(rows), "one row, of this run")
+        raise InputError(
+            path, key="rows", value=len(rows), allowed="one row, of this run"
+        )
     return rows[0]
 
 
