@@ -119,10 +119,9 @@ def fit_steepest(
 ) -> Line:
     """Fit the definition "steepest": the steepest line over at least half of a band.
 
-    The whole band is one of the stretches, so no flank is steeper. Half a flank can be
-    flatter than the whole: a regression on the distance flattens where its heights are
-    cut off, the more the shorter the stretch is. The maximum of many slopes exceeds
-    their mean, so on a lumpy flank this definition biases the angle upwards.
+    A stretch is the band without some whole pixels at its lower and its upper end. The
+    whole band is one of the stretches, so the line is never flatter than the flank. It
+    is too steep on a lumpy flank, because it has the largest of many slopes.
 
     Parameters
     ----------
@@ -139,26 +138,28 @@ def fit_steepest(
         If half of the band is too low, or if no stretch rises.
     """
     distance, height = select_points(profile, low, high, rule)
-    min_height = (high - low) / 2
-    if min_height < MIN_LEVELS:
+    half_height = (high - low) / 2
+    if half_height < MIN_LEVELS:
         raise NoFlankError(
-            f"half of the flank is only {min_height:.0f} pixels high, {MIN_LEVELS} are "
+            f"half of the flank is only {half_height:.0f} pixels high, {MIN_LEVELS} are "
             "needed"
         )
     if distance.size < MIN_LEVELS:
         raise NoFlankError(WALL_REASON)
-    # A stretch is what remains of the band after whole pixels are cut off at its lower
-    # and its upper end, together at most half of the band.
-    cuts = np.arange(math.floor(min_height) + 1)
-    # Entry (i, j) cuts off cuts[i] pixels below and cuts[j] pixels above.
-    is_long_enough = cuts[:, None] + cuts <= min_height
-    lower_index, upper_index = np.nonzero(is_long_enough)
-    lows = low + cuts[lower_index]
-    highs = high - cuts[upper_index]
-    # The slopes of all stretches are fast to compute. Then fit a line to the steepest.
-    best = _find_best_window(compute_window_slopes(distance, height, lows, highs))
-    steepest_low = float(lows[best])
-    steepest_high = float(highs[best])
+
+    # List all stretches: cut off whole pixels below and above, together at most half of
+    # the band.
+    cuts = np.arange(math.floor(half_height) + 1)
+    is_long_enough = cuts[:, None] + cuts <= half_height
+    cuts_below, cuts_above = np.nonzero(is_long_enough)
+    lows = low + cuts_below
+    highs = high - cuts_above
+
+    # Compute only the slopes of all stretches, which is fast. Then fit the steepest one.
+    slopes = compute_window_slopes(distance, height, lows, highs)
+    steepest = _find_best_window(slopes)
+    steepest_low = float(lows[steepest])
+    steepest_high = float(highs[steepest])
     is_inside = (height >= steepest_low) & (height <= steepest_high)
     return fit_line(distance[is_inside], height[is_inside], steepest_low, steepest_high)
 
@@ -168,9 +169,9 @@ def fit_straightest(
 ) -> Line:
     """Fit the definition "straightest": the window of the largest correlation.
 
-    A window is a stretch of successive points of the side. Li et al. let windows grow
-    from the open end to the centre. They use the angle of the window in which distance
-    and height correlate most. They do not state the size of their smallest window.
+    A window is a run of successive points of the side. The line is fitted to the window
+    in which distance and height correlate most, as by Li et al. They do not state the
+    size of their smallest window, so it is a parameter here.
 
     Parameters
     ----------
@@ -204,8 +205,9 @@ def fit_straightest(
     first_index, last_index = np.nonzero(n_inside >= min_points)
     first = borders[first_index]
     last = borders[last_index]
-    best = _find_best_window(compute_window_correlations(distance, height, first, last))
-    window = slice(first[best], last[best])
+    correlations = compute_window_correlations(distance, height, first, last)
+    straightest = _find_best_window(correlations)
+    window = slice(first[straightest], last[straightest])
     window_height = height[window]
     low = float(window_height.min())
     high = float(window_height.max())
@@ -371,7 +373,7 @@ def fit_secant(profile: np.ndarray, grain_px: float) -> Line:
     Raises
     ------
     NoFlankError
-        For a pile of one layer, and without a foot.
+        If the pile is not higher than a grain, or if the side has no foot.
     """
     crest = profile.size - 1
     height = float(profile[-1])

@@ -55,8 +55,12 @@ def read_image(path: str | PathLike) -> np.ndarray:
     path = Path(path)
     if not path.is_file():
         problem = "a folder" if path.is_dir() else "no such file"
-        allowed = f"an existing picture file ({PICTURE_FORMATS})"
-        raise InputError(path, "picture", problem, allowed)
+        raise InputError(
+            path,
+            key="picture",
+            value=problem,
+            allowed=f"an existing picture file ({PICTURE_FORMATS})",
+        )
 
     # Check the header first, because decoding a huge picture could take all the memory.
     _check_header(path)
@@ -67,14 +71,22 @@ def read_image(path: str | PathLike) -> np.ndarray:
         image = None
     if image is None:
         problem = "not a picture" if content.size else "an empty file"
-        allowed = f"a picture file ({PICTURE_FORMATS}), whole"
-        raise InputError(path, "picture", problem, allowed)
+        raise InputError(
+            path,
+            key="picture",
+            value=problem,
+            allowed=f"a picture file ({PICTURE_FORMATS}), whole",
+        )
 
     if image.dtype == np.uint16:
         return _keep_upper_bits(image)
     if image.dtype != np.uint8:
-        allowed = "a picture of 8 to 16 bits a colour: save it so"
-        raise InputError(path, "picture", f"of {image.dtype} numbers", allowed)
+        raise InputError(
+            path,
+            key="picture",
+            value=f"of {image.dtype} numbers",
+            allowed="a picture of 8 to 16 bits a colour: save it so",
+        )
     return image
 
 
@@ -100,8 +112,12 @@ def _check_header(path: Path) -> None:
 
     with path.open("rb") as file:
         if file.read(12)[4:] in HEIC_BRANDS:
-            allowed = "PNG or JPEG; a phone exports it (`heif-convert a.heic a.jpg`)"
-            raise InputError(path, "picture", "HEIC", allowed)
+            raise InputError(
+                path,
+                key="picture",
+                value="HEIC",
+                allowed="PNG or JPEG; a phone exports it (`heif-convert a.heic a.jpg`)",
+            )
 
     # Pillow's own limit is smaller than a phone's picture, so it is lifted here.
     pillow_limit = Image.MAX_IMAGE_PIXELS
@@ -115,14 +131,23 @@ def _check_header(path: Path) -> None:
     finally:
         Image.MAX_IMAGE_PIXELS = pillow_limit
     if n_pages != 1:
-        raise InputError(path, "pages", n_pages, "1: save each as a file of its own")
+        raise InputError(
+            path,
+            key="pages",
+            value=n_pages,
+            allowed="1: save each as a file of its own",
+        )
     if min(width, height) < MIN_SIDE_PX or width * height > MAX_PIXELS:
         size = f"{width} x {height} pixels"
-        allowed = (
-            f"at least {MIN_SIDE_PX} pixels each way, at most {MAX_PIXELS / 1e6:g} "
-            "million in all"
+        raise InputError(
+            path,
+            key="size",
+            value=size,
+            allowed=(
+                f"at least {MIN_SIDE_PX} pixels each way, at most {MAX_PIXELS / 1e6:g} "
+                "million in all"
+            ),
         )
-        raise InputError(path, "size", size, allowed)
 
 
 def _count_pages(picture: "PillowImage") -> int:

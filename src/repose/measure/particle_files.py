@@ -123,7 +123,12 @@ def read_particles(path: StrPath, radius: float | None = None) -> Particles:
         _refuse_sizes(path, table)
         table["radius"] = radius
     if table.empty:
-        raise InputError(path, "file", "without a particle", "a row for each particle")
+        raise InputError(
+            path,
+            key="file",
+            value="without a particle",
+            allowed="a row for each particle",
+        )
     columns = _find_columns(table)
     _require_unique_ids(path, table)
     _require_columns(path, table, columns, POSITION)
@@ -181,7 +186,9 @@ def _read_table(path: Path) -> pd.DataFrame:
     try:
         text = path.read_text(encoding="utf-8")
     except UnicodeDecodeError as error:
-        raise InputError(path, "file", "no text", "text in UTF-8") from error
+        raise InputError(
+            path, key="file", value="no text", allowed="text in UTF-8"
+        ) from error
     if text.startswith(DUMP_ITEM):
         return _read_dump(path, text)
     if text.startswith(YADE_FORMAT):
@@ -196,7 +203,9 @@ def _read_table(path: Path) -> pd.DataFrame:
         return pd.read_csv(path, sep=separator, engine="python", comment="#")
     except (ValueError, pd.errors.ParserError) as error:
         fault = str(error).partition("\n")[0]
-        raise InputError(path, "file", fault, "a table with a header") from error
+        raise InputError(
+            path, key="file", value=fault, allowed="a table with a header"
+        ) from error
 
 
 def _read_positions(path: Path) -> pd.DataFrame:
@@ -225,8 +234,12 @@ def _refuse_sizes(path: StrPath, table: pd.DataFrame) -> None:
     columns = _find_columns(table)
     for quantity, column in columns.items():
         if quantity in sizes:
-            allowed = "no column of sizes where a radius is given"
-            raise InputError(path, f"column {column}", "found", allowed)
+            raise InputError(
+                path,
+                key=f"column {column}",
+                value="found",
+                allowed="no column of sizes where a radius is given",
+            )
 
 
 def _read_dump(path: Path, text: str) -> pd.DataFrame:
@@ -255,7 +268,9 @@ def _read_dump(path: Path, text: str) -> pd.DataFrame:
         if line == "ITEM: NUMBER OF ATOMS":
             count_lines.append(number)
     if not header_lines:
-        raise InputError(path, "file", "a dump without ITEM: ATOMS", "a whole dump")
+        raise InputError(
+            path, key="file", value="a dump without ITEM: ATOMS", allowed="a whole dump"
+        )
 
     # The header names the columns after the two words ITEM: ATOMS.
     last_header = header_lines[-1]
@@ -264,11 +279,19 @@ def _read_dump(path: Path, text: str) -> pd.DataFrame:
     # The number of particles is on the line after "ITEM: NUMBER OF ATOMS".
     count = lines[count_lines[-1] + 1].strip() if count_lines else "missing"
     if not count.isdecimal():
-        allowed = "the number of particles, a whole number"
-        raise InputError(path, "ITEM: NUMBER OF ATOMS", count, allowed)
+        raise InputError(
+            path,
+            key="ITEM: NUMBER OF ATOMS",
+            value=count,
+            allowed="the number of particles, a whole number",
+        )
     if len(rows) != int(count):
-        allowed = f"{count} rows, a whole dump"
-        raise InputError(path, "ITEM: ATOMS", f"{len(rows)} rows", allowed)
+        raise InputError(
+            path,
+            key="ITEM: ATOMS",
+            value=f"{len(rows)} rows",
+            allowed=f"{count} rows, a whole dump",
+        )
     return _split_rows(path, names, rows)
 
 
@@ -281,7 +304,10 @@ def _split_rows(path: Path, names: list[str], rows: list[str]) -> pd.DataFrame:
     for number, row in enumerate(cells, start=1):
         if len(row) != len(names):
             raise InputError(
-                path, f"row {number}", f"{len(row)} values", f"{len(names)}: {names}"
+                path,
+                key=f"row {number}",
+                value=f"{len(row)} values",
+                allowed=f"{len(names)}: {names}",
             )
     return pd.DataFrame(cells, columns=names)
 
@@ -331,10 +357,14 @@ def _require_columns(
     for quantity in quantities:
         if quantity not in columns:
             found = ", ".join(map(str, table.columns))
-            allowed = (
-                f"a column named {' or '.join(COLUMN_NAMES[quantity])}; found: {found}"
+            raise InputError(
+                path,
+                key=f"column {quantity}",
+                value="missing",
+                allowed=(
+                    f"a column named {' or '.join(COLUMN_NAMES[quantity])}; found: {found}"
+                ),
             )
-            raise InputError(path, f"column {quantity}", "missing", allowed)
 
 
 def _require_unique_ids(path: StrPath, table: pd.DataFrame) -> None:
@@ -345,7 +375,9 @@ def _require_unique_ids(path: StrPath, table: pd.DataFrame) -> None:
         if is_repeated.any():
             row = int(np.flatnonzero(is_repeated)[0])
             key = f"column {name}, row {row + 1}"
-            raise InputError(path, key, table[name].iloc[row], "each particle once")
+            raise InputError(
+                path, key=key, value=table[name].iloc[row], allowed="each particle once"
+            )
 
 
 def _read_numbers(
@@ -386,7 +418,9 @@ def _read_numbers(
         if is_bad.any():
             row = int(np.flatnonzero(is_bad)[0])
             key = f"column {columns[name]}, row {row + 1}"
-            raise InputError(path, key, cells.iloc[row], "a finite number")
+            raise InputError(
+                path, key=key, value=cells.iloc[row], allowed="a finite number"
+            )
     return numbers
 
 
@@ -431,19 +465,26 @@ def _read_semi_axes(
     else:
         found = ", ".join(map(str, table.columns))
         raise InputError(
-            path, "size", "missing", f"columns {SIZE_COLUMNS}; found: {found}"
+            path,
+            key="size",
+            value="missing",
+            allowed=f"columns {SIZE_COLUMNS}; found: {found}",
         )
 
     is_bad = (semi_axes <= 0).any(axis=1)
     if is_bad.any():
         row = int(np.flatnonzero(is_bad)[0])
         value = float(semi_axes[row].min())
-        raise InputError(path, f"size, row {row + 1}", value, "a number above 0")
+        raise InputError(
+            path, key=f"size, row {row + 1}", value=value, allowed="a number above 0"
+        )
 
     lacks_orientation = (has_semi_axes or has_full_axes) and "qw" not in columns
     if lacks_orientation and (semi_axes != semi_axes[:, :1]).any():
         names = ", ".join(QUATERNION)
-        raise InputError(path, "orientation", "missing", f"columns {names}")
+        raise InputError(
+            path, key="orientation", value="missing", allowed=f"columns {names}"
+        )
     return semi_axes
 
 
@@ -452,5 +493,7 @@ def _normalise(path: StrPath, quaternions: np.ndarray) -> np.ndarray:
     lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
     if (lengths == 0).any():
         row = int(np.flatnonzero(lengths[:, 0] == 0)[0])
-        raise InputError(path, f"orientation, row {row + 1}", 0, "a quaternion")
+        raise InputError(
+            path, key=f"orientation, row {row + 1}", value=0, allowed="a quaternion"
+        )
     return quaternions / lengths

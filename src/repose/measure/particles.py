@@ -143,9 +143,9 @@ def measure_particles(
     if not low <= radius * metres_per_unit <= high:
         raise InputError(
             source,
-            "radius",
-            f"{format_significant(radius)} {unit}",
-            f"a grain of {low:g} to {high:g} m; is the unit of lengths another one?",
+            key="radius",
+            value=f"{format_significant(radius)} {unit}",
+            allowed=f"a grain of {low:g} to {high:g} m; is the unit of lengths another one?",
         )
 
     # Turn the pile upright, and shift its base to z = 0.
@@ -159,8 +159,12 @@ def measure_particles(
     centres = particles.centres @ rotation.T
     highest = centres[:, 2].max()
     if base > highest:
-        allowed = f"a height of the plate below all grains, at most {format_significant(highest)}"
-        raise InputError(source, "base", base, allowed)
+        raise InputError(
+            source,
+            key="base",
+            value=base,
+            allowed=f"a height of the plate below all grains, at most {format_significant(highest)}",
+        )
     centres[:, 2] -= base
     grains = _make_grains(
         particles, centres * metres_per_unit, rotation, metres_per_unit
@@ -233,10 +237,10 @@ def find_up(particles: Particles, source: object = "particles") -> str:
     if counts[first] < SMALLEST_COUNT_RATIO * max(counts[second], 1):
         raise InputError(
             source,
-            "direction of gravity",
-            f"unclear: {counts[first]} grains lie on a plane across {first}, "
+            key="direction of gravity",
+            value=f"unclear: {counts[first]} grains lie on a plane across {first}, "
             f"{counts[second]} across {second}",
-            f"--up, one of {', '.join(DIRECTIONS)}",
+            allowed=f"--up, one of {', '.join(DIRECTIONS)}",
         )
     return first
 

@@ -22,7 +22,8 @@ def pile_responses(
 ) -> tuple[dict[str, Any], dict[str, str]]:
     """Measure the responses of a saved pile.
 
-    Angles and Height are always measured, others by their names.
+    Angles and Height are always measured. Other responses are measured if
+    `extra_names` has their names.
 
     Parameters
     ----------

@@ -47,39 +47,43 @@ def read_pours(path: str | PathLike) -> dict[str, Any]:
     # Another file of the program has no list of pours, or another name.
     pours = job.get("pours")
     if not str(path).endswith(POURS_ENDING) or not isinstance(pours, list) or not pours:
-        raise InputError(path, "pours", pours, EXPECTED_FILE)
+        raise InputError(path, key="pours", value=pours, allowed=EXPECTED_FILE)
     for pour in pours:
         _check_pour(pour, path)
+        # A record may lack a reason.
+        pour.setdefault("reason", "")
     seeds = [pour["seed"] for pour in pours]
     if len(set(seeds)) < len(seeds):
-        raise InputError(path, "seed", seeds, "each seed once")
+        raise InputError(path, key="seed", value=seeds, allowed="each seed once")
     return job
 
 
 def _check_pour(pour: Any, path: str | PathLike) -> None:
-    """Raise InputError for an impossible record of a pour, and complete its reason.
-
-    A record without a reason gets an empty one.
+    """Raise InputError for an impossible record of a pour.
 
     Parameters
     ----------
     pour : dict
-        The record, which is changed.
+        The record. It may lack a reason.
     path : path
         The file, for messages.
     """
     has_keys = isinstance(pour, dict) and "seed" in pour
     if not has_keys or not isinstance(pour.get("status"), str):
-        raise InputError(path, "pours", pour, "records with a seed and a status")
-    reason = pour.setdefault("reason", "")
+        raise InputError(
+            path, key="pours", value=pour, allowed="records with a seed and a status"
+        )
+    reason = pour.get("reason", "")
     if not isinstance(reason, str):
-        raise InputError(path, "reason", reason, "text")
+        raise InputError(path, key="reason", value=reason, allowed="text")
     # All other values are numbers, the seed too.
     for key in pour.keys() - {"status", "reason"}:
         value = pour[key]
         is_number = isinstance(value, int | float) and math.isfinite(value)
         if value is not None and not is_number:
-            raise InputError(path, key, value, "a finite number, or null")
+            raise InputError(
+                path, key=key, value=value, allowed="a finite number, or null"
+            )
 
 
 def read_positions(path: str | PathLike) -> dict[str, np.ndarray]:
@@ -122,10 +126,14 @@ def select_pour(
     for key, values in arrays.items():
         if key.endswith(ending):
             selected[key.removesuffix(ending)] = values
-    for kind in required_arrays:
-        if kind not in selected:
-            allowed = "an array in the .npz file beside it"
-            raise InputError(source, f"{kind}{ending}", None, allowed)
+    for name in required_arrays:
+        if name not in selected:
+            raise InputError(
+                source,
+                key=f"{name}{ending}",
+                value=None,
+                allowed="an array in the .npz file beside it",
+            )
     if "position" in required_arrays:
         _check_grains(selected, source, ending)
     return selected
@@ -144,30 +152,42 @@ def _check_grains(arrays: Arrays, source: object, ending: str) -> None:
     ending : str
         The text after the name of an array in the file, for messages.
     """
-    # The shape (N,) of an array with one number for each of the N grains of `position`.
-    # It is empty if `position` has too few dimensions.
-    per_grain = arrays["position"].shape[-2:-1]
-    for kind in (*N_COLUMNS, *NUMBERS_PER_GRAIN):
-        if kind not in arrays:
+    # The number of grains as a tuple (N,): the shape of an array with one number for
+    # each grain. It is empty if `position` has too few dimensions.
+    grain_shape = arrays["position"].shape[-2:-1]
+    for name in (*N_COLUMNS, *NUMBERS_PER_GRAIN):
+        if name not in arrays:
             continue
-        values = arrays[kind]
-        key = f"{kind}{ending}"
-        shape = (*per_grain, N_COLUMNS[kind]) if kind in N_COLUMNS else per_grain
-        # Booleans, floats and integers of either kind
+        values = arrays[name]
+        key = f"{name}{ending}"
+        shape = (*grain_shape, N_COLUMNS[name]) if name in N_COLUMNS else grain_shape
+        # NumPy's letters for booleans, floats, and signed and unsigned integers
         is_numeric = values.dtype.kind in "bfiu"
-        # A first axis of times is allowed.
-        has_shape = per_grain and values.shape[-len(shape) :] == shape
+        # Compare only the last axes, because the first one may be that of times.
+        has_shape = grain_shape and values.shape[-len(shape) :] == shape
         if not is_numeric or not has_shape:
-            description = f"{values.dtype} {values.shape}"
-            allowed = f"numbers {shape}, of as many grains as the other arrays"
-            raise InputError(source, key, description, allowed)
+            raise InputError(
+                source,
+                key=key,
+                value=f"{values.dtype} {values.shape}",
+                allowed=f"numbers {shape}, of as many grains as the other arrays",
+            )
         if not np.isfinite(values).all():
-            raise InputError(source, key, "not finite", "finite numbers")
-        if kind == "quaternion" and not values.any(axis=-1).all():
-            raise InputError(source, key, "zero", "a rotation of each grain")
-        if kind == "scale" and not (values > 0).all():
-            allowed = "sizes above 0, in sizes of the mean grain"
-            raise InputError(source, key, float(values.min()), allowed)
+            raise InputError(
+                source, key=key, value="not finite", allowed="finite numbers"
+            )
+        # A quaternion of zeros is no rotation.
+        if name == "quaternion" and not values.any(axis=-1).all():
+            raise InputError(
+                source, key=key, value="zero", allowed="a rotation of each grain"
+            )
+        if name == "scale" and not (values > 0).all():
+            raise InputError(
+                source,
+                key=key,
+                value=float(values.min()),
+                allowed="sizes above 0, in sizes of the mean grain",
+            )
 
 
 def read_first_pour(path: str | PathLike) -> dict[str, np.ndarray]:
@@ -191,8 +211,12 @@ def _find_first_seed(arrays: Mapping[str, np.ndarray], path: str | PathLike) -> 
         match = re.fullmatch(r"position_(.+)", key)
         if match:
             return match.group(1)
-    allowed = "position_SEED, quaternion_SEED, in_pile_SEED"
-    raise InputError(path, "arrays", sorted(arrays), allowed)
+    raise InputError(
+        path,
+        key="arrays",
+        value=sorted(arrays),
+        allowed="position_SEED, quaternion_SEED, in_pile_SEED",
+    )
 
 
 def positions_file(pours_json: str | PathLike) -> Path:

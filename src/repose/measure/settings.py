@@ -132,11 +132,18 @@ def line_of(settings: MeasureSettings, definition: str | None = None) -> str:
         smallest = settings.smallest_window
         return f"straightest window, at least {smallest:.2g} of the side, columns"
     # The other two, "flank" and "steepest", lie between two heights.
+    line = f"flank, {describe_height_band(settings)}, {settings.flank}"
+    if definition == "steepest":
+        return f"steepest half or more of the {line}"
+    return line
+
+
+def describe_height_band(settings: MeasureSettings) -> str:
+    """Describe the heights between which a line is fitted to a flank."""
     lower = _describe_end(settings.fit_from)
     upper = _describe_end(settings.fit_to)
     unit = "" if settings.fit_to == ONE_GRAIN else " % of the height"
-    part = "steepest half or more of the " if definition == "steepest" else ""
-    return f"{part}flank, {lower} to {upper}{unit}, {settings.flank}"
+    return f"{lower} to {upper}{unit}"
 
 
 def _describe_end(end: float | str) -> str:
@@ -162,8 +169,8 @@ def describe_line_of_response(settings: MeasureSettings | None, response: str) -
     Returns
     -------
     str
-        The text of `line_of` for an angle of repose; empty for any other response, and
-        without settings.
+        The text of `line_of` for an angle of repose. It is empty for any other response,
+        and without settings.
     """
     if settings is None:
         return ""

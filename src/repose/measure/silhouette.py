@@ -265,12 +265,15 @@ def paint_outlines(
     width = math.ceil((right_m - left_m) / pixel_m)
     height = math.ceil(top_m / pixel_m)
     if width * height > MAX_PIXELS:
-        allowed = (
-            f"at most {MAX_PIXELS:g}: positions are in m, and a larger "
-            "measure.mm_per_pixel needs fewer"
+        raise InputError(
+            "picture of the pile",
+            key="pixels",
+            value=f"{width:g} x {height:g}",
+            allowed=(
+                f"at most {MAX_PIXELS:g}: positions are in m, and a larger "
+                "measure.mm_per_pixel needs fewer"
+            ),
         )
-        size = f"{width:g} x {height:g}"
-        raise InputError("picture of the pile", "pixels", size, allowed)
     # Columns and rows of the outlines, counted from the middle of the first pixel
     pixels = np.empty_like(polygons_m)
     pixels[..., 0] = (polygons_m[..., 0] - left_m) / pixel_m - 0.5

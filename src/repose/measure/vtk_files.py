@@ -43,10 +43,14 @@ def read_table(path: Path) -> pd.DataFrame:
     try:
         import pyvista
     except ModuleNotFoundError as error:
-        expected = (
-            f"pyvista, which reads it: {INSTALL_COMMAND}; or a dump, CSV or Yade's text"
-        )
-        raise InputError(path, "file", "VTK", expected) from error
+        raise InputError(
+            path,
+            key="file",
+            value="VTK",
+            allowed=(
+                f"pyvista, which reads it: {INSTALL_COMMAND}; or a dump, CSV or Yade's text"
+            ),
+        ) from error
     # The content decides on the format, because LIGGGHTS also writes XML into files that
     # end in .vtk.
     try:
@@ -57,7 +61,9 @@ def read_table(path: Path) -> pd.DataFrame:
                 columns[name] = np.asarray(values)
     except (AttributeError, RuntimeError, TypeError, ValueError) as error:
         fault = str(error).partition("\n")[0]
-        raise InputError(path, "file", fault, "a file of VTK with points") from error
+        raise InputError(
+            path, key="file", value=fault, allowed="a file of VTK with points"
+        ) from error
     return pd.DataFrame(columns)
 
 
@@ -76,6 +82,9 @@ def _find_ending(path: Path) -> str:
     name = kind[1].decode()
     if name not in ENDING_OF_KIND:
         raise InputError(
-            path, "VTKFile type", name, f"one of {', '.join(ENDING_OF_KIND)}"
+            path,
+            key="VTKFile type",
+            value=name,
+            allowed=f"one of {', '.join(ENDING_OF_KIND)}",
         )
     return ENDING_OF_KIND[name]

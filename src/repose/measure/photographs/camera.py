@@ -114,9 +114,9 @@ def calibrate_camera(
 
     The lens is centred on the picture, pixels are square, and the distortion is radial.
     The model has as many coefficients of distortion (two, one or none) as the corners
-    determine. A coefficient is determined if its standard error moves a point at half
-    the picture's longer side by less than 0.4 % of that distance. If the corners do not
-    determine the focal length either, it is `focal_px`, unless they rule out that value.
+    determine, see `_is_reliable`. If the corners do not determine the focal length
+    either, the camera has no distortion. Its focal length is then that of
+    `_estimate_focal`, which is `focal_px` unless the corners clearly contradict it.
 
     Parameters
     ----------
@@ -125,7 +125,12 @@ def calibrate_camera(
     size : tuple of int
         Width and height of the photographs in pixels.
     focal_px : float, optional
-        The focal length that the camera states; the default is that of a phone.
+        The focal length that the camera states. The default is that of a phone.
+
+    Returns
+    -------
+    Camera
+        It has a note for the user if the distortion or the focal length is unknown.
 
     References
     ----------
@@ -142,7 +147,7 @@ def calibrate_camera(
             note = NO_DISTORTION if fixed_flags & cv2.CALIB_FIX_K1 else ""
             return Camera(fit.matrix, fit.distortion, note)
 
-    # The corners do not determine the focal length.
+    # No fit is reliable. Keep the guess, and note where its focal length comes from.
     if focal != assumed_focal:
         origin = "uncertain"
     elif focal_px is not None:
@@ -264,11 +269,12 @@ def _estimate_focal(
             for focal in trials
         ]
     )
-    # Variance of a coordinate of a corner, from what the best fit leaves
+    # Estimate the variance of a corner's coordinate from the residuals of the best fit.
     n_values = 2 * sum(len(view.pixels) for view in views)
     n_unknowns = 6 * len(views) + 1  # a pose for each view, and the focal length
     variance = residuals.min() / (n_values - n_unknowns)
-    # Three standard errors away, the sum of squares is 9 variances larger.
+    # Three standard errors away from the best value, the sum of squared residuals is
+    # 3^2 variances larger. The assumed focal length is the last trial.
     if residuals[-1] - residuals.min() < 9 * variance:
         return float(assumed)
     return float(trials[residuals.argmin()])

@@ -86,7 +86,7 @@ def list_doubts_of_pile(
     Returns
     -------
     list of str
-        A sentence for each doubt; empty without one.
+        A sentence for each doubt. The list is empty if there is none.
 
     Raises
     ------
@@ -145,7 +145,7 @@ def _check_rise(sides: Sequence[np.ndarray], size: _Size) -> str:
 
 
 def _check_drop(sides: Sequence[np.ndarray], size: _Size) -> str:
-    """Write a doubt if the outline falls steeply within half a grain.
+    """Write a doubt if the outline of the pile falls steeply within half a grain.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ def _check_flanks(
     flank = measurement.angles.get("flank")
     if flank is None:
         return ""
-    # The lines of a cone meet at its crest; those of a level top meet above it.
+    # The lines of a cone meet at its crest. If the top is level, they meet above it.
     height_mm = measurement.height_mm
     meeting_mm = _compute_meeting_height(flank.lines, base_row) * mm_per_pixel
     if LOWEST_MEETING * height_mm < meeting_mm < HIGHEST_MEETING * height_mm:
@@ -261,7 +261,8 @@ def require_foot(
 ) -> None:
     """Check that the lowest rows of a pile are its foot, if no sheet shows the plate.
 
-    They may instead be a shadow, or the near rim of a pile that is seen from above.
+    Instead of the foot, they may show a shadow, or the near rim of a pile that is seen
+    from above.
 
     Parameters
     ----------
@@ -297,7 +298,8 @@ def require_foot(
             LOW_BASE_REASON.format(depth=shadow_rows / rows.size, part=part)
         )
 
-    # From above, the foot is widest some rows over its lowest one.
+    # The lower rows of a pile that is seen from above show its near rim, which is
+    # narrower than the rows over it. Find the lowest of the widest rows.
     is_widest = widths[rows] >= 0.99 * widths.max()
     widest_row = rows[np.flatnonzero(is_widest)[-1]]
     underside_rows = rows[-1] - widest_row
@@ -325,7 +327,7 @@ def list_doubts_of_base(
     list of str
         A sentence for each doubt; empty without one.
     """
-    # The numbers of columns to the left and to the right of the pile, in each row
+    # In each row, count the columns to the left and to the right of the pile.
     rows = np.flatnonzero(pile.mask.any(axis=1))
     foot = _Foot(
         rows=rows,
@@ -389,9 +391,11 @@ def _continues_below(
         Height of a grain in pixels.
     """
     channels = image.reshape(*image.shape[:2], -1)
-    # The strip below the base, about a grain high, and its parts beside the foot
+    # The strip below the base and its parts beside the foot. It is about a grain high,
+    # and begins 2 rows below the base to keep away from the edge of the pile.
     first_row = math.ceil(pile.base_row) + 2
-    strip = channels[first_row : first_row + max(4, round(grain_px))]
+    n_rows = max(4, round(grain_px))
+    strip = channels[first_row : first_row + n_rows]
     left_part = strip[:, : foot.left.min()]
     right_part = strip[:, strip.shape[1] - foot.right.min() :]
     sides = np.concatenate([left_part, right_part], axis=1)
@@ -405,7 +409,8 @@ def _continues_below(
     middle = slice(columns[len(columns) // 3], columns[2 * len(columns) // 3] + 1)
     grains = channels[rows[len(rows) // 2] : rows[-1], middle]
 
-    # Below a pile on a plate the picture looks like that beside it, not like grains.
+    # Under a pile on a plate, the strip has the colour of the plate beside it, and not
+    # that of the grains.
     grain_colour = np.median(grains, axis=(0, 1))
     colour_below = np.median(strip[:, middle], axis=(0, 1))
     side_colour = np.median(sides, axis=(0, 1))

@@ -20,8 +20,8 @@ BLUE = (220, 120, 20)
 def overlay(image: np.ndarray, measurement: Measurement) -> np.ndarray:
     """Draw a measurement into its picture, as in Figure 6 of the paper.
 
-    The boundary is yellow, the left line red, the right line green, base and Height are
-    blue.
+    The boundary is yellow, the left line red and the right line green. Base and Height
+    are blue.
 
     Parameters
     ----------

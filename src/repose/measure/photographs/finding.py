@@ -41,15 +41,37 @@ SIDE_SHARE = 0.25  # share of the width, on either side, that shows mostly backg
 LARGEST_TEXTURE = 30.0  # difference of the features; a larger one is not background
 SMALLEST_LEVEL = 6.0  # of the difference that separates the first guess
 
+# Shapes of the parts that differ from the background
+LOWEST_BASE_SHARE = (
+    0.97  # row of the end of a part on the plate, over that of the plate
+)
+NARROWEST_PILE = 1.2  # width of a pile over its height
+NARROWEST_OBJECT = 2.5  # height of another object, such as a ruler, over its width
+LOWEST_OBJECT_SHARE = 0.15  # height of another object over that of the picture
+
 # Shadows
 SMOOTH_SHARE = 0.5  # roughness of a shadow over that of the pile, at most
 SHADOW_DARKEST = 1.6  # logarithm of the share of light that a shadow takes, at most
 SHADOW_LIGHTEST = 0.08  # the same, at least
 SHADOW_COLOUR = 22.0  # difference of a shadow's ratios from the background's, at most
+# Share of a pile's area in a colour unlike the background's, from which on shadows can
+# be told from grains
+SMALLEST_COLOURED_SHARE = 0.3
+# Share of the upper part of a pile that looks like shadow. If it is larger, the grains
+# have the colour of the background.
+LARGEST_UPPER_SHADOW = 0.12
+# A patch of shadow is a square with at least this side, in pixels and over the height
+# of the picture.
+SMALLEST_PATCH_PX = 5
+PATCHES_IN_HEIGHT = 30
 COMPARED_PX = 1200  # longer side of the picture in which shadows are looked for
 
 # The boundary in the fine view; lengths are in heights of a grain
 N_ROUNDS = 4  # of GrabCut, and of moving the boundary
+# Distance from the coarse boundary within which the pile is uncertain
+REACH_GRAINS = 0.4
+REACH_ROUGH_GRAINS = 1.0  # the same for roughness, which is blurred by a grain
+SMALLEST_REACH_PX = 4
 NEIGHBOURHOOD_GRAINS = (
     0.25  # radius of the neighbourhood that gives the colours of both sides
 )
@@ -116,7 +138,7 @@ def find_pile(view: SideView, by_roughness: bool = False) -> tuple[np.ndarray, b
     Returns
     -------
     mask : ndarray
-        The pile (H, W), uint8, 1 in it.
+        Mask (H, W) of the pile, uint8.
     has_neighbour : bool
         Whether another heap stands beside it.
 
@@ -132,7 +154,8 @@ def find_pile(view: SideView, by_roughness: bool = False) -> tuple[np.ndarray, b
     )
     scatter = _compute_local_scatter(features[..., 2])
 
-    # Fit the background twice, the second time without the pile of the first guess.
+    # Fit the background twice, the second time without the pile of the first guess and
+    # a margin of 4 pixels around it.
     not_background = hidden
     for _ in range(2):
         background = _fit_background(features, not_background)
@@ -140,7 +163,7 @@ def find_pile(view: SideView, by_roughness: bool = False) -> tuple[np.ndarray, b
         pile = cv2.dilate(guess.pile.astype(np.uint8), np.ones((9, 9), np.uint8))
         not_background = hidden | (pile > 0)
 
-    # Paint over other objects with background, and let GrabCut separate the pile.
+    # Replace other objects by the background, and let GrabCut separate the pile.
     painted = np.where(guess.others[..., None], background, features)
     mask = _apply_grab_cut(painted, _make_coarse_marks(guess, hidden))
     mask = _remove_shadow(mask, painted - background, scatter)
@@ -152,8 +175,9 @@ def find_pile(view: SideView, by_roughness: bool = False) -> tuple[np.ndarray, b
 def _make_coarse_marks(guess: _Guess, hidden: np.ndarray) -> np.ndarray:
     """Make the marks (H, W) with which GrabCut begins in a coarse view.
 
-    Pile and background are probable, except for hidden pixels, other objects and the
-    picture's border outside of the pile, which are certainly background.
+    Hidden pixels, other objects, and the picture's border outside of the pile are
+    marked as certain background. All other pixels are marked as probably pile or
+    probably background.
 
     Parameters
     ----------
@@ -161,9 +185,15 @@ def _make_coarse_marks(guess: _Guess, hidden: np.ndarray) -> np.ndarray:
         The first guess of the pile.
     hidden : ndarray
         Mask (H, W) of pixels that do not show the scene.
+
+    Returns
+    -------
+    ndarray
+        One of OpenCV's marks GC_BGD, GC_PR_BGD and GC_PR_FGD for each pixel.
     """
     marks = np.where(guess.pile, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
-    # The border is at both sides and at the top; the pile stands at the bottom.
+    # The border is at both sides and at the top, 2 % of the picture wide. It is not at
+    # the bottom, where the pile stands.
     width = max(2, round(0.02 * guess.pile.shape[1]))
     is_border = np.ones(guess.pile.shape, bool)
     is_border[width:, width:-width] = False
@@ -190,7 +220,7 @@ def refine_pile(
 
     Returns
     -------
-    Refined
+    RefinedPile
         The pile, and how much of its boundary is faint.
 
     Raises
@@ -208,8 +238,9 @@ def refine_pile(
     )
     near_px = NEIGHBOURHOOD_GRAINS * grain_px
 
-    # Decide the pixels near the coarse boundary
-    reach = max(4, round((1.0 if by_roughness else 0.4) * grain_px))
+    # Decide which pixels near the coarse boundary belong to the pile.
+    reach_grains = REACH_ROUGH_GRAINS if by_roughness else REACH_GRAINS
+    reach = max(SMALLEST_REACH_PX, round(reach_grains * grain_px))
     marks = _make_fine_marks(coarse_mask, hidden, reach)
     mask = _apply_grab_cut(features, marks)
     if not by_roughness:
@@ -217,7 +248,7 @@ def refine_pile(
     is_near_hidden = cv2.dilate(hidden.astype(np.uint8), _make_disc(reach)) > 0
     is_free = (marks >= cv2.GC_PR_BGD) & ~is_near_hidden
 
-    # Move the boundary by colours, then more finely by light
+    # Move the boundary by colours, and then more finely by light.
     _, mask = _move_boundary(
         features,
         _keep_largest_part(mask),
@@ -231,7 +262,7 @@ def refine_pile(
         light, mask, is_free, neighbourhood_px=near_px, reach_px=LIGHT_PX
     )
 
-    # Remove loose grains
+    # Remove loose grains.
     mask = _remove_floating(_keep_largest_part(mask), GAP_GRAINS * grain_px)
     mask = _keep_largest_part(_remove_touching(mask, round(NECK_GRAINS * grain_px)))
     require_upright(mask)
@@ -263,6 +294,11 @@ def _make_fine_marks(coarse: np.ndarray, hidden: np.ndarray, reach: int) -> np.n
         Mask (H, W) of pixels that do not show the scene.
     reach : int
         Distance from the boundary of the coarse mask within which pixels are uncertain.
+
+    Returns
+    -------
+    ndarray
+        One of OpenCV's marks GC_FGD, GC_PR_FGD, GC_PR_BGD and GC_BGD for each pixel.
     """
     # Continue the pile below the plate, so that its base is no boundary.
     n_rows = len(coarse)
@@ -333,8 +369,8 @@ def _move_boundary(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Move the boundary of a mask to where pile and background have equal shares.
 
-    The share of the pile in a pixel is where its value lies between the local means of
-    background (0) and pile (1).
+    The share of the pile in a pixel follows from its value. It is 0 at the local mean of
+    the background, and 1 at the local mean of the pile.
 
     Parameters
     ----------
@@ -354,8 +390,10 @@ def _move_boundary(
 
     Returns
     -------
-    tuple
-        The share of the pile (H, W), and the mask.
+    share : ndarray
+        Share of the pile (H, W) in each pixel.
+    mask : ndarray
+        The pile (H, W) with the new boundary.
     """
     reach = max(LIGHT_PX, round(reach_px))
     boundary = cv2.morphologyEx(mask, cv2.MORPH_GRADIENT, _make_disc(reach))
@@ -370,8 +408,9 @@ def _move_boundary(
         share = np.clip(projection / np.maximum(squared_span, 1e-9), 0, 1)
         is_pile = may_change & (share >= certain_share)
         is_background = may_change & (share < 1 - certain_share)
-        mask = np.where(is_pile, 1, np.where(is_background, 0, mask))
-        mask = _keep_largest_part(mask.astype(np.uint8))
+        moved_mask = np.where(is_background, 0, mask)
+        moved_mask = np.where(is_pile, 1, moved_mask)
+        mask = _keep_largest_part(moved_mask.astype(np.uint8))
     return share, mask
 
 
@@ -420,7 +459,8 @@ def _remove_penumbra(
         is_boundary & has_contrast & (pile_share < 1 - PENUMBRA_SHARE) & is_light_enough
     )
 
-    # Smaller patches than a shadow are gaps between grains, and stay.
+    # Patches that are smaller than a shadow are gaps between grains. Keep them in the
+    # pile.
     height = max(3, round(PENUMBRA_HEIGHT_GRAINS * grain_px))
     width = max(3, round(PENUMBRA_WIDTH_GRAINS * grain_px))
     smallest_patch = np.ones([height, width], np.uint8)
@@ -433,8 +473,8 @@ def _remove_penumbra(
 def count_shadow_rows(image: np.ndarray, mask: np.ndarray) -> int:
     """Count the lowest rows of a pile that are mostly shadow on the background.
 
-    The count is 0 for grains of the background's colour, as in a grey picture, where
-    shadow and grain look the same.
+    The count is 0 for grains of the background's colour, for example in a grey picture,
+    because such grains look like a shadow.
 
     Parameters
     ----------
@@ -461,7 +501,8 @@ def count_shadow_rows(image: np.ndarray, mask: np.ndarray) -> int:
 def compute_shadow_share(image: np.ndarray, mask: np.ndarray) -> float:
     """Compute the share of a pile's area that is a patch of shadow on the background.
 
-    It is 0 for a pile of the background's colour, where shadow and grain look the same.
+    The share is 0 for a pile of the background's colour, because its grains look like a
+    shadow.
 
     Parameters
     ----------
@@ -473,14 +514,14 @@ def compute_shadow_share(image: np.ndarray, mask: np.ndarray) -> float:
     comparison = _compare_with_sides(image, mask)
     pile = comparison.mask
     difference = comparison.difference
-    # Without a colour of its own, nothing tells the pile from a shadow.
+    # Count the pixels whose colour differs from that of the background.
     area = pile.sum(dtype=int)
     has_colour = np.hypot(difference[..., 0], difference[..., 1]) >= SHADOW_COLOUR
     coloured_area = ((pile > 0) & has_colour).sum()
-    if coloured_area <= 0.3 * area:
+    if coloured_area <= SMALLEST_COLOURED_SHARE * area:
         return 0.0
-    # Smaller dark spots are gaps between grains.
-    patch_size = max(5, len(pile) // 30)
+    # Dark spots that are smaller than a patch are gaps between grains.
+    patch_size = max(SMALLEST_PATCH_PX, len(pile) // PATCHES_IN_HEIGHT)
     patch = np.ones((patch_size, patch_size), np.uint8)
     is_darker = _mark_darker_background(pile, difference)
     shadow = cv2.morphologyEx(is_darker.astype(np.uint8), cv2.MORPH_OPEN, patch)
@@ -567,9 +608,9 @@ def _compute_roughness(
 ) -> np.ndarray:
     """Compute the roughness of a picture as a feature around 128.
 
-    Roughness is the smallest gradient over all directions (Shi and Tomasi 1994). A
-    straight edge, such as that of a table, has none. The roughness of the row's
-    background is subtracted, and its scatter is the unit.
+    Roughness is the smallest gradient over all directions (Shi and Tomasi 1994). It is
+    zero at a straight edge, such as that of a table. The roughness of the background in
+    the same row is subtracted. The result is scaled by the scatter of the background.
 
     Parameters
     ----------
@@ -660,9 +701,9 @@ def _fill_hidden(colours: np.ndarray, hidden: np.ndarray) -> np.ndarray:
 def _fit_background(features: np.ndarray, excluded: np.ndarray) -> np.ndarray:
     """Estimate the features of the background by a line through each row of a picture.
 
-    The first estimate is the median of the row's outer parts. Then a line is fitted to
-    the pixels near the last estimate, and becomes the next estimate. This is done three
-    times.
+    The first estimate is the median of the row's outer parts. The next estimate is a
+    line, fitted to those pixels that are near the last estimate. There are three such
+    steps.
 
     Parameters
     ----------
@@ -680,7 +721,7 @@ def _fit_background(features: np.ndarray, excluded: np.ndarray) -> np.ndarray:
     is_allowed = ~excluded[..., None]
     x = np.linspace(-1, 1, width, dtype=np.float32)[None, :, None]
     is_outer = (np.abs(x) > 1 - 2 * SIDE_SHARE) & is_allowed
-    # A row whose outer parts are excluded takes the median of all its pixels.
+    # If all outer pixels of a row are excluded, use the median of all its pixels.
     has_no_outer = ~is_outer.any(axis=1, keepdims=True)
     outer = np.where(is_outer | has_no_outer, features, np.nan)
     background = np.repeat(np.nanmedian(outer, axis=1, keepdims=True), width, axis=1)
@@ -688,7 +729,7 @@ def _fit_background(features: np.ndarray, excluded: np.ndarray) -> np.ndarray:
         distance = np.linalg.norm(features - background, axis=-1, keepdims=True)
         is_kept = (distance < LARGEST_TEXTURE) & is_allowed
         line, n_kept = _fit_lines(x, features, is_kept.astype(np.float32))
-        # A row with few pixels keeps its estimate.
+        # Keep the last estimate of a row if few of its pixels are near.
         has_few = n_kept < 0.1 * width
         background = np.where(has_few, background, line).astype(np.float32)
     return background
@@ -710,14 +751,17 @@ def _fit_lines(
 
     Returns
     -------
-    tuple
-        The lines (H, W, 3), and the number of pixels (H, 1, 1) of each row.
+    lines : ndarray
+        Values (H, W, 3) of the lines at all pixels.
+    n_pixels : ndarray
+        Number of pixels (H, 1, 1) with weight 1 in each row, plus 0.001.
     """
     width = x.shape[1]
-    n_pixels = weight.sum(1, keepdims=True) + 1e-3  # no division by zero
+    # The small addition avoids a division by zero.
+    n_pixels = weight.sum(1, keepdims=True) + 1e-3
     mean_x = (weight * x).sum(1, keepdims=True) / n_pixels
     mean = (weight * values).sum(1, keepdims=True) / n_pixels
-    # The added term flattens lines through few pixels.
+    # The added term makes a line through few pixels flatter.
     spread = (weight * (x - mean_x) ** 2).sum(1, keepdims=True) + 0.02 * width
     covariance = (weight * (x - mean_x) * (values - mean)).sum(1, keepdims=True)
     return mean + covariance / spread * (x - mean_x), n_pixels
@@ -770,8 +814,8 @@ def _guess_pile(
     NotPlainError
         If there is no such part.
     """
-    # The strength of the difference, in colour, brightness and scatter. The median
-    # scatter of each row is subtracted, because the edge of a table is rough, too.
+    # Add up the differences in colour, brightness and scatter. Subtract the median
+    # scatter of each row, because a level edge of a table also has scatter.
     row_scatter = np.nanmedian(_hide_excluded(scatter, hidden), axis=1, keepdims=True)
     squares = (
         (difference[..., :2] ** 2).sum(-1)
@@ -780,22 +824,25 @@ def _guess_pile(
     )
     smooth_strength = cv2.GaussianBlur(np.sqrt(squares), (0, 0), 1.5)
     strength = np.where(hidden, 0, smooth_strength)
+    # Find Otsu's level of the strength.
     level, _ = cv2.threshold(
         np.clip(strength, 0, 255).astype(np.uint8),
         0,
         1,
         cv2.THRESH_BINARY | cv2.THRESH_OTSU,
     )
-    # If the plate's colour is nearer to that of the grains than the wall's is, the foot
-    # of the pile needs a lower level.
+    # Try lower levels if no pile is found. The foot of the pile needs one if the plate is
+    # more similar to the grains than the wall is.
     for lower_level in (level, level / 2, level / 4):
         if lower_level < SMALLEST_LEVEL:
             break
         stands_out = (strength > lower_level).astype(np.uint8)
         pile, others = _find_standing_parts(stands_out)
         if pile is not None:
-            others = cv2.dilate(others.astype(np.uint8), np.ones((7, 7), np.uint8)) > 0
-            return _Guess(pile, others, has_another_heap(stands_out))
+            # Widen the other objects by 3 pixels, so that their blurred edges belong to
+            # them.
+            widened = cv2.dilate(others.astype(np.uint8), np.ones((7, 7), np.uint8))
+            return _Guess(pile, widened > 0, has_another_heap(stands_out))
     raise NotPlainError(NO_PILE)
 
 
@@ -814,15 +861,20 @@ def _find_standing_parts(mask: np.ndarray) -> tuple[np.ndarray | None, np.ndarra
     opened = cv2.morphologyEx(mask, cv2.MORPH_OPEN, np.ones((3, 3), np.uint8))
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(opened)
     _, tops, widths, heights, areas = boxes.T
-    is_on_plate = tops + heights >= 0.97 * len(mask)
-    is_pile = is_on_plate & (widths > 1.2 * heights)
-    is_high = (heights > 2.5 * widths) & (heights > 0.15 * len(mask))
-    # Part 0 is the background.
+
+    # The plate is below the last row. Part 0 is the background.
+    n_rows = len(mask)
+    is_on_plate = tops + heights >= LOWEST_BASE_SHARE * n_rows
+    is_pile = is_on_plate & (widths > NARROWEST_PILE * heights)
+    is_object = heights > NARROWEST_OBJECT * widths
+    is_object &= heights > LOWEST_OBJECT_SHARE * n_rows
     is_pile[0] = False
-    is_high[0] = False
+    is_object[0] = False
+
+    # Without a pile all areas are multiplied by 0, and the largest one is that of part 0.
     largest = int(np.argmax(is_pile * areas))
-    pile = labels == largest if largest else None
-    return pile, is_high[labels]
+    pile = labels == largest if largest > 0 else None
+    return pile, is_object[labels]
 
 
 def _apply_grab_cut(colours: np.ndarray, marks: np.ndarray) -> np.ndarray:
@@ -886,8 +938,9 @@ def _remove_shadow(
 def _mark_shadow(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
     """Mark the pixels of a pile that look like a shadow on the background.
 
-    They have the background's colour and are darker. If the upper part of the pile has
-    such pixels, too, then the grains have the background's colour, and none are marked.
+    Such pixels have the background's colour and are darker. A shadow lies at the foot.
+    If the upper part of the pile has many such pixels, too, then the grains have the
+    background's colour, and no pixel is marked.
 
     Parameters
     ----------
@@ -901,7 +954,8 @@ def _mark_shadow(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
     if rows.size == 0:
         return shadow
     upper_part = slice(rows[0], rows[0] + (2 * rows.size) // 3)
-    if shadow[upper_part].sum() > 0.12 * mask[upper_part].sum():
+    upper_area = mask[upper_part].sum()
+    if shadow[upper_part].sum() > LARGEST_UPPER_SHADOW * upper_area:
         return np.zeros(mask.shape, bool)
     return shadow
 
@@ -932,8 +986,8 @@ def _remove_floating(mask: np.ndarray, gap_px: float) -> np.ndarray:
     mask : ndarray
         The pile (H, W).
     gap_px : float
-        A pixel floats if there are more pixels of background than this below it, down
-        to the foot.
+        A pixel floats if more than this number of pixels below it, down to the foot, are
+        background.
     """
     widths = mask.sum(axis=1, dtype=int)
     is_wide = 2 * widths >= max(widths.max(), 1)
@@ -975,7 +1029,8 @@ def _remove_touching(mask: np.ndarray, radius: int) -> np.ndarray:
     parts = np.zeros(nearest.max() + 1, int)
     parts[nearest[core > 0]] = labels[core > 0]
 
-    # Low parts are loose, except for the background and the largest part.
+    # Parts whose top is below the middle of the pile are loose. The background and the
+    # largest part are never loose.
     middle = np.flatnonzero(mask.any(axis=1)).mean()
     is_loose = boxes[:, cv2.CC_STAT_TOP] > middle
     largest = 1 + int(boxes[1:, cv2.CC_STAT_AREA].argmax())

@@ -44,15 +44,15 @@ def remove_perspective(
 ) -> tuple[np.ndarray, Segmentation]:
     """Redraw a side view as a camera at the plate's height sees it from far away.
 
-    Below the widest place of the foot the outline is the underside of the foot's
-    grains, which a camera at the plate's height does not see.
+    A near camera sees the outline of a pile as points that do not lie in the plane
+    through the pile's axis. The pile is treated as a cone to find these points.
 
     Parameters
     ----------
     view : ndarray
         The side view (H, W, 3) or (H, W).
     pile : Segmentation
-        The pile in the view; its arrays may lack the rows below the plate.
+        The pile in the view. Its arrays may lack the rows below the plate.
     viewpoint : Viewpoint
         Position of the camera.
     angles_deg : sequence of float
@@ -62,10 +62,13 @@ def remove_perspective(
 
     Returns
     -------
-    tuple
-        The view and the pile, redrawn.
+    view : ndarray
+        The redrawn view.
+    pile : Segmentation
+        The pile in it.
     """
-    # tangent of the angle at which the camera looks down on the apex
+    # The tangent of the angle at which the camera looks down on the apex is negative if
+    # the camera is lower than the apex.
     tan_down = (viewpoint.height_px - pile_height_px) / viewpoint.distance_px
     source = _find_source_pixels(
         view.shape[:2],
@@ -74,15 +77,19 @@ def remove_perspective(
         outline_turn_sines=_compute_outline_turn_sines(angles_deg, tan_down),
     )
 
-    mask = source.redraw(pile.mask.astype(np.float32)) >= 0.5
+    # A redrawn pixel belongs to the pile if the pile fills at least half of it.
+    pile_share = source.redraw(pile.mask.astype(np.float32))
+    is_pile = pile_share >= 0.5
     if tan_down > 0:
-        # From above, the foot is not wider than in the old view.
-        mask &= _find_columns_of_pile(pile)
+        # Below the widest row of the foot, the outline is the underside of its grains.
+        # There the model of a cone would widen the foot. But seen from above, the foot
+        # is as wide as in the old view, so keep only the columns that it has there.
+        is_pile &= _find_columns_of_pile(pile)
     redrawn_pile = replace(
         pile,
         grey=source.redraw(pile.grey),
         contrast=source.redraw(pile.contrast),
-        mask=mask.astype(np.uint8),
+        mask=is_pile.astype(np.uint8),
     )
     return source.redraw(view), redrawn_pile
 
@@ -122,8 +129,9 @@ def _find_source_pixels(
 ) -> _SourcePixels:
     """Find the pixels of the old view that a new view of the same shape shows.
 
-    A pixel of the new view shows a point of the turned half-plane. The ray from the
-    camera to this point meets the plane of the old view in the source pixel.
+    A pixel of the new view shows a point of the outline's half-plane, which is turned
+    about the axis of the pile. The ray from the camera to this point meets the plane of
+    the old view in the source pixel.
 
     Parameters
     ----------
@@ -132,21 +140,24 @@ def _find_source_pixels(
     base_row : float
         Row of the plate.
     viewpoint : Viewpoint
+        Position of the camera.
     outline_turn_sines : ndarray (2,)
-        Result of `_compute_outline_turn_sines`.
+        Sines of the turns on the left and the right side of the pile, from
+        `_compute_outline_turn_sines`.
 
     Returns
     -------
     _SourcePixels
+        Column and row in the old view for each pixel of the new view.
     """
     n_rows, n_columns = shape
+    # Each column of the new view belongs to one side of the pile, 0 left or 1 right.
     axis_offset = np.arange(n_columns) - viewpoint.axis_px
-    # Each column belongs to one side of the pile, 0 left or 1 right.
     side = (axis_offset > 0).astype(int)
     sine = outline_turn_sines[side]
 
-    # The point lies behind the plane of the old view, so that it appears nearer to the
-    # camera's axis by this ratio.
+    # The point lies behind the plane of the old view by `depth`. The camera therefore
+    # sees it nearer to the middle of its view by `ratio`.
     depth = np.abs(axis_offset) * sine
     ratio = viewpoint.distance_px / (viewpoint.distance_px + depth)
     column = viewpoint.axis_px + axis_offset * np.sqrt(1 - sine**2) * ratio

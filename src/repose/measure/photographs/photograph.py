@@ -223,7 +223,7 @@ def calibrate_cameras(
 ) -> tuple[dict[Path, sheet.SheetCorners | None], dict[Size, camera.Camera]]:
     """Find the sheet in photographs, and calibrate their cameras.
 
-    Photographs of one size are taken to be by one camera.
+    Photographs of the same size count as photographs of the same camera.
 
     Parameters
     ----------
@@ -295,15 +295,23 @@ def measure_photographs(
     sheets, cameras = calibrate_cameras([*paths, *lens], scale.square_mm)
     for path in lens:
         if sheets[path] is None:
-            allowed = "a photograph that shows the printed sheet"
-            raise InputError(path, "sheet", "not seen", allowed)
+            raise InputError(
+                path,
+                key="sheet",
+                value="not seen",
+                allowed="a photograph that shows the printed sheet",
+            )
 
     # Without a camera no photograph shows the sheet.
     if not cameras:
         return [measure_without_sheet(path, settings, scale) for path in paths]
     if scale.base_row is not None:
-        allowed = "nothing, as the printed sheet shows the plate"
-        raise InputError("command line", "--base-row", scale.base_row, allowed)
+        raise InputError(
+            "command line",
+            key="--base-row",
+            value=scale.base_row,
+            allowed="nothing, as the printed sheet shows the plate",
+        )
     results = []
     for path in paths:
         image, _ = read_photograph(path)
@@ -327,18 +335,24 @@ def _measure_with_sheet(
     """Measure a photograph that shows the sheet.
 
     The pile is found by its colour. If the background has nearly the same colours, the
-    pile is found by its roughness, but this result counts only if it has no doubts.
+    pile is found by its roughness. The result of the roughness counts only if it has no
+    doubts.
 
     Parameters
     ----------
     path, image
-        The photograph (H, W, 3) and its file.
+        The file, and the photograph (H, W, 3) in it.
     corners : SheetCorners
         The sheet in it.
     lens : Camera
         The calibrated camera.
     settings : MeasureSettings
         Settings of the measurement.
+
+    Returns
+    -------
+    Photograph
+        The result, or the reason why it was refused.
     """
     try:
         pose = camera.Pose(lens, corners, (image.shape[1], image.shape[0]))
@@ -349,13 +363,12 @@ def _measure_with_sheet(
     try:
         _measure_in_pose(by_colour, pose, settings, by_roughness=False)
         return by_colour
-    except finding.NotPlainError as error:
-        by_colour.refusal_reason = error.reason
     except NoFlankError as error:
         by_colour.refusal_reason = error.reason
-        return by_colour
+        # Another method can only help if colours do not show the pile.
+        if not isinstance(error, finding.NotPlainError):
+            return by_colour
 
-    # The background was not plain, so try the roughness.
     by_roughness = Photograph(path, image, note=lens.note)
     try:
         _measure_in_pose(by_roughness, pose, settings, by_roughness=True)
@@ -528,7 +541,7 @@ def _draw_fine_view(
 
 
 def _measure_view(photograph: Photograph, settings: MeasureSettings) -> Measurement:
-    """Measure the part of a photograph that was taken for the pile.
+    """Measure the pile that was found in a photograph.
 
     Parameters
     ----------
@@ -576,7 +589,7 @@ def _transfer_mask(
     ndarray
         The pile in the fine view.
     """
-    # Place each column and row of the fine view in the coarse one.
+    # Find the position of each column and row of the fine view in the coarse view.
     n_rows, n_columns = fine.image.shape[:2]
     x_mm = axis_mm + fine.left_mm + fine.mm_per_pixel * np.arange(n_columns)
     source_columns = (x_mm - coarse.left_mm) / coarse.mm_per_pixel
@@ -614,35 +627,42 @@ def measure_without_sheet(
     settings : MeasureSettings
         Settings of the measurement.
     scale : Scale
-        What the user states about its scale. Without `mm_per_pixel`, only the angles
-        that need no length are measured.
+        The scale, and other facts about the photograph, that the user states. Without
+        `mm_per_pixel`, only the angles that need no length are measured.
 
     Returns
     -------
     Photograph
         The result, or the reason why it was refused.
     """
+    # The user states rows of the original photograph. Convert the row of the plate to
+    # the reduced and levelled picture.
     image, reduction = read_photograph(path)
-    size = (round(image.shape[1] * reduction), round(image.shape[0] * reduction))
-    # Rows of the file become rows of the reduced and levelled picture.
+    original_size = (
+        round(image.shape[1] * reduction),
+        round(image.shape[0] * reduction),
+    )
     reduced_row = None if scale.base_row is None else scale.base_row / reduction
     level_image, level_row = _level_photograph(image, scale.level_deg, reduced_row)
+
     photograph = Photograph(path, level_image)
-    if scale.mm_per_pixel is None:
+    has_scale = scale.mm_per_pixel is not None
+    if scale.mm_per_pixel is not None:
+        photograph.geometry["mm_per_pixel"] = scale.mm_per_pixel * reduction
+    else:
         # Lengths are in pixels now, so the height of a grain in mm cannot be used.
         settings = settings.model_copy(update={"berry_height_mm": None})
         photograph.note = NO_LENGTH_NOTE
-    else:
-        photograph.geometry["mm_per_pixel"] = scale.mm_per_pixel * reduction
     try:
-        _require_ends_inside(scale.ends, size)
+        _require_ends_inside(scale.ends, original_size)
         _measure_level_photograph(photograph, settings, level_row)
-    except (NoFlankError, InputError) as error:  # such as a base below the picture
+    # An InputError may occur, too, for example for a base below the picture.
+    except (NoFlankError, InputError) as error:
         photograph.refusal_reason = str(error)
-        if scale.mm_per_pixel is None:
+        if not has_scale:
             photograph.refusal_reason += f"; {NO_SHEET_REASON}"
     # Without a scale, the Height is in pixels, and readers would mistake it for mm.
-    if photograph.measurement is not None and scale.mm_per_pixel is None:
+    if photograph.measurement is not None and not has_scale:
         photograph.measurement = replace(photograph.measurement, height_mm=math.nan)
     return photograph
 
@@ -694,7 +714,7 @@ def _measure_level_photograph(
     if base_row is None:
         require_foot(image, pile, grain_mm, mm_per_pixel)
 
-    # Measure it, and look for signs that this is no single heap.
+    # Measure the pile, and look for signs that it is not a single heap.
     measurement = _measure_view(photograph, settings)
     if grain_mm is None:
         grain_mm = estimate_grain_mm(measurement.height_mm)
@@ -708,7 +728,7 @@ def _measure_level_photograph(
 def _level_photograph(
     image: np.ndarray, level_deg: float, base_row: float | None
 ) -> tuple[np.ndarray, float | None]:
-    """Turn a photograph so that a line which rises to the right becomes level.
+    """Rotate a photograph so that a line which rises to the right becomes level.
 
     Parameters
     ----------
@@ -722,9 +742,9 @@ def _level_photograph(
     Returns
     -------
     level_image : ndarray
-        The turned photograph.
+        The rotated photograph, in the same size.
     level_row : float or None
-        The row of the plate in it.
+        The row of the plate in it, if it is known.
     """
     if level_deg == 0:
         return image, base_row
@@ -741,7 +761,7 @@ def _level_photograph(
     )
     if base_row is None:
         return level_image, None
-    # The turn shortens the distance of the plate's row from the middle.
+    # The rotation shortens the distance of the plate's row from the middle.
     distance = base_row - middle_row
     level_row = middle_row + distance * math.cos(math.radians(level_deg))
     return level_image, level_row
@@ -762,7 +782,7 @@ def _read_focal(path: Path, longer_side: float) -> float | None:
     Returns
     -------
     float or None
-        None without a plausible entry.
+        The focal length, or None if the entry is missing or implausible.
     """
     try:
         with Image.open(path) as picture:
@@ -770,6 +790,7 @@ def _read_focal(path: Path, longer_side: float) -> float | None:
             equivalent_mm = float(camera_data.get(EXIF_FOCAL_LENGTH_35MM, 0))
     except (OSError, ValueError, TypeError, SyntaxError):
         return None
+    # Few lenses are shorter or longer. A camera may write 0 for an unknown value.
     if not 5 < equivalent_mm < 1000:
         return None
     return equivalent_mm / FILM_WIDTH_MM * longer_side

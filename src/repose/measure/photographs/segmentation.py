@@ -23,6 +23,13 @@ SECOND_HEAP_SHARE = 0.4  # height of another heap over that of the largest part
 # Height of a pile's centroid over its own height; a rectangle has 0.5
 HIGHEST_CENTROID = 0.55
 SMALLEST_PART = 0.01  # area of a part of the pile over that of the largest part
+PLATE_SHARE = 0.97  # share of a row that a plate covers, at least
+# The row this far above the plate is covered by less than this share.
+ROWS_ABOVE_PLATE = 4
+SHARE_ABOVE_PLATE = 0.9
+# Distance of another heap's lowest row from that of the largest part, over the height
+# of the largest part, at most
+LARGEST_BASE_DIFFERENCE = 0.1
 
 
 @dataclass(frozen=True)
@@ -48,13 +55,14 @@ def segment(
 ) -> Segmentation:
     """Split a picture into pile and background.
 
-    The border strip (the upper edge and both sides) shows background. The pile differs
-    from it in tone or colour and may be darker or brighter. The background of each
-    channel is a quadratic surface, fitted to the strip without outliers, which removes
-    uneven light and vignetting. The pile is where the distance from that surface, after
-    a median and a Gaussian filter, exceeds Otsu's threshold; its holes (highlights) are
-    filled. A picture of only two tones needs neither surface nor filters, which would
-    round its corners.
+    The upper edge of the picture and both sides must show background. The pile may be
+    darker or brighter than it, or have another colour. A pixel belongs to the pile if it
+    differs from the background by more than Otsu's threshold. Holes of the pile, such as
+    highlights, are filled.
+
+    The picture is smoothed first, and the background may change smoothly over the
+    picture, as under uneven light. A picture of only two tones, such as a silhouette, is
+    not smoothed, because this would round the corners of the pile.
 
     Parameters
     ----------
@@ -63,9 +71,13 @@ def segment(
     largest_pile_only : bool
         Whether the pile is the largest part alone, without loose grains.
     base_row : float, optional
-        Row of the plate. By default, rows that are "pile" from border to border are a
-        plate in the grains' tone, and the pile stands on the first of them; without
-        such a plate the base is the pile's lowest row.
+        Row of the plate. By default, it is found by `find_plate_row`. If this finds no
+        plate, the base is the lowest row of the pile.
+
+    Returns
+    -------
+    Segmentation
+        The pile in the picture.
 
     Raises
     ------
@@ -78,7 +90,8 @@ def segment(
     is_grey = picture.ndim == 2
     grey = picture if is_grey else cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
 
-    # Find the pixels that differ from the background.
+    # Find the pixels that differ from the background. A picture with more than two tones
+    # has no two-tone contrast.
     contrast = compute_two_tone_contrast(picture) if is_grey else None
     if contrast is not None:
         level, mask = threshold(contrast)
@@ -86,6 +99,7 @@ def segment(
         smooth = cv2.GaussianBlur(cv2.medianBlur(picture, 3), (0, 0), 1.0)
         contrast = compute_background_contrast(smooth)
         level, mask = threshold(contrast)
+        # Close gaps of a pixel between grains.
         mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
 
     # Cut off what lies below the plate, if its row is given or can be found.
@@ -93,8 +107,12 @@ def segment(
     if plate_row is not None:
         n_rows = mask.shape[0]
         if not 0 < plate_row <= n_rows:
-            allowed = f"above 0, at most {n_rows}"
-            raise InputError("picture", "base_row", plate_row, allowed)
+            raise InputError(
+                "picture",
+                key="base_row",
+                value=plate_row,
+                allowed=f"above 0, at most {n_rows}",
+            )
         mask[math.ceil(plate_row) :] = 0
 
     # Select the pile. Without a plate it stands on its lowest row.
@@ -149,14 +167,17 @@ def segment_silhouette(
 
 
 def prepare_picture(image: np.ndarray) -> np.ndarray:
-    """Check a picture, and return it as contiguous bytes.
-
-    A picture whose three channels are the same gets a single one.
+    """Check a picture, and return it in contiguous memory, as OpenCV needs it.
 
     Parameters
     ----------
     image : ndarray
         The picture, (H, W, 3) or (H, W).
+
+    Returns
+    -------
+    ndarray
+        The picture. It is (H, W) if its three channels are the same, that is, grey.
 
     Raises
     ------
@@ -165,11 +186,17 @@ def prepare_picture(image: np.ndarray) -> np.ndarray:
     """
     image = np.asarray(image)
     if image.dtype != np.uint8:
-        raise InputError("picture", "pixel type", str(image.dtype), "uint8")
+        raise InputError(
+            "picture", key="pixel type", value=str(image.dtype), allowed="uint8"
+        )
     is_picture = image.ndim == 2 or (image.ndim == 3 and image.shape[2] == 3)
     if not is_picture or min(image.shape[:2]) < MIN_SIDE_PX:
-        allowed = f"(H, W) or (H, W, 3), at least {MIN_SIDE_PX} by {MIN_SIDE_PX} pixels"
-        raise InputError("picture", "shape", image.shape, allowed)
+        raise InputError(
+            "picture",
+            key="shape",
+            value=image.shape,
+            allowed=f"(H, W) or (H, W, 3), at least {MIN_SIDE_PX} by {MIN_SIDE_PX} pixels",
+        )
     if image.ndim == 3 and (image == image[..., :1]).all():
         image = image[..., 0]
     return np.ascontiguousarray(image)
@@ -317,12 +344,12 @@ def threshold(contrast: np.ndarray) -> tuple[float, np.ndarray]:
     peak = float(contrast.max())
     if peak < MIN_PEAK:
         raise NoFlankError("nothing in the picture differs from its background")
-    # OpenCV needs whole numbers up to 255.
+    # OpenCV finds Otsu's level only in whole numbers up to 255.
     scaled = cv2.convertScaleAbs(contrast, alpha=255.0 / peak)
     _, binary = cv2.threshold(scaled, 0, 1, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
-    # Otsu's optimum lies half-way between the means of its two classes. Where the
-    # histogram has a gap, every level in the gap is as good, and OpenCV returns the
-    # lowest: that would put the edge up to half a pixel too far out.
+    # If the histogram has a gap, every level in the gap splits the pixels in the same
+    # way, and OpenCV returns the lowest one. The edge would then lie up to half a pixel
+    # too far out. Use the middle between the means of both classes instead.
     lower_mean = cv2.mean(scaled, mask=1 - binary)[0]
     upper_mean = cv2.mean(scaled, mask=binary)[0]
     level = (lower_mean + upper_mean) / 2
@@ -333,8 +360,9 @@ def threshold(contrast: np.ndarray) -> tuple[float, np.ndarray]:
 def find_plate_row(mask: np.ndarray) -> float | None:
     """Find the upper edge of a plate that has the tone of the pile.
 
-    A plate covers the mask from border to border, and above the plate the mask narrows
-    abruptly. It does not do so above the foot of a pile that the picture cuts off.
+    A plate covers the mask from border to border, and the mask is clearly narrower a few
+    rows above it. A pile that the picture cuts off at both sides becomes narrower only
+    slowly, so its foot is not mistaken for a plate.
 
     Parameters
     ----------
@@ -349,12 +377,12 @@ def find_plate_row(mask: np.ndarray) -> float | None:
     covered_share = mask.mean(axis=1)
     reaches_left = mask[:, :3].any(axis=1)
     reaches_right = mask[:, -3:].any(axis=1)
-    is_across = reaches_left & reaches_right & (covered_share > 0.97)
+    is_across = reaches_left & reaches_right & (covered_share > PLATE_SHARE)
     if not is_across.any():
         return None
     first_row = int(is_across.argmax())
-    # Four rows above the plate the mask must be clearly narrower.
-    if first_row < 4 or covered_share[first_row - 4] >= 0.9:
+    row_above = first_row - ROWS_ABOVE_PLATE
+    if row_above < 0 or covered_share[row_above] >= SHARE_ABOVE_PLATE:
         return None
     return first_row - 0.5
 
@@ -419,7 +447,8 @@ def has_another_heap(mask: np.ndarray) -> bool:
     _, tops, widths, heights, areas = parts.T
     largest = int(areas.argmax())
     bottoms = tops + heights
-    stands_as_low = np.abs(bottoms - bottoms[largest]) <= 0.1 * heights[largest]
+    base_difference = np.abs(bottoms - bottoms[largest])
+    stands_as_low = base_difference <= LARGEST_BASE_DIFFERENCE * heights[largest]
     is_high = heights >= SECOND_HEAP_SHARE * heights[largest]
     is_heap = stands_as_low & (widths > heights) & is_high
     # The largest part counts itself.
@@ -441,10 +470,11 @@ def require_upright(mask: np.ndarray) -> None:
             "the pile runs out of the picture at the top: its crest is not seen"
         )
     rows = np.flatnonzero(mask.any(axis=1))
-    top, bottom = rows[0], rows[-1]
+    top = rows[0]
+    bottom = rows[-1]
     row_widths = mask.sum(axis=1, dtype=float)
     centroid = np.average(np.arange(len(mask)), weights=row_widths)
-    if (bottom - centroid) > HIGHEST_CENTROID * (bottom - top):
+    if bottom - centroid > HIGHEST_CENTROID * (bottom - top):
         raise NoFlankError(
             "most of the pile lies in its upper half: the picture is upside down, or "
             "shows no pile"
@@ -471,14 +501,15 @@ def find_upper_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> np.
     ndarray
         Rows (W,); NaN in a column without pile.
     """
-    # The highest pixel of each column; in contiguous memory the search is three times
-    # as fast.
+    # Find the highest pixel of each column. The transpose lies in contiguous memory, so
+    # that the search is three times as fast.
     top_rows = cv2.transpose(mask).view(bool).argmax(axis=1)
     columns = np.arange(mask.shape[1])
     inner = contrast[top_rows, columns]
     rows_above = np.maximum(top_rows - 1, 0)
     outer = np.where(top_rows > 0, contrast[rows_above, columns], 0.0)
-    # Without a fall of the contrast the edge lies half-way between both.
+    # If the contrast does not fall from the inner to the outer pixel, put the edge
+    # half-way between both.
     with np.errstate(divide="ignore", invalid="ignore"):
         step = np.where(inner > outer, (inner - level) / (inner - outer), 0.5)
     has_pile = mask[top_rows, columns] > 0

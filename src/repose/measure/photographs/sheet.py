@@ -98,7 +98,7 @@ def draw_sheet(
     pixels_per_mm : int
         Its resolution.
     """
-    # All lengths in pixels
+    # Convert all lengths to pixels.
     width_mm, height_mm = compute_size_mm(square_mm)
     width = round(width_mm * pixels_per_mm)
     height = round(height_mm * pixels_per_mm)
@@ -138,7 +138,7 @@ def make_pdf(square_mm: float = SQUARE_MM) -> bytes:
     axes: Any = figure.add_axes((0, 0, 1, 1))
     axes.axis("off")
 
-    # The sheet itself, in millimetres of the page
+    # Draw the sheet itself, in millimetres of the page.
     picture, _ = draw_sheet(square_mm)
     axes.imshow(
         picture,
@@ -155,12 +155,12 @@ def make_pdf(square_mm: float = SQUARE_MM) -> bytes:
     axes.add_patch(cutting_line)
     axes.set(xlim=(0, page_width), ylim=(0, page_height))
 
-    # The line of known length
+    # Draw the line of known length.
     middle = page_width / 2
     ends = [middle - CHECK_MM / 2, middle + CHECK_MM / 2]
     axes.plot(ends, [40, 40], "k|-", linewidth=0.7)
 
-    # The instructions, by their height on the page
+    # The instructions, each with its height on the page in mm
     check = (
         f"{CHECK_MM:g} mm: check with a ruler. If it is not, print at 100 % or give "
         "--square-mm"

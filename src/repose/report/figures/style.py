@@ -25,7 +25,7 @@ from repose.calibrate.responses import Response
 from repose.calibrate.targets import Target, Targets
 from repose.common.errors import InputError
 from repose.common.files import StrPath, write_bytes
-from repose.measure.settings import MeasureSettings, line_of
+from repose.measure.settings import MeasureSettings, describe_height_band
 
 if TYPE_CHECKING:
     from repose.report.renderer.scenery import Camera
@@ -164,7 +164,7 @@ def check_ending(path: StrPath) -> None:
     endings = [f".{kind}" for kind in FIXED_METADATA]
     suffix = Path(path).suffix
     if suffix not in endings:
-        raise InputError(path, "ending", suffix, " or ".join(endings))
+        raise InputError(path, key="ending", value=suffix, allowed=" or ".join(endings))
 
 
 def scale_picture_pixels(study: StudyView, default_pixels: int) -> int:
@@ -206,7 +206,7 @@ def parameter_label(name: str) -> str:
 
 
 def describe_line(settings: MeasureSettings, definition: str | None = None) -> str:
-    """Describe the line that defines an angle, in simpler words than `line_of`.
+    """Describe the line that defines an angle, in the words of a figure.
 
     Parameters
     ----------
@@ -223,8 +223,7 @@ def describe_line(settings: MeasureSettings, definition: str | None = None) -> s
     if definition == "straightest":
         percent = 100 * settings.smallest_window
         return f"line fitted to the straightest {percent:.2g} % or more of the side"
-    # `line_of` returns "flank, band of heights, kind of points".
-    _, height_band, _ = line_of(settings, "flank").split(", ")
+    height_band = describe_height_band(settings)
     if definition == "steepest":
         return (
             f"line fitted to the steepest half or more of the side from {height_band}"
