@@ -33,13 +33,13 @@ class StudyView:
 
     @cached_property
     def settings(self) -> "StudySettings":
-        """The typed sections; reading a missing one raises an AttributeError."""
+        """The sections with their types. A section that is missing has no attribute."""
         from repose.config.models import make_settings_type  # slow to import
 
         model = make_settings_type()
         sections: dict[str, Any] = {}
         for name, value in self.config.items():
-            # the studies in research/ add sections of their own
+            # Studies in research/ have further sections, which have no type.
             if name not in model.model_fields:
                 continue
             kind = model.model_fields[name].annotation

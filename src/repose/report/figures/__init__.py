@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from repose.common.errors import InputError, require
+from repose.common.errors import InputError
 
 from .catalogue import FIGURES
 from .registry import Config, Drawn, Inputs
@@ -17,7 +17,7 @@ def draw(
     config: Config,
     known: dict[str, Drawn] = FIGURES,
 ) -> None:
-    """Draw a figure and write it; a PNG also gets the other formats of the configuration.
+    """Draw a figure and write it.
 
     Parameters
     ----------
@@ -26,7 +26,8 @@ def draw(
     inputs : mapping
         Paths of the files that it shows, by name.
     out_path : path
-        File of the figure, which ends in .png, .pdf or .svg.
+        File of the figure, which ends in .png, .pdf or .svg. Beside a PNG, the figure is
+        also written in the other formats of the section `figures`.
     config : mapping
         The configuration of the study, or the sections that the figure reads.
     known : dict, optional
@@ -37,13 +38,14 @@ def draw(
     InputError
         For an unknown name or ending, or an input that is missing, unknown or no file.
     """
-    # slow to import, and not needed to read the list
+    # These imports are slow, and the list of figures does not need them.
     from repose.config.models import FiguresSettings
     from repose.report.figures import style
 
     out_path = Path(out_path)
     style.check_ending(out_path)
-    require(name in known, "figures", "name", name, ", ".join(known))
+    if name not in known:
+        raise InputError("figures", key="name", value=name, allowed=", ".join(known))
     figure_type = known[name]
     _check_inputs(name, figure_type, inputs)
 
@@ -75,12 +77,21 @@ def _check_inputs(name: str, figure_type: Drawn, inputs: Inputs) -> None:
     inputs : mapping
         Paths by name.
     """
-    needed = tuple(figure_type.inputs)
-    allowed = tuple(figure_type.all_inputs)
+    needed_keys = tuple(figure_type.inputs)
+    allowed_keys = tuple(figure_type.all_inputs)
     source = f"figure {name}"
-    for key in [*needed, *inputs]:
-        if key not in allowed or key not in inputs:
-            expected = f"needs {needed}, may have {allowed}"
-            raise InputError(source, "inputs", key, expected)
-        if not Path(inputs[key]).is_file():
-            raise InputError(source, key, str(inputs[key]), "an existing file")
+    for key in [*needed_keys, *inputs]:
+        is_missing = key not in inputs
+        is_unknown = key not in allowed_keys
+        if is_missing or is_unknown:
+            raise InputError(
+                source,
+                key="inputs",
+                value=key,
+                allowed=f"needs {needed_keys}, may have {allowed_keys}",
+            )
+        path = inputs[key]
+        if not Path(path).is_file():
+            raise InputError(
+                source, key=key, value=str(path), allowed="an existing file"
+            )

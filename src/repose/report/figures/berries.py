@@ -165,7 +165,7 @@ def draw_particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
     figure.set_layout_engine("compressed")
     mesh_panel, *particle_panels = figure.subplots(1, 4)
     mesh_words = f"{len(mesh.faces)} triangles"
-    _format_description(mesh_panel, "a  mesh", body=simulated.mesh, text=mesh_words)
+    _write_description(mesh_panel, "a  mesh", body=simulated.mesh, text=mesh_words)
     mesh_panel.imshow(render_mesh(mesh_in_m, **view))
     style.draw_scale_bar(
         mesh_panel,
@@ -182,11 +182,11 @@ def draw_particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
         except InputError as error:
             # Not every mesh has a particle of each kind.
             text = "\n".join(textwrap.wrap(str(error), 34))
-            _format_description(panel, title, body=None, text=text)
+            _write_description(panel, title, body=None, text=text)
             continue
         if kind == simulated.kind:
             title += " (poured)"
-        _format_description(
+        _write_description(
             panel, title, body=particle, text=_describe_composition(particle)
         )
         picture = render_bodies(
@@ -252,7 +252,7 @@ def _describe_parts(particle: Particle) -> str:
     return "one ellipsoid" if count == 1 else f"sum of {count} ellipsoids"
 
 
-def _format_description(
+def _write_description(
     panel: Axes, title: str, body: Particle | Body | None, text: str
 ) -> None:
     """Write the name of a body above its picture, and its properties below.

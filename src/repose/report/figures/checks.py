@@ -39,13 +39,14 @@ PUBLISHED_MEASUREMENT_STYLE = PUBLISHED_SIMULATION_STYLE | {
 def draw_validation(inputs: Inputs, study: StudyView) -> Figure:
     """Draw predicted and simulated responses of our solutions and of published ones.
 
-    A row of panels for each target: our solutions at the left, published ones at the
-    right.
+    There is a row of panels for each target. Our solutions are at the left, published
+    ones at the right.
 
     Parameters
     ----------
     inputs : mapping
-        Paths of our solutions, `table4`, and perhaps of the `published` ones.
+        Path of `table4`, our solutions. The path `published` of the published solutions
+        may be missing.
     study : StudyView
         The study.
     """
@@ -142,7 +143,8 @@ def _draw_published_and_simulated(
     """
     # Published values are at the left of a tick, those simulated here at the right.
     response = target.response
-    x = _draw_measurement(panel, table, target)
+    x = np.arange(len(table))
+    _draw_measurement(panel, table, target)
     unpublished = np.empty(0)
     published_column = name_derived_column(response.name, "published_simulated")
     measured_column = name_derived_column(response.name, "published_measured")
@@ -182,7 +184,8 @@ def _draw_predicted_and_simulated(
     """
     # Predictions are at the left of a tick, simulated values at the right.
     response = target.response
-    x = _draw_measurement(panel, table, target)
+    x = np.arange(len(table))
+    _draw_measurement(panel, table, target)
     predicted = table[response.predicted].to_numpy(float)
     simulated = table[response.simulated].to_numpy(float)
     error = None
@@ -250,8 +253,10 @@ def _write_below(panel: Axes, places: np.ndarray, text: str) -> None:
         )
 
 
-def _draw_measurement(panel: Axes, table: pd.DataFrame, target: Target) -> np.ndarray:
+def _draw_measurement(panel: Axes, table: pd.DataFrame, target: Target) -> None:
     """Draw the target range and the measured mean, and name the solutions.
+
+    The solution of row k has its tick at x = k.
 
     Parameters
     ----------
@@ -261,11 +266,6 @@ def _draw_measurement(panel: Axes, table: pd.DataFrame, target: Target) -> np.nd
         A row for each solution, with its name.
     target : Target
         The target.
-
-    Returns
-    -------
-    ndarray
-        Places (n,) of the solutions on the x axis.
     """
     style.draw_band(panel, target.low, high=target.high, label="target range")
     error = target.standard_error
@@ -280,7 +280,6 @@ def _draw_measurement(panel: Axes, table: pd.DataFrame, target: Target) -> np.nd
     panel.axhline(target.value, color=style.GREEN, lw=0.9)
     panel.set_xticks(range(len(table)), table["name"])
     panel.set_xlim(-0.6, len(table) - 0.4)
-    return np.arange(len(table))
 
 
 def _add_names(table: pd.DataFrame, prefix: str = "") -> pd.DataFrame:

@@ -30,7 +30,7 @@ def draw_information_over_discrepancy(inputs: Inputs, study: StudyView) -> Figur
     ----------
     inputs : mapping
         Path of the table `discrepancy`. Rows whose `evidence` is ``stated`` have an
-        assumed discrepancy; the others come from the shape study.
+        assumed discrepancy. The other rows come from the shape study.
     study : StudyView
         The study.
     """
@@ -41,7 +41,8 @@ def draw_information_over_discrepancy(inputs: Inputs, study: StudyView) -> Figur
     stated_rows = table[is_stated]
     shape_study_rows = table[~is_stated]
 
-    # Above one panel for the information, below one for each parameter, three in a row.
+    # Make one panel for the information above. Below it, make a panel for each
+    # parameter, three in a row.
     n_rows = math.ceil(len(names) / 3)
     height_above = 2.3
     height_below = 1.55 * n_rows
@@ -82,7 +83,7 @@ def _draw_information(
     stated_rows : DataFrame
         Rows of discrepancy.csv whose error was assumed.
     shape_study_rows : DataFrame
-        Rows whose error comes from the shape study; may be empty.
+        Rows whose error comes from the shape study. There may be none.
     """
     x = "discrepancy_percent"
     y = "information_bits"
@@ -92,7 +93,7 @@ def _draw_information(
         if correlation:
             correlation_text = f"correlation {correlation:g}"
         line_style = style.series_style(k)
-        # The whole line is pale; its reliable parts are drawn again over it.
+        # Draw the whole line pale, and its reliable parts again over it.
         reliable = _mask_rough_rows(rows)
         panel.plot(rows[x], rows[y], **line_style, alpha=ROUGH_OPACITY)
         panel.plot(
@@ -149,7 +150,7 @@ def _draw_intervals(
     by_correlation = stated_rows.groupby("discrepancy_correlation")
     for k, (_, rows) in enumerate(by_correlation):
         line_style = style.series_style(k)
-        # The whole band is pale; its reliable parts are drawn again over it.
+        # Draw the whole band pale, and its reliable parts again over it.
         reliable = _mask_rough_rows(rows)
         for part, opacity in ((rows, ROUGH_OPACITY), (reliable, 1.0)):
             x = part["discrepancy_percent"]

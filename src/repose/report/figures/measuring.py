@@ -37,28 +37,40 @@ def draw_definitions(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths of the pours of a job, `heap`, of which the first is drawn, of the grains'
-        body, `particle`, and of the mean grain, `berry`.
+        Paths by name. `heap` has the pours of a job, of which the first is drawn.
+        `particle` is the body of the grains, and `berry` describes the mean grain.
     study : StudyView
         The study.
     """
     settings = study.settings.measure.for_grain(read_grain(inputs["berry"]))
     pour = read_first_pour(inputs["heap"])
     particle = Particle.load(inputs["particle"])
+    image = draw_side_view(pour, particle, settings)
+    first_view = _measure_view(image, settings)
     figure = style.new_figure(style.PAGE, 4.9)
     above, below = figure.subplots(2, 1, height_ratios=(1.5, 1))
-    first_view = _draw_first_view(
-        above, draw_side_view(pour, particle, settings), settings
-    )
+    _draw_first_view(above, image, measured=first_view, settings=settings)
     above.set_title(f"a  one view of one pile, seed {read_first_seed(inputs['heap'])}")
     all_views = pile.measure_pile(Grains.of(pour, particle), settings, pour["in_pile"])
     _draw_all_views(below, all_views, first_view)
     return figure
 
 
+def _measure_view(image: np.ndarray, settings: MeasureSettings) -> pile.Measurement:
+    """Measure a silhouette (H, W) in grey, whose last row stands on the plate."""
+    from repose.measure.photographs.segmentation import segment  # slow to import
+
+    plate_row = image.shape[0] - 0.5
+    silhouette = segment(image, settings.largest_pile_only, plate_row)
+    return pile.measure_segmented(silhouette, settings)
+
+
 def _draw_first_view(
-    panel: Axes, image: np.ndarray, settings: MeasureSettings
-) -> pile.Measurement:
+    panel: Axes,
+    image: np.ndarray,
+    measured: pile.Measurement,
+    settings: MeasureSettings,
+) -> None:
     """Draw a silhouette with both lines of each definition.
 
     Lengths in the panel are in mm, and distances are measured from the crest.
@@ -69,22 +81,13 @@ def _draw_first_view(
         The panel to draw in.
     image : ndarray
         The silhouette (H, W) in grey.
+    measured : pile.Measurement
+        The measurement of the silhouette.
     settings : MeasureSettings
         Scale of the picture, and settings of the lines.
-
-    Returns
-    -------
-    pile.Measurement
-        The measurement of the silhouette.
     """
-    from repose.measure.photographs.segmentation import segment  # slow to import
-
-    scale = settings.mm_per_pixel
-    plate_row = image.shape[0] - 0.5
-    silhouette = segment(image, settings.largest_pile_only, plate_row)
-    measured = pile.measure_segmented(silhouette, settings)
-
     # Draw the picture in mm, with the crest at 0.
+    scale = settings.mm_per_pixel
     height, width = image.shape
     crest_column = measured.top[0]
     greys = np.where(image < 128, PILE_GREY, BACKGROUND_GREY).astype(np.uint8)
@@ -113,7 +116,6 @@ def _draw_first_view(
         title_fontsize=style.SMALL_TEXT_PT,
         alignment="left",
     )
-    return measured
 
 
 def _draw_definition(

@@ -23,9 +23,9 @@ def draw_noise_floor(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths: `runs` has a row for each run, `seeds` the standard error and the
-        reachable R2 for each number of seeds, `noise` the standard deviations of each
-        response.
+        Paths by name. `runs` has a row for each run. `seeds` has the standard error and
+        the reachable R2 for each number of seeds. `noise` has the standard deviations of
+        each response.
     study : StudyView
         The study.
     """
@@ -34,8 +34,9 @@ def draw_noise_floor(inputs: Inputs, study: StudyView) -> Figure:
     seeds = read_table(inputs["seeds"])
     deviations = read_json(inputs["noise"], ("responses",))["responses"]
 
-    # Arrange a panel for each response, two in a row, and below them two panels over the
-    # number of seeds. A panel whose number appears twice in a row is twice as wide.
+    # Arrange a panel for each response, two in a row. Below them are two panels over the
+    # number of seeds. If the last response is alone in its row, its number appears twice
+    # in the row, so that its panel is twice as wide.
     n_targets = len(targets)
     rows = [[k, min(k + 1, n_targets - 1)] for k in range(0, n_targets, 2)]
     figure = style.new_figure(style.PAGE, 2.15 + 2.45 * len(rows))

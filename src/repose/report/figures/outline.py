@@ -39,8 +39,8 @@ def draw_outline_and_measurement(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths of the pours of a job, `heap`, of which the first is drawn, of the grains'
-        body, `particle`, and of the mean grain, `berry`.
+        Paths by name. `heap` has the pours of a job, of which the first is drawn.
+        `particle` is the body of the grains, and `berry` describes the mean grain.
     study : StudyView
         The study.
     """

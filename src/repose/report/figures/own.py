@@ -70,8 +70,8 @@ def plot(
 def list_parts(calibration: Calibration) -> dict[str, FigurePart]:
     """List the figures that a calibration has, by name.
 
-    A plane needs at least two targets, a history two batches, a corner plot two
-    parameters, and an accuracy a surrogate that was tested on samples of its own.
+    A plane needs at least two targets, a history two batches, and a corner plot two
+    parameters. An accuracy needs a surrogate that was tested on separate samples.
 
     Parameters
     ----------
@@ -129,7 +129,7 @@ def _draw_planes(calibration: Calibration, figure: FigureBase) -> None:
 
 
 def _draw_history(calibration: Calibration, figure: FigureBase) -> None:
-    """Draw how far samples and answer are off each target, over the batches.
+    """Draw the deviations of samples and answer from each target, over the batches.
 
     Parameters
     ----------

@@ -54,9 +54,9 @@ def draw_planes(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths: the samples are the rows of `dataset`, `pool` and `fresh` with the status
-        ok, the solutions those of `feasible`, the answer the row of `table4` with its
-        role.
+        Paths by name. The samples are the rows of `dataset`, `pool` and `fresh` with the
+        status ok. `feasible` has the solutions. The answer is the row of `table4` with
+        the role `representative`.
     study : StudyView
         The study.
     """
@@ -131,8 +131,6 @@ def draw_pairs_of_targets(
 def _compute_axis_limits(target: Target, answer: pd.Series) -> tuple[float, float]:
     """Compute the limits of an axis that shows the target range and the answer.
 
-    The limits differ, because the target range is not empty.
-
     Parameters
     ----------
     target : Target
@@ -160,7 +158,7 @@ def _compute_axis_limits(target: Target, answer: pd.Series) -> tuple[float, floa
             answer[response.simulated] - error,
             answer[response.simulated] + error,
         ]
-    # A single run has no standard error, and its ends are not known.
+    # The mean of a single run has no standard error, so two values are then NaN.
     known_values = [value for value in values if pd.notna(value)]
     low = min(known_values)
     high = max(known_values)

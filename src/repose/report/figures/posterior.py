@@ -80,13 +80,14 @@ class CornerData(NamedTuple):
 
 
 def draw_posterior(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw the draws of the posterior, alone and in pairs, with solutions.
+    """Plot the draws of the posterior over each parameter and each pair, with solutions.
 
     Parameters
     ----------
     inputs : mapping
-        Paths: `draws` has a parameter set in each row, `posterior` a parameter,
-        `feasible` a solution, `published` a published set; `summary` has the predictions.
+        Paths by name. Each row of `draws` is a parameter set, each row of `posterior` a
+        parameter, and each row of `feasible` a solution. `summary` has the predictions.
+        `published` has a row for each published set, and may be missing.
     study : StudyView
         The study.
     """
@@ -158,7 +159,7 @@ def draw_corner(
     data : CornerData
         The posterior, and the sets that are marked.
     """
-    # A parameter alone on the diagonal, two of them below it.
+    # On the diagonal draw each parameter alone, and below it each pair of parameters.
     draws = data.posterior.draws
     table = data.posterior.parameters.set_index("parameter")
     has_published_intervals = "published_low" in table
@@ -256,7 +257,8 @@ def _draw_marginal(
     """
     name = row.name
     edges = compute_cell_edges(parameters, name, N_BINS)
-    # The density is that along the scale of the parameter, on which cells are equal.
+    # On the scale of the parameter all cells have the same width. The histogram is the
+    # density along this scale.
     width = parameters.coordinates(name, edges[[0, -1]]) @ [-1, 1] / N_BINS
     panel.hist(
         values,
@@ -492,7 +494,8 @@ def draw_credible_intervals(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths: `posterior` has a row for each parameter, `feasible` for each solution.
+        Paths by name. `posterior` has a row for each parameter, and `feasible` a row for
+        each solution.
     study : StudyView
         The study.
     """
@@ -528,7 +531,7 @@ def draw_intervals(
     for row_number, row in table.iterrows():
         is_first = row_number == 0
         y = n_parameters - 1 - row_number
-        # Turns values of the parameter into places in its range, from 0 to 1.
+        # This function converts values of the parameter to places in its range.
         places = partial(parameters.shares, row["parameter"])
         _draw_interval_strip(panel, row, places=places, y=y, is_first=is_first)
     panel.text(
@@ -561,7 +564,8 @@ def _draw_interval_strip(
     row : Series
         Row of the parameter in the table of the posterior.
     places : callable
-        Turns values of the parameter into places in its range, from 0 to 1.
+        Function that converts values of the parameter to places in its range, from 0 to
+        1.
     y : float
         Height of the strip's middle.
     is_first : bool

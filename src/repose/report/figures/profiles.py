@@ -22,9 +22,9 @@ def draw_profiles(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Path of `table4`, which has the answer. The scores of a profile are its columns
-        for the profile's targets, as predicted and as simulated, with their standard
-        error.
+        Path of `table4`, which has the answer. It has the scores of each profile: the
+        responses of the profile's targets, predicted, simulated, and with their standard
+        errors.
     study : StudyView
         The study.
     """
@@ -90,13 +90,13 @@ def draw(
 
     Parameters
     ----------
-    panel
+    panel : Axes
         The panel to draw in.
-    profile
+    profile : Profile
         The measured profile.
-    sd
+    sd : float
         Standard deviation of its heights.
-    lines
+    lines : mapping
         Heights, and half the width of the band around them, by label.
     """
     panel.errorbar(

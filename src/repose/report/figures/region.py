@@ -62,8 +62,8 @@ def draw_region(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths: `region` has a row for each cell of each pair of parameters, `summary`
-        the share of the space that is left.
+        Paths by name. `region` has a row for each cell of each pair of parameters.
+        `summary` has the share of the space that is left.
     study : StudyView
         The study.
     """
@@ -250,16 +250,19 @@ def _draw_share(
 
 
 def _place_ticks(panel: Axes, row: int, column: int, last: int) -> None:
-    """Place ticks away from the diagonal, with numbers at the edges of the square.
+    """Place the ticks of a panel in a square of panels, one for each pair of parameters.
+
+    Ticks are at the sides that are away from the diagonal. Only panels at the edges of
+    the square have numbers.
 
     Parameters
     ----------
     panel : Axes
         The panel.
     row, column : int
-        Its place in the square.
+        Its row and column in the square, counted from 0.
     last : int
-        Number of the last row and column.
+        Number of the last row, and of the last column.
     """
     # Panels below the diagonal have ticks below and left, the others above and right.
     is_below = row > column

@@ -35,8 +35,8 @@ def draw_pareto_charts(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Path of the table `effects`, a row for each term, with its effect in the column
-        `t`.
+        Path of the table `effects`. It has a row for each term, with the effect of the
+        term in the column `t`.
     study : StudyView
         The study.
     """
@@ -87,8 +87,8 @@ def draw_perturbation_plots(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths of the `samples` and of their responses, `dataset`, to which surfaces are
-        fitted.
+        Paths by name. `samples` has the parameters and `dataset` the responses to which
+        the surfaces are fitted.
     study : StudyView
         The study.
     """
@@ -120,8 +120,8 @@ def draw_contour_plots(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths of the `samples` and of their responses, `dataset`, to which surfaces are
-        fitted, and of the `optimum`.
+        Paths by name. `samples` has the parameters and `dataset` the responses to which
+        the surfaces are fitted. `optimum` has the factors of the optimum.
     study : StudyView
         The study.
     """
@@ -161,14 +161,16 @@ def _draw_contours(
         The panel to draw in.
     model : Model
         The fitted surface.
+    region : Region or None
+        The part of the factors that is drawn. With None all of it is drawn.
     target : Target
         The target of the response.
     pair : tuple of int
         Numbers of the factors along x and along y.
     point : ndarray
-        The optimum in coded factors (d,), from -1 to 1. Only the region is drawn.
+        The optimum in coded factors (d,), from -1 to 1.
     """
-    # A grid of points over the two factors; the others stay at the optimum.
+    # Make a grid of points over the two factors. The other factors stay at the optimum.
     coded = np.linspace(-1, 1, GRID_POINTS)
     x_grid, y_grid = np.meshgrid(coded, coded)
     points = np.repeat(point[None], GRID_POINTS * GRID_POINTS, axis=0)

@@ -37,9 +37,10 @@ def draw_states(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths: `states` has position_STATE (N, 3) and quaternion_STATE (N, 4) of each
-        state, and turned_STATE_deg; a run without a slip has none before and after it.
-        `particle` is the grains' body, `runs` has a row for each run.
+        Paths by name. `states` has the arrays position_STATE (N, 3), quaternion_STATE
+        (N, 4) and turned_STATE_deg of each state. A run without a slip lacks the states
+        `before` and `after`. `particle` is the body of the grains. `runs` has a row for
+        each run, and may be missing.
     study : StudyView
         The study.
     """
@@ -47,7 +48,7 @@ def draw_states(inputs: Inputs, study: StudyView) -> Figure:
         inputs["states"], ("position_start", "quaternion_start"), "the states of a drum"
     )
     particle = Particle.load(inputs["particle"])
-    # Without a slip the last state is that at the time of the report.
+    # Without a slip, show the state at the time of the report instead.
     has_slipped = "position_before" in arrays
     shown_states = ("start", "before", "after") if has_slipped else ("start", "report")
 
@@ -55,7 +56,7 @@ def draw_states(inputs: Inputs, study: StudyView) -> Figure:
     figure.get_layout_engine().set(w_pad=0.02, h_pad=0.02)
     axes = figure.subplots(1, len(shown_states))
     for k, (panel, state) in enumerate(zip(axes, shown_states, strict=True)):
-        angle_deg = _draw_side_view(
+        angle_deg = _draw_and_measure_state(
             panel, arrays, state=state, particle=particle, study=study
         )
         turned_deg = float(arrays[f"turned_{state}_deg"])
@@ -115,14 +116,16 @@ def _format_mean_and_error(values: pd.Series) -> str:
     return f"{values.mean():.1f} ± {values.sem():.1f}"
 
 
-def _draw_side_view(
+def _draw_and_measure_state(
     panel: Axes,
     arrays: Mapping[str, np.ndarray],
     state: str,
     particle: Particle,
     study: StudyView,
 ) -> float:
-    """Draw one state of the drum with the fitted line of its surface.
+    """Draw one state of the drum, and measure the angle of its surface.
+
+    The line that is fitted to the surface is drawn into the picture.
 
     Parameters
     ----------
@@ -209,8 +212,9 @@ def draw_course(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths: `record` has the angles of surface and centre of mass at each time,
-        `profile` the motion in the slip at each depth, `runs` a row for each run.
+        Paths by name. `record` has the angles of surface and centre of mass at each
+        time. `profile` has the motion in the slip at each depth. `runs` has a row for
+        each run.
     study : StudyView
         The study.
     """

@@ -28,8 +28,8 @@ def draw_design_matrix(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths: `samples` has a column for each parameter; `comparison` has the smallest
-        distance of two samples by each method of design, and may be missing.
+        Paths by name. `samples` has a column for each parameter. `comparison` has the
+        smallest distance of two samples by each method of design. It may be missing.
     study : StudyView
         The study.
     """
@@ -55,17 +55,20 @@ def draw_design_matrix(inputs: Inputs, study: StudyView) -> Figure:
                 lw=0,
             )
     panels.finish_pair_panels(pair_panels, study.parameters)
+    # Describe the design. With constraints it is a selection from a larger design.
     method = METHOD_LABELS[study.settings.design.method]
+    origin = method
+    remark = ""
     if study.parameters.constraints:
-        method = f"allowed ones of a larger {method}"
-    text = (
-        f"{len(samples)} samples: {method}\ndiagonal: samples in each tenth of a range"
-    )
-    if study.parameters.constraints:
+        origin = f"allowed ones of a larger {method}"
         rules = "; ".join(
             constraint.text for constraint in study.parameters.constraints
         )
-        text += f"\nspread evenly over {rules}; no Latin hypercube"
+        remark = f"\nspread evenly over {rules}; no Latin hypercube"
+    text = (
+        f"{len(samples)} samples: {origin}\ndiagonal: samples in each tenth of a range"
+        f"{remark}"
+    )
     if len(names) == 1:
         # With a single panel there is no empty corner for the text.
         figure.suptitle(text, fontsize=9)
@@ -107,8 +110,8 @@ def draw_responses_over_parameters(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Path of the `dataset`, a row for each sample: its status, parameters and
-        responses with their standard errors.
+        Path of the `dataset`. It has a row for each sample with status, parameters,
+        responses and their standard errors.
     study : StudyView
         The study.
     """
@@ -158,8 +161,8 @@ def _draw_response(
         mew=0,
     )
     if len(failed):
-        # Place the crosses below all values, by a tenth of their range. Without a good
-        # sample, there are no values, and any range will do.
+        # Place the crosses below all values, by a tenth of their range. If no sample is
+        # good, there are no values, so choose any range.
         bottom = 0.0
         top = 1.0
         if len(good):

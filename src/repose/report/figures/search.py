@@ -40,9 +40,9 @@ def draw_feasible_solutions(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths: `feasible` has a row for each solution with its parameters and predicted
-        responses, `summary` the result of the search, `published` intervals of the
-        parameters (Table 3 of the paper).
+        Paths by name. `feasible` has a row for each solution with its parameters and
+        predicted responses. `summary` has the result of the search. `published` has
+        intervals of the parameters (Table 3 of the paper), and may be missing.
     study : StudyView
         The study.
     """
@@ -67,14 +67,19 @@ def draw_feasible_solutions(inputs: Inputs, study: StudyView) -> Figure:
     if published is not None:
         sentences.append(_describe_overlap(solutions, study, published))
     style.write_below(figure, " ".join(sentences))
-    _format_title(figure, panel, solutions=solutions, summary=summary)
+    _write_title(figure, panel, solutions=solutions, summary=summary)
     return figure
 
 
 def _describe_predictions(solutions: pd.DataFrame, target: Target) -> str:
     """Describe the predicted response of the solutions and of the answer.
 
-    `solutions` has a row for each of them, `target` is that of the response.
+    Parameters
+    ----------
+    solutions : DataFrame
+        A row for each solution. The answer is one of them.
+    target : Target
+        The target of the response.
     """
     response = target.response
     predicted = solutions[response.predicted]
@@ -114,7 +119,7 @@ def _describe_overlap(
     )
 
 
-def _format_title(
+def _write_title(
     figure: Figure, panel: Axes, solutions: pd.DataFrame, summary: Mapping[str, Any]
 ) -> None:
     """Write the number of solutions as the title, or why none of them is feasible.
@@ -122,7 +127,8 @@ def _format_title(
     Parameters
     ----------
     figure : Figure
-        The figure, which gets the search's message below it if no solution is feasible.
+        The figure. If no solution is feasible, the message of the search is written
+        below it.
     panel : Axes
         Its panel.
     solutions : DataFrame
@@ -298,8 +304,9 @@ def draw_convergence(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths: `history` has a row for some of the generations, with the best and the
-        mean objective; `summary` has the standard errors of the answer's prediction.
+        Paths by name. `history` has a row for some of the generations, with the best and
+        the mean objective. `summary` has the standard errors of the answer's prediction,
+        and may be missing.
     study : StudyView
         The study.
     """
@@ -307,7 +314,7 @@ def draw_convergence(inputs: Inputs, study: StudyView) -> Figure:
     figure = style.new_figure(style.COLUMN, 2.6)
     panel = figure.subplots()
     _draw_objective(panel, history)
-    # An objective below the error of the surrogate is no better.
+    # Below the error of the surrogate, a smaller objective is not a better one.
     if "summary" in inputs:
         summary = read_json(inputs["summary"], ("feasible",))
         errors = summary.get("representative_judged", {}).get("predicted_se")
@@ -335,7 +342,7 @@ def _draw_objective(panel: Axes, history: pd.DataFrame) -> None:
     panel.set_ylabel("objective F\n(widths of the target ranges)")
     lowest = min(best.min(), mean.min())
     highest = max(best.max(), mean.max())
-    # A logarithmic axis over less than a power of ten would have no ticks.
+    # Over less than a power of ten, a logarithmic axis would have no ticks.
     if lowest > 0 and highest > 10 * lowest:
         panel.set_yscale("log")
 

@@ -43,8 +43,8 @@ def draw_sobol_indices(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Path of the table `sobol`, a row for each parameter and response, with both
-        indices and their intervals.
+        Path of the table `sobol`. It has a row for each parameter and response, with
+        both indices and their intervals.
     study : StudyView
         The study.
     """
@@ -120,8 +120,8 @@ def draw_main_effects(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths: `effects` has the mean of the surrogate at values of each parameter,
-        `dataset` the samples, `sobol` the indices.
+        Paths by name. `effects` has the mean of the surrogate at values of each
+        parameter. `dataset` has the samples, and `sobol` the indices.
     study : StudyView
         The study.
     """
@@ -134,9 +134,10 @@ def draw_main_effects(inputs: Inputs, study: StudyView) -> Figure:
     samples = samples[samples["status"] == "ok"]
     column, label = _choose_shares(study)[0]
     sobol = read_table(inputs["sobol"], ("response", "parameter", column))
-    share_of = sobol.set_index(["response", "parameter"])[column]
+    variance_shares = sobol.set_index(["response", "parameter"])[column]
 
-    # The samples, the mean of the surrogate over them, and the share of the variance
+    # In each panel draw the samples and the mean of the surrogate, and write the share
+    # of the variance.
     figure, parameter_panels = panels.make_parameter_panels(targets, parameters, 1.4)
     for panel, target, name in parameter_panels:
         panel.scatter(
@@ -144,18 +145,20 @@ def draw_main_effects(inputs: Inputs, study: StudyView) -> Figure:
         )
         curve = effects[effects["parameter"] == name]
         panel.plot(curve["value"], curve[target.name], color=style.BLUE, lw=1.8)
-        percent = 100 * max(share_of.loc[(target.name, name)], 0.0)
+        # The shares are estimates, and may be a little below 0.
+        percent = 100 * max(variance_shares.loc[(target.name, name)], 0.0)
         panel.set_title(
             f"{percent:.0f} %", fontsize=style.SMALL_TEXT_PT, loc="right", pad=2
         )
-    text = (
-        "points: samples; line: mean of the surrogate over the other parameters; %: "
-        "first-order share of the variance"
-    )
     if study.parameters.constraints:
         text = (
             "points: samples; line: mean of the surrogate over what the constraints "
             f"allow at each value; %: share of the variance {label}"
+        )
+    else:
+        text = (
+            "points: samples; line: mean of the surrogate over the other parameters; %: "
+            "first-order share of the variance"
         )
     style.write_below(figure, text)
     return figure

@@ -18,8 +18,8 @@ def draw_sequential_batches(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths: `batches` has a row for each batch of pours, `check` a row for each
-        response.
+        Paths by name. `batches` has a row for each batch of pours. `check` has a row for
+        each response.
     study : StudyView
         The study.
     """

@@ -77,8 +77,8 @@ class Layers(NamedTuple):
 def draw_network_structure(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the layers of the network, and bars for the influence of each input.
 
-    Weights are not drawn: large ones cancel where two hidden neurons pull the same
-    response in opposite directions.
+    The weights are not drawn, because they would mislead: two large weights cancel if
+    they change the same response in opposite directions.
 
     Parameters
     ----------
@@ -101,11 +101,12 @@ def draw_network_structure(inputs: Inputs, study: StudyView) -> Figure:
     influence = compute_influence(
         load(path), study.parameters, study.settings.design.seed
     )
-    # Targets of another program are no registered responses.
-    of_targets = {target.name: target.response for target in study.targets}
+    # The outputs are responses of targets, which another program may define, or other
+    # responses of a bench test.
+    responses_of_targets = {target.name: target.response for target in study.targets}
     symbols = []
     for name in network["outputs"]:
-        output = of_targets.get(name) or response(name, path)
+        output = responses_of_targets.get(name) or response(name, path)
         symbols.append(output.symbol)
     n_bars = n_outputs * len(layers.inputs)
     figure = style.new_figure(style.PAGE, max(3.1, 1.0 + 0.17 * n_bars))
@@ -336,9 +337,9 @@ def draw_predicted_against_simulated(inputs: Inputs, study: StudyView) -> Figure
     Parameters
     ----------
     inputs : mapping
-        Paths: `predictions` has the split, the simulated and the predicted responses of
-        each sample, `dataset` their standard errors. With `fresh` and `network`, points
-        outside the design are predicted, too.
+        Paths by name. `predictions` has the split and the simulated and predicted
+        responses of each sample. `dataset` has the standard errors. If there are `fresh`
+        and `network`, points outside the design are predicted, too.
     study : StudyView
         The study.
     """
@@ -458,7 +459,7 @@ def _draw_splits(panel: Axes, table: pd.DataFrame, plotted_response: Response) -
     panel.set(xlim=ends, ylim=ends, aspect="equal")
     for axis in (panel.xaxis, panel.yaxis):
         axis.set_major_locator(MaxNLocator(6))
-    # Above the panel, where no point lies; the letter of the panel is at its left.
+    # Write the accuracy above the panel, where no point lies.
     panel.set_title("\n".join(lines), loc="right", fontsize=style.SMALL_TEXT_PT)
 
 
@@ -487,18 +488,19 @@ def _describe_accuracy(
     rows = table[is_split]
     simulated = rows[plotted_response.name].to_numpy(float)
     predicted = rows[plotted_response.predicted].to_numpy(float)
-    of_model = _format_accuracy(simulated, predicted - simulated, plotted_response.unit)
+    unit = plotted_response.unit
+    surrogate_accuracy = _format_accuracy(simulated, predicted - simulated, unit)
 
-    # The test samples are too few to estimate the noise, so take that of the whole design.
+    # The test samples are too few to estimate the noise, so use the whole design.
     noisy_rows = rows
     if split == "test":
         noisy_rows = table[table["split"] != "new points"]
     errors = noisy_rows[plotted_response.standard_error].to_numpy(float)
     noise = np.full(len(rows), np.sqrt(np.mean(errors**2)))
-    of_perfect_model = _format_accuracy(simulated, noise, plotted_response.unit)
+    perfect_accuracy = _format_accuracy(simulated, noise, unit)
     return [
-        f"{split}, {len(rows)} sets: {of_model}",
-        f"a perfect model on them: {of_perfect_model}",
+        f"{split}, {len(rows)} sets: {surrogate_accuracy}",
+        f"a perfect model on them: {perfect_accuracy}",
     ]
 
 

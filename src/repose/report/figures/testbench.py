@@ -39,12 +39,12 @@ def draw_simulated_pile(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths of the pours of a job, `heap`, of which the first is drawn, and of the
-        grains' body, `particle`.
+        Paths by name. `heap` has the pours of a job, of which the first is drawn.
+        `particle` is the body of the grains.
     study : StudyView
         The study.
     """
-    # Slow to import, and the other figures here do without.
+    # These imports are slow, and the other figures here do not need them.
     from repose.report.renderer.render import render_pile
     from repose.report.renderer.scenery import look_at, make_box_corners
 
@@ -94,8 +94,8 @@ def draw_measurement_steps(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths of the pours of a job, `heap`, of which the first is drawn, of the grains'
-        body, `particle`, and of the mean grain, `berry`.
+        Paths by name. `heap` has the pours of a job, of which the first is drawn.
+        `particle` is the body of the grains, and `berry` describes the mean grain.
     study : StudyView
         The study.
     """
@@ -140,7 +140,7 @@ def _name_lines(
     settings: MeasureSettings,
     height_mm: float,
 ) -> None:
-    """Write the angle of each flank beside its line, and the angle of the pile above.
+    """Write the angle of each flank beside its line, and that of the pile as a title.
 
     Parameters
     ----------
@@ -158,7 +158,8 @@ def _name_lines(
     angle = measured.angles[settings.response]
     scale = settings.mm_per_pixel
     left_line, right_line = angle.lines
-    # Name of a flank, its angle and line, colour in OpenCV, and side of the words.
+    # Name of a flank, its angle and its line; then colour, alignment and offset of the
+    # words beside the line
     flanks = (
         ("left", angle.left_deg, left_line, drawing.RED, "right", -12),
         ("right", angle.right_deg, right_line, drawing.GREEN, "left", 12),
@@ -185,19 +186,19 @@ def _name_lines(
 
 
 def draw_test_bench(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw the test bench from the side, in mm, with the grains of a pour if given.
+    """Draw the test bench from the side in mm, with the grains of a pour if there is one.
 
     Parameters
     ----------
     inputs : mapping
-        Perhaps paths of a `trajectory`, the places of the grains over the time, and of
-        the `particle`; without them only the walls are drawn.
+        Paths by name. `trajectory` has the positions of the grains over time, and
+        `particle` is their body. If one of both is missing, only the walls are drawn.
     study : StudyView
         The study.
     """
     from repose.report.renderer.scenery import make_funnel_walls  # slow to import
 
-    # Heights and half widths in mm; the factory is the place where grains are made.
+    # All lengths are in mm. The factory is the place where grains are made.
     settings = study.settings.funnel
     walls = make_funnel_walls(settings.funnel)
     top = 1e3 * walls[-1].z_high_m
@@ -207,7 +208,8 @@ def draw_test_bench(inputs: Inputs, study: StudyView) -> Figure:
     low = -34
     high = factory + 34
 
-    # Inches; the panel is to scale, and its labels take 0.5 across and 0.55 down.
+    # The panel is to scale, so its width gives its height. The labels of the axes need
+    # 0.5 inches across and 0.55 inches down.
     width = 1.3 * style.COLUMN
     height = (width - 0.5) * (high - low) / (2 * half_view) + 0.55
     figure, (panel,) = panels.grid(1, height, width=width)
@@ -347,7 +349,7 @@ def _draw_levels(
 def _draw_dimensions(
     panel: Axes, settings: FunnelSettings, top: float, half_inlet: float
 ) -> None:
-    """Draw measured arrows: diameters across, heights at the left.
+    """Draw arrows with lengths: diameters at their heights, heights at the left.
 
     Parameters
     ----------
@@ -356,9 +358,9 @@ def _draw_dimensions(
     settings : FunnelSettings
         The section `funnel`.
     top : float
-        Height of the inlet.
+        Height of the inlet in mm.
     half_inlet : float
-        Half of its diameter.
+        Half of the inlet's diameter in mm.
     """
     outlet = settings.outlet_height_mm
     half_outlet = settings.outlet_diameter_mm / 2

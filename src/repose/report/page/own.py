@@ -17,7 +17,14 @@ INTERVALS_KEY = "intervals"
 
 
 def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
-    """Write the report of a calibration.
+    """Write the report of a calibration as one HTML file.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        The answer of a study.
+    out_path : path
+        The file to write.
 
     Raises
     ------

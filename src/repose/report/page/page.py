@@ -152,8 +152,8 @@ def _describe_constraint(constraint: Constraint) -> dict[str, Any]:
 def _describe_target(study: Results, target: Target) -> dict[str, Any]:
     """Describe one target as plain values for the scripts.
 
-    The limits of its gauge, `axis`, show the samples, the target range, the measured
-    mean with its deviation, and the simulated mean.
+    `axis` has the limits of its gauge. Between them lie the samples, the target range,
+    the measured mean with its standard deviation, and the simulated mean.
     """
     response = target.response
     simulated = study.get_number(response.simulated)

@@ -33,8 +33,9 @@ class EmbeddedPicture(NamedTuple):
 def embed_picture(source: PictureSource, caption: str) -> EmbeddedPicture:
     """Embed a picture in the page.
 
-    A photograph is reduced. A figure, a PNG file with a resolution, is not shrunk below
-    `SMALLEST_SCALE` of its size on paper, so that its text stays readable.
+    A large picture is reduced. A PNG file with a resolution is a figure with text. The
+    page shows it at `SMALLEST_SCALE` of its size on paper or larger, so that the text
+    stays readable.
 
     Parameters
     ----------
@@ -54,7 +55,9 @@ def embed_picture(source: PictureSource, caption: str) -> EmbeddedPicture:
             is_drawing = opened.format == "PNG"
             dpi = opened.info.get("dpi", (0,))[0]
     except (UnidentifiedImageError, FileNotFoundError, IsADirectoryError) as error:
-        raise InputError(source, "picture", str(error), "a PNG or JPEG file") from error
+        raise InputError(
+            source, key="picture", value=str(error), allowed="a PNG or JPEG file"
+        ) from error
     # Pixels over dots per inch are the width on paper in inches.
     least_width = 0
     if is_drawing and dpi:

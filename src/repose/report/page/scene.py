@@ -65,11 +65,12 @@ def export_pour(
     Returns
     -------
     dict
-        `body`, the surface of a grain; `count`, the number of grains; `times_s`;
-        `positions` (frames, grains, 3), with `low` and `step`, see `QuantisedPositions`;
-        `turns` (frames, grains, 4), quaternions x, y, z, w; `scales` or None; `walls`,
-        rows of height and radius of the lower end and of the upper end; `plate_mm`, a
-        radius.
+        `body` is the surface of a grain, and `count` the number of grains. `times_s` are
+        the times of the frames. `positions` (frames, grains, 3) are whole numbers, which
+        `low` and `step` convert to mm, see `QuantisedPositions`. `turns` (frames, grains,
+        4) are quaternions x, y, z, w. `scales` are the sizes of the grains, or None.
+        `walls` has a row for each wall: height and radius of the lower and of the upper
+        end. `plate_mm` is the radius of the plate.
 
     Raises
     ------
@@ -144,14 +145,15 @@ def quantise(positions: np.ndarray) -> QuantisedPositions:
 
     Returns
     -------
-    Quantised
+    QuantisedPositions
         The whole numbers, and how to convert them back.
     """
     is_there = np.isfinite(positions).all(axis=2)
     whole = np.full(positions.shape, ABSENT_POSITION, np.uint16)
     if not is_there.any():
         return QuantisedPositions(whole, low=np.zeros(3), step=np.ones(3))
-    # Divide the space of all grains into equal steps along each axis.
+    # Divide the space of all grains into equal steps along each axis. The least extent
+    # avoids a division by zero if all grains have the same coordinate.
     low = positions[is_there].min(axis=0)
     high = positions[is_there].max(axis=0)
     step = np.maximum(high - low, 1e-9) / POSITION_STEPS

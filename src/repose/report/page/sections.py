@@ -158,7 +158,10 @@ def make_answer_section(study: Results) -> AnswerSection:
 
 
 def list_impossible_targets(files: Mapping[str, str]) -> list[str]:
-    """List the warnings about angles that piles of this height cannot have."""
+    """List the warnings of the card about angles that no pile of this height can have.
+
+    The list is empty without a card.
+    """
     if "card" not in files:
         return []
     sentences = []
@@ -179,12 +182,16 @@ def _describe_origin(study: Results) -> str:
 
 
 def _describe_determination(study: Results) -> str:
-    """Describe how many parameters the measurements determine; empty without intervals."""
+    """Describe how many parameters the measurements determine.
+
+    The text is empty for a study without intervals of the parameters.
+    """
     if study.posterior is None:
         return ""
     shares = study.posterior["width_ratio"]
     n_parameters = len(shares)
     n_determined = int((shares < UNDETERMINED_SHARE).sum())
+    # The intervals are estimates, so their share may be a little above 1.
     narrowest = 100 * min(shares.min(), 1.0)
     if n_determined == 0:
         return (
@@ -202,7 +209,7 @@ def _describe_determination(study: Results) -> str:
 def _describe_sets_inside(study: Results) -> str:
     """Describe how many samples meet all targets, and how far apart they are.
 
-    The text is empty if fewer than two samples do.
+    The text is empty if fewer than two samples meet all targets.
     """
     samples = study.samples
     is_inside = np.ones(len(samples), bool)
@@ -211,15 +218,16 @@ def _describe_sets_inside(study: Results) -> str:
     samples_inside = samples[is_inside]
     if len(samples_inside) < 2:
         return ""
-    shares = {}
+    # The part of each parameter's range that these samples span
+    spans = {}
     for name in study.parameters.free:
-        shares[name] = np.ptp(study.parameters.shares(name, samples_inside[name]))
-    narrowest = min(shares, key=shares.__getitem__)
-    widest = max(shares, key=shares.__getitem__)
+        spans[name] = np.ptp(study.parameters.shares(name, samples_inside[name]))
+    narrowest = min(spans, key=spans.__getitem__)
+    widest = max(spans, key=spans.__getitem__)
     return (
         f"{len(samples_inside)} of the {len(samples)} simulated samples already lie inside all "
-        f"target ranges; they span {100 * shares[narrowest]:.0f} ({narrowest}) to "
-        f"{100 * shares[widest]:.0f} % ({widest}) of the searched ranges."
+        f"target ranges; they span {100 * spans[narrowest]:.0f} ({narrowest}) to "
+        f"{100 * spans[widest]:.0f} % ({widest}) of the searched ranges."
     )
 
 
@@ -235,20 +243,20 @@ def _describe_nearness(study: Results) -> str:
     sentences = [
         describe_differences(replace(check, response=check.label) for check in checks)
     ]
+    # The standard deviation of a single run follows from the standard error of the mean.
     scatters = [
-        f"{format_significant(check.standard_error * math.sqrt(check.runs), 2)} {check.unit}"
+        _format_with_unit(check.standard_error * math.sqrt(check.runs), check.unit)
         for check in checks
         if check.standard_error is not None
     ]
     if scatters:
-        scatter = " and ".join(text.rstrip() for text in scatters)
         sentences.append(
-            f"Single simulations scatter more than their mean: by {scatter} "
+            f"Single simulations scatter more than their mean: by {' and '.join(scatters)} "
             "(standard deviation)."
         )
     # The errors above are those of the simulation alone.
     errors = [
-        f"{format_significant(check.sd / math.sqrt(check.repetitions), 2)} {check.unit}".rstrip()
+        _format_with_unit(check.sd / math.sqrt(check.repetitions), check.unit)
         for check in checks
     ]
     sentences.append(
@@ -281,14 +289,24 @@ def _make_parameter_table(study: Results) -> Table:
     return Table(columns, rows, style="answer")
 
 
+def _format_with_unit(value: float, unit: str) -> str:
+    """Write a number in two digits with its unit, which may be empty."""
+    return f"{format_significant(value, 2)} {unit}".rstrip()
+
+
 def _make_parameter_row(study: Results, name: str, value: float) -> list[str]:
-    """Make the cells of one parameter in the table of the answer."""
+    """Make the cells of one parameter in the table of the answer.
+
+    The table has two columns about the interval of the parameter, unless the study has
+    no intervals.
+    """
     parameters = study.parameters
     label = LABELS.get(name, "")  # empty for parameters of another simulator
     if name in parameters.fixed:
-        interval_cells = [] if study.posterior is None else ["", ""]
-        return [name, label, f"{format_significant(value)}", *interval_cells, "fixed"]
+        empty_cells = [] if study.posterior is None else ["", ""]
+        return [name, label, f"{format_significant(value)}", *empty_cells, "fixed"]
 
+    # `widen_to_value` also finds out whether the value lies at an end of its range.
     if study.posterior is None:
         interval_cells = []
         interval = widen_to_value(parameters, name, value=value, low=value, high=value)
@@ -326,11 +344,12 @@ def _describe_share_left_open(share: float) -> str:
 def make_material_section(study: Results) -> MaterialSection | None:
     """Describe the material and the contact laws.
 
-    The result is None unless the study has the card of a simulation by this program.
+    The result is None unless this program simulated the study and wrote its card.
     """
     if "card" not in study.files:
         return None
     card = read_card(study.files["card"])
+    # The card of another simulator has no contact laws.
     if "laws" not in card:
         return None
     if "simulation" not in card and study.settings is not None:
@@ -390,9 +409,10 @@ def _make_response_table(study: Results) -> Table:
 
 
 def _make_response_row(study: Results, target: Target) -> list[str]:
-    """Write the cells of one target in the table of the responses.
+    """Make the cells of one target in the table of the responses.
 
-    They are those of all columns. Without new simulations the last ones are not shown.
+    The cells fill all columns, although the last ones are only shown if the answer was
+    simulated.
     """
     response = target.response
     unit = response.unit
@@ -439,11 +459,13 @@ def _format_prediction(study: Results, target: Target) -> str:
 
 
 def _make_table_of_angle_definitions(study: Results) -> Table | None:
-    """Tabulate the answer's angle of repose by each definition; None without piles."""
-    if not set(MEAN_KEYS.values()) <= set(study.answer_row.index):
-        return None
+    """Tabulate the answer's angle of repose by each definition.
+
+    The result is None if the study has no piles, or if its tables lack these angles.
+    """
     measure = study.measure
-    if measure is None:
+    has_all_angles = set(MEAN_KEYS.values()) <= set(study.answer_row.index)
+    if measure is None or not has_all_angles:
         return None
     calibrated_lines = {
         describe_line_of_response(measure, name) for name in study.targets.names
@@ -466,9 +488,10 @@ class _Cell(NamedTuple):
 
 
 def _make_table_of_checked_sets(study: Results) -> Table | None:
-    """Tabulate the sets that were simulated again; None for the answer alone.
+    """Tabulate the sets that were simulated again.
 
-    Published sets follow in rows of their own, with the numbers of their publication.
+    The result is None if only the answer was simulated again. Published sets follow in
+    further rows, with the numbers of their publication.
     """
     if len(study.checked_sets) < 2:
         return None
@@ -477,10 +500,11 @@ def _make_table_of_checked_sets(study: Results) -> Table | None:
     ]
     for _, row in study.published_sets.iterrows():
         published = row.copy()
-        published["role"] = "published"
         if row["solution"] == "representative":
             published["solution"] = ""
             published["role"] = "published answer"
+        else:
+            published["role"] = "published"
         cells_of_rows.append(
             _make_cells_of_set(study, published, placeholder="not published")
         )
@@ -506,8 +530,16 @@ def _make_cells_of_set(
 ) -> list[_Cell]:
     """Make the cells of one parameter set, from left to right.
 
-    Every set has the same headers. `placeholder` replaces a simulated mean that is
-    missing.
+    Every set has the same headers.
+
+    Parameters
+    ----------
+    study : Results
+        The results of the study.
+    row : Series
+        The parameter set with its predicted and simulated responses.
+    placeholder : str
+        Text in place of a simulated mean that is missing.
     """
     cells = [
         _Cell("set", row.get("solution")),
@@ -580,7 +612,10 @@ def _format_mean_with_error(
 
 
 def make_drum_section(study: Results) -> DrumSection | None:
-    """Describe the check in the drum; None for a study without it."""
+    """Describe the check in the drum.
+
+    The result is None for a study without this check.
+    """
     if "drum_summary" not in study.files:
         return None
     summary = read_table(study.files["drum_summary"], ("quantity", "key", "mean"))
@@ -601,7 +636,7 @@ def make_drum_section(study: Results) -> DrumSection | None:
             f"{report_deg:.0f}°. It shows the bed after a slip and states no angle. Here "
             f"the bed first slips at {slip_deg:.0f}°."
         )
-        # A bed that slips later was still whole at the end of the article's run.
+        # If the bed slips later than this, the simulation shows no slip at that time.
         if slip_deg > report_deg:
             comparison += " So in this test the simulation disagrees with the article."
     return DrumSection(
@@ -648,7 +683,10 @@ def _describe_search_result(study: Results) -> str:
 
 
 def _make_table_of_sets_found(study: Results) -> Table | None:
-    """Tabulate the span of the sets that the search kept; None for a single set."""
+    """Tabulate the span of the sets that the search kept.
+
+    The result is None for a single set.
+    """
     if len(study.solutions) < 2:
         return None
     rows = []
@@ -670,8 +708,9 @@ def _list_strategy_steps(study: Results) -> list[str]:
     """List the steps that the strategy reports, or those of the article's method."""
     if "steps" in study.summary:
         return list(study.summary["steps"])
-    counted = {"by_status": dict, "runs_by_status": dict}
-    simulated = read_json(study.files["dataset_summary"], counted)
+
+    keys = {"by_status": dict, "runs_by_status": dict}
+    simulated = read_json(study.files["dataset_summary"], keys)
     counts = describe_counts(simulated["by_status"], simulated["runs_by_status"])
     steps = []
     if study.settings is not None:
@@ -710,11 +749,12 @@ def _describe_design(study: Results, design: DesignSettings) -> str:
 
 
 def _describe_accuracy(study: Results) -> str:
-    """Describe the accuracy of the surrogate on samples it was not trained on."""
-    metrics_on_test_samples = read_json(study.files["metrics"]).get("test") or {}
+    """Describe the accuracy of the surrogate on samples that it was not trained on."""
+    test_metrics = read_json(study.files["metrics"]).get("test") or {}
     accuracies = []
     for response in study.targets.responses:
-        metrics = metrics_on_test_samples.get(response.name, {})
+        metrics = test_metrics.get(response.name, {})
+        # The error may be missing or null in the file.
         rmse = metrics.get("rmse") or np.nan
         if np.isfinite(rmse):
             accuracies.append(
@@ -731,7 +771,10 @@ def _describe_accuracy(study: Results) -> str:
 
 
 def _describe_noise_of_samples(study: Results) -> str:
-    """Describe the errors of the samples, a sentence; empty for single runs."""
+    """Describe the standard errors of the samples in a sentence.
+
+    The text is empty if each sample has a single run, which has no standard error.
+    """
     clauses = []
     for target in study.targets:
         errors = study.samples.get(target.response.standard_error)

@@ -216,7 +216,10 @@ def _check_file_names(files: Files) -> None:
     for name in files:
         if name not in known_names:
             raise InputError(
-                "report", "--input", name, f"one of {', '.join(known_names)}"
+                "report",
+                key="--input",
+                value=name,
+                allowed=f"one of {', '.join(known_names)}",
             )
 
 
@@ -224,15 +227,21 @@ def _require_files(files: Files, names: Sequence[str]) -> None:
     """Raise InputError if any of these files is missing."""
     for name in names:
         if name not in files:
-            allowed = f"{name}=PATH; a report needs {', '.join(names)}"
-            raise InputError("report", "--input", None, allowed)
+            raise InputError(
+                "report",
+                key="--input",
+                value=None,
+                allowed=f"{name}=PATH; a report needs {', '.join(names)}",
+            )
 
 
 def _find_representative(checked_sets: pd.DataFrame, path: str) -> pd.Series:
     """Find the row of the answer among the sets that were simulated again."""
     rows = checked_sets[checked_sets["role"] == "representative"]
     if rows.empty:
-        raise InputError(path, "role", None, "a row with the role representative")
+        raise InputError(
+            path, key="role", value=None, allowed="a row with the role representative"
+        )
     return rows.iloc[0]
 
 

@@ -63,9 +63,10 @@ def make_verdict(study: Results) -> VerdictText:
     )
     text = line[0].upper() + line[1:]
     if assessment.feasible:
-        # The reason of an undecided verdict has named the probability of being inside.
-        is_named = assessment.verdict is Verdict.UNDECIDED
-        last_sentences = describe_probability(study, names_inside=not is_named)
+        # The line of an undecided verdict already has the probability that all means are
+        # inside, so do not repeat it.
+        is_undecided = assessment.verdict is Verdict.UNDECIDED
+        last_sentences = describe_probability(study, names_inside=not is_undecided)
     else:
         # Without a feasible set, the message describes what the search found instead.
         last_sentences = study.summary["message"]
@@ -109,7 +110,8 @@ def describe_probability(study: Results, names_inside: bool = True) -> str:
     else:
         evidence = f"judged by {n_runs:.0f} new simulations with these parameters"
 
-    # The probability of all target ranges, then those of the percent about the means.
+    # Begin with the probability that all targets are met. Then state how probably the
+    # means lie within some percent of the measured ones.
     n_targets = len(study.targets)
     sentences = []
     if names_inside:
@@ -117,11 +119,12 @@ def describe_probability(study: Results, names_inside: bool = True) -> str:
             f"With a probability of {format_percent(probability)} "
             f"{_describe_inside(n_targets)}, {evidence}."
         )
-    true_means = "all true means lie"
-    measured_means = "the measured means"
     if n_targets == 1:
         true_means = "the true mean lies"
         measured_means = "the measured mean"
+    else:
+        true_means = "all true means lie"
+        measured_means = "the measured means"
     for percent, within in study.probability_within.items():
         if within is not None:
             sentences.append(
@@ -177,9 +180,14 @@ def format_percent(probability: float | None) -> str:
 
 
 def make_checks(study: Results) -> Iterator[Check]:
-    """Yield the check of the answer for each target.
+    """Make the check of the answer for each target.
 
     A check compares the predicted, simulated and measured values of a response.
+
+    Yields
+    ------
+    Check
+        One for each target, in their order.
     """
     n_runs = study.get_number("n_seeds")
     if n_runs is None:

@@ -94,9 +94,9 @@ def place_bodies(
     Parameters
     ----------
     centres : array (N, 3)
-        In m.
+        Centres in m.
     quaternions : array (N, 4)
-        w, x, y, z, body to world.
+        Orientations w, x, y, z, from the body to the world.
     shapes : sequence
         The S shapes.
     shape_ids : array (N,) of int
@@ -108,7 +108,8 @@ def place_bodies(
     parts = _split_into_parts(
         centres, rotations=rotations, shapes=shapes, shape_ids=shape_ids, scales=scales
     )
-    # The unit sphere is the last shape; a shape of spheres is not drawn itself.
+    # The unit sphere is added as the last shape. It draws each sphere of a clump, so the
+    # clump itself is not drawn and any mesh may stand in its place.
     drawn_shapes = [_Ball() if len(_read_spheres(shape)) else shape for shape in shapes]
     drawn_shapes.append(_Ball())
     tessellated = [tessellate(shape) for shape in drawn_shapes]

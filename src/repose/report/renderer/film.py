@@ -155,8 +155,8 @@ def animate(
     pictures : int
         Number of pictures, spread evenly over the time.
     **view
-        Further arguments of `repose.report.renderer.render.render_bodies`; the default
-        frame_m holds the first and the last frame.
+        Further arguments of `repose.report.renderer.render.render_bodies`. By default,
+        `frame_m` contains the bodies of the first and of the last frame.
 
     Raises
     ------
@@ -166,7 +166,9 @@ def animate(
     out_path = _check_ending(out_path)
     times = frames["time_s"]
     if not len(times):
-        raise InputError(out_path, "frames", 0, "at least one recorded frame")
+        raise InputError(
+            out_path, key="frames", value=0, allowed="at least one recorded frame"
+        )
     shapes = list(simulation.shapes.values())
     settings = _list_settings(simulation, frames)
     if view.get("frame_m") is None:
@@ -323,7 +325,9 @@ def _check_ending(out_path: StrPath) -> Path:
     """Return a path; raise InputError for an ending that cannot be written."""
     out_path = Path(out_path)
     if out_path.suffix.lower() not in FORMATS:
-        raise InputError(out_path, "ending", out_path.suffix, ".gif or .webp")
+        raise InputError(
+            out_path, key="ending", value=out_path.suffix, allowed=".gif or .webp"
+        )
     return out_path
 
 
@@ -381,8 +385,12 @@ def _write_limited(
         if len(content) <= max_bytes:
             write_bytes(out_path, content)
             return
-    allowed = f"at least {len(content)} at this size and length"
-    raise InputError(out_path, "max_bytes", max_bytes, allowed)
+    raise InputError(
+        out_path,
+        key="max_bytes",
+        value=max_bytes,
+        allowed=f"at least {len(content)} at this size and length",
+    )
 
 
 def _encode_gif(

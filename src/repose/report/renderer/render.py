@@ -82,35 +82,35 @@ def render_bodies(  # noqa: PLR0913  (each has a default that a picture may chan
     Parameters
     ----------
     centres_m : array (N, 3)
-        Centres; a body with a NaN is not drawn.
+        Centres. A body with a NaN is not drawn.
     quaternions : array (N, 4)
-        w, x, y, z, body to world.
+        Orientations w, x, y, z, from the body to the world.
     shapes : sequence of Drawable
         The shapes.
     shape_ids : array (N,) of int, optional
-        Places in `shapes`, by default the first.
+        Number of each body's shape in `shapes`. By default all have the first one.
     scales : array (N,), optional
         Sizes of the bodies as multiples of their shape.
     setting : Setting, optional
-        By default a plate at z = 0.
+        Walls, plate and backdrop. The default is a plate at z = 0.
     width, height : int
-        Of the picture in pixels; the height is by default 0.6 of the width.
+        Size of the picture in pixels. The height is 0.6 of the width by default.
     frame_m : array (M, 3), optional
-        Points that the picture contains, by default all bodies and walls.
+        Points that the picture must contain. The default is all bodies and walls.
     supersample : int
-        Rays along each side of a pixel.
+        Number of rays along each side of a pixel.
     colour : str
-        Of the first shape, as #rrggbb.
+        Colour of the first shape as #rrggbb.
     **angles
-        Those of the camera: `elevation_deg`, `azimuth_deg` and `field_of_view_deg`, as
-        of `look_at`.
+        Angles of the camera: `elevation_deg`, `azimuth_deg` and `field_of_view_deg`, see
+        `look_at`.
 
     Returns
     -------
     array (height, width, 3) of uint8
         Red, green and blue.
     """
-    # Replace the arguments that are left out, and drop the bodies that are not drawn.
+    # Set the defaults of missing arguments, and drop the bodies that are not drawn.
     setting = setting or Setting()
     height = height or round(0.6 * width)
     shown_bodies = np.flatnonzero(np.isfinite(centres_m).all(axis=1))

@@ -146,7 +146,7 @@ def look_at(
     points_m : array (M, 3)
         The points.
     width, height : int
-        Of the picture in pixels.
+        Size of the picture in pixels.
     elevation_deg, azimuth_deg : float
         Direction from the points to the camera: above the horizontal plane, and about
         the z axis from the x axis.
@@ -261,7 +261,7 @@ def make_funnel_walls(funnel: Funnel) -> list[Frustum]:
     inlet_radius = funnel.inlet_diameter_m / 2
     top_m = funnel.inlet_height_m
     neck_m = funnel.outlet_height_m + funnel.tube_length_m
-    # The rounded rim lets the cone end a little outside the circle of the outlet.
+    # Because of the rounded rim, the cone ends a little outside the circle of the outlet.
     slope = math.tan(math.radians(funnel.cone_angle_deg))
     neck_radius = inlet_radius - (top_m - neck_m) / slope
     cone = Frustum(neck_m, neck_radius, z_high_m=top_m, r_high_m=inlet_radius)
@@ -280,8 +280,8 @@ def make_setting(
 ) -> Setting:
     """Make the setting of a simulation's walls, at present or in a recorded frame.
 
-    A level endless plane is the plate if no other plane is endless. The other planes
-    end at the box of the simulation. Rounded edges are not drawn.
+    A level endless plane becomes the plate if no other plane is endless. All other
+    planes are cut off at the box of the simulation. Rounded edges are not drawn.
 
     Parameters
     ----------
@@ -337,6 +337,7 @@ def _split_planes(
         is_other = np.arange(len(planes)) != k
         endless_others = planes[are_endless(planes) & is_other]
         is_endless = np.isinf(plane[6])
+        # The normal points away from the grains, so that of a plate points down.
         faces_up = plane[5] < -1 + 1e-9
         if is_endless and faces_up and not len(endless_others):
             plate_m = float(plane[2])

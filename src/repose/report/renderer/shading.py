@@ -117,7 +117,8 @@ def paint_picture(
     Parameters
     ----------
     camera : Camera
-        Its pixels are rays, `supersample` along each side of a pixel of the picture.
+        The camera. Each of its pixels is a ray. A pixel of the picture has `supersample`
+        rays along each side.
     bodies : Bodies
         The bodies.
     tints : array (N, 3)
@@ -127,7 +128,7 @@ def paint_picture(
     setting : Setting
         Walls, plate and backdrop.
     supersample : int
-        Rays along each side of a pixel.
+        Number of rays along each side of a pixel.
 
     Returns
     -------
@@ -199,8 +200,8 @@ def _compute_light_and_sky(
         BIAS_SHARE * bodies.largest_m,
         LIGHT_TAPS,
     )
-    # Far from all bodies the walls see the whole sky, so only pixels near a body are
-    # sampled. A length has the most pixels at the nearest body.
+    # Walls far from all bodies see the whole sky, so sample only the pixels near a body.
+    # Convert the distance to pixels at the nearest body, where it has the most.
     reach_m = SKY_REACH_SHARE * bodies.largest_m
     nearest_m = view.depth[view.hit].min(initial=np.inf)
     reach_px = math.ceil(reach_m * camera.focal_px / nearest_m)
@@ -222,10 +223,11 @@ def _compute_light_axes(camera: Camera) -> np.ndarray:
     right, top_of_picture, forward = camera.axes
     level_forward = forward * (1.0, 1.0, 0.0)
     length = np.linalg.norm(level_forward)
-    # For a camera that looks straight down, the top of the picture is the heading.
-    heading = top_of_picture
     if length > 1e-9:
         heading = level_forward / length
+    else:
+        # The camera looks straight down.
+        heading = top_of_picture
     vertical = np.array([0.0, 0.0, 1.0])
     towards_light = (
         LIGHT_DIRECTION[0] * right
@@ -269,7 +271,7 @@ def _draw_light_map(bodies: Bodies, axes: np.ndarray) -> LightMap:
 def _paint_bodies(band: Band, camera: Camera, tints: np.ndarray) -> None:
     """Paint bodies by Lambert's law, with waxy highlights and sky light at their edges.
 
-    The weights of the parts were chosen by eye.
+    The colour is a sum of several kinds of light. Their weights were chosen by eye.
 
     Parameters
     ----------
@@ -298,9 +300,9 @@ def _paint_bodies(band: Band, camera: Camera, tints: np.ndarray) -> None:
     gloss = (0.42 * shine**60 + 0.085 * shine**9) * lit
     # The edge of a body, seen at a grazing angle, reflects the sky.
     rim = np.clip(1 + np.sum(normal * sight, axis=1), 0, 1) ** 3 * 0.10
-    # Light of the sky, more on what faces up.
+    # Surfaces that face up receive more light of the sky.
     ambient = (0.26 + 0.24 * (0.5 + 0.5 * normal[:, 2])) * sky
-    # Light that neighbours throw on each other has their colour and keeps gaps warm.
+    # Neighbours reflect light on each other in their own colour.
     glow = 0.10 * sky
     base = colour * (0.93 * diffuse + ambient)[:, None] + colour * glow[:, None]
     band.image[hit] = base + (gloss + rim * sky)[:, None]
@@ -309,6 +311,8 @@ def _paint_bodies(band: Band, camera: Camera, tints: np.ndarray) -> None:
 def _paint_plate(band: Band, camera: Camera, frame: np.ndarray) -> None:
     """Paint the plate, which fades out far from the bodies.
 
+    The numbers of the fading were chosen by eye.
+
     Parameters
     ----------
     band : Band
@@ -316,7 +320,7 @@ def _paint_plate(band: Band, camera: Camera, frame: np.ndarray) -> None:
     camera : Camera
         The camera.
     frame : array (M, 3)
-        Points in m about whose middle the plate is visible.
+        Points in m. The plate is visible around their middle.
     """
     mask = band.view.plate
     if not mask.any():
@@ -407,7 +411,7 @@ def _find_cone_sides(wall: Frustum, camera: Camera, rays: np.ndarray) -> list[Co
     rotation = np.reshape(wall.frame[3:], (3, 3)).astype(float)
     eye = (camera.eye_m - wall.frame[:3]) @ rotation
     local_rays = rays @ rotation
-    # The radius of the cone at the height of the eye, and its gain along each ray.
+    # The radius of the cone at the height of the eye, and its increase along each ray
     radius = wall.r_low_m + wall.slope * (eye[2] - wall.z_low_m)
     radius_gain = wall.slope * local_rays[..., 2]
     # A point eye + t * ray is on the cone where a t^2 + 2 b t + c = 0.
@@ -450,6 +454,8 @@ def _blend_walls(
 def _blend_side(band: Band, camera: Camera, side: ConeSide) -> None:
     """Blend one side of a glass wall into the picture, where no body hides it.
 
+    The weights of opacity and shine were chosen by eye.
+
     Parameters
     ----------
     band : Band
@@ -480,7 +486,7 @@ def _blend_side(band: Band, camera: Camera, side: ConeSide) -> None:
     normal[:, 2] = -wall.slope
     normal /= math.hypot(1.0, wall.slope)
 
-    # Glass hides most at its ends and where it is seen at a grazing angle.
+    # Glass is least transparent at its ends, and where it is seen at a grazing angle.
     grazing = 1 - np.abs(np.sum(normal * sight, axis=1))
     height_on_side = height[mask]
     to_end = np.minimum(height_on_side - wall.z_low_m, wall.z_high_m - height_on_side)

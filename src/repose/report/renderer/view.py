@@ -111,7 +111,7 @@ def _add_setting(
         view.normal[is_in_front] = panel.normal
         view.body[is_in_front] = -1
 
-    # The plate and the backdrop are behind bodies and panels.
+    # Show the plate, and then the backdrop, only in pixels that are still empty.
     if setting.plate_m is not None:
         with np.errstate(divide="ignore"):
             plate_depth = (setting.plate_m - eye[2]) / rays[..., 2]
