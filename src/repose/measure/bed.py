@@ -64,7 +64,7 @@ def surface_of(
     """Find the surface of a bed and fit a line through its middle part.
 
     The surface is the upper edge of the bed in each column of the picture. The picture
-    shows the drum's section, and its middle is the axis.
+    shows a cross section of the drum, with the axis of the drum in the middle.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def surface_of(
     """
     columns = np.flatnonzero(filled.any(axis=0))
     top_rows = filled.argmax(axis=0)[columns]
-    # Positions from the axis, which is the middle of the picture
+    # Convert pixels to positions from the axis. Rows count downwards.
     pixel_m = 1e-3 * mm_per_pixel
     x = (columns + 0.5) * pixel_m - radius_m
     z = (len(filled) - top_rows) * pixel_m - radius_m
@@ -169,8 +169,8 @@ def surface_heights(
 ) -> np.ndarray:
     """Compute the mean surface of a bed in many frames, as heights over the drum's axis.
 
-    The bed covers higher pixels of a column in fewer frames. The mean surface is where
-    the share of these frames falls to a given value.
+    The higher a pixel lies, the fewer frames show the bed in it. The mean surface is at
+    the height where the share of these frames falls to a given value.
 
     Parameters
     ----------
@@ -179,7 +179,7 @@ def surface_heights(
     covered : float
         The value to which the share falls.
     x_m : ndarray
-        Places (M,) of the heights.
+        Distances (M,) from the axis at which the heights are computed.
     radius_m : float
         Inner radius of the drum.
     mm_per_pixel : float
@@ -188,7 +188,7 @@ def surface_heights(
     Returns
     -------
     ndarray
-        Heights (M,) in m; those of the drum's wall where there is no bed.
+        Heights (M,) in m. Where there is no bed, they are those of the drum's wall.
     """
     pixel_m = 1e-3 * mm_per_pixel
     n_rows, n_columns = occupied.shape
@@ -198,11 +198,12 @@ def surface_heights(
     has_bed = is_covered.any(axis=0)
     top_rows = is_covered.argmax(axis=0)
 
-    # Interpolate between the uppermost covered pixel and the one above it, to where the
-    # share equals `covered`. The middle of row k lies k + 1/2 pixels below the upper
-    # border.
+    # Interpolate between the uppermost covered pixel and the pixel above it, to find
+    # where the share equals `covered`. The middle of row k lies k + 1/2 pixels below the
+    # upper border of the picture.
     inner_share = occupied[top_rows, columns]
     outer_share = np.where(top_rows > 0, occupied[top_rows - 1, columns], 0.0)
+    # In a column without a bed, any other value than 0 will do.
     step = np.where(has_bed, inner_share - outer_share, 1.0)
     depth = top_rows + 0.5 - (inner_share - covered) / step
     surface = (n_rows - depth) * pixel_m - radius_m
@@ -266,10 +267,12 @@ def relative_energy(
     particle: Any = grains.particle
     scales = grains.scales
     velocity = velocities_m_s - np.cross(frame_rad_s, grains.centres_m)
-    # Angular velocity in the body's frame, where the moments are known
+    # Turn the angular velocities to the frames of the bodies, whose axes are the
+    # principal axes.
     rotations = rotation_matrices(grains.quaternions)
     spin = np.einsum("nij,ni->nj", rotations, turning_rad_s - frame_rad_s)
-    # Masses go with the cube of a grain's size, moments of inertia with the fifth power.
+    # The mass of a grain grows with the cube of its size. Its moments of inertia grow
+    # with the fifth power.
     twice_energy = scales**3 * particle.mass_kg * np.sum(velocity**2, axis=1)
     twice_energy += scales**5 * (spin**2 @ particle.inertia_kg_m2)
     return 0.5 * float(twice_energy.mean())
@@ -280,8 +283,8 @@ def find_slip(
 ) -> Slip | None:
     """Find the first slip in the record of a turning drum.
 
-    The drum lifts the bed's centre of mass; in a slip it falls. The slip begins at its
-    highest angle and ends when the grains are calm again.
+    The drum lifts the bed's centre of mass, which falls in a slip. The slip begins at
+    the highest angle of the centre of mass and ends when the grains are calm again.
 
     Parameters
     ----------
@@ -298,9 +301,10 @@ def find_slip(
     Returns
     -------
     Slip or None
-        None without a slip.
+        The rows of the record at which the slip begins, is detected, and ends. None if
+        there is no slip.
     """
-    # A slip is detected where the angle has fallen far enough below its highest so far.
+    # A slip is detected when the angle is far enough below its highest value until then.
     angle = np.asarray(bed_deg, float)
     highest_angle = np.maximum.accumulate(angle)
     slip_rows = np.flatnonzero(highest_angle - angle >= drop_deg)
@@ -334,24 +338,27 @@ def slip_displacement(
 
     Returns
     -------
-    tuple
-        Depth (N,) of each grain below the surface before the slip, and its motion (N,)
-        down along the surface, both in m; NaN beyond the ends of the surface's line.
+    depth : ndarray
+        Depth (N,) of each grain below the surface before the slip in m. It is NaN for a
+        grain beyond the ends of the surface's line.
+    motion : ndarray
+        Motion (N,) of each grain down along the surface in m; NaN for the same grains.
     """
-    # Directions in the drum's section (x, z): up along the surface, and out of the bed
+    # Two directions in the cross section (x, z) of the drum: up along the surface, and
+    # out of the bed
     slope = math.radians(surface.angle_deg)
     along = np.array([math.cos(slope), math.sin(slope)])
     normal = np.array([-math.sin(slope), math.cos(slope)])
 
-    # Positions from the lower end of the surface's line
+    # Measure positions from the lower end of the surface's line.
     (first_x, first_z), (last_x, _) = surface.line_m
     line_length = (last_x - first_x) / math.cos(slope)
     position = before_m[:, ::2] - (first_x, first_z)
     distance = position @ along
     depth = -(position @ normal)
 
-    # Compare both positions in the drum's frame, as it was before the slip. A grain that
-    # only turned with the drum has not moved.
+    # Turn the later positions back by the rotation of the drum. A grain that only turned
+    # with the drum has then not moved.
     displacement = to_drum_frame(after_m, turned_rad) - before_m
     motion = -displacement[:, ::2] @ along
     is_beyond = (distance < 0.0) | (distance > line_length)

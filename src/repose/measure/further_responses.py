@@ -124,7 +124,8 @@ def measure_silhouettes(
     NoFlankError
         If half of the pile is not higher than a grain.
     """
-    # The flanks go from the height of a grain to the middle, and from there upwards.
+    # The lower flank goes from the height of a grain to the middle of the pile, the
+    # upper flank from there upwards.
     middle_mm = LOWER_FLANK_TO * height_mm
     if middle_mm <= grain_mm:
         raise NoFlankError(
@@ -137,7 +138,7 @@ def measure_silhouettes(
     lower_slope = math.atan2(middle_mm - grain_mm, base_radius - middle_radius)
     upper_slope = math.atan2(upper_mm - middle_mm, middle_radius - upper_radius)
 
-    # The volume of the pile is a stack of thin discs.
+    # Compute the volume of the pile as a stack of thin discs.
     disc_mm = height_mm / N_LEVELS
     disc_middles_mm = disc_mm * (np.arange(N_LEVELS) + 0.5)
     radii = measure_half_widths(profiles, mm_per_pixel, disc_middles_mm)
@@ -153,7 +154,7 @@ def measure_silhouettes(
 def measure_scatter(
     centres_m: np.ndarray, in_pile: ArrayLike, plate_radius_mm: float
 ) -> dict[str, float]:
-    """Measure how far the grains on the plate lie scattered around the pile.
+    """Measure how far the grains on the plate are scattered around the pile.
 
     Parameters
     ----------
@@ -167,7 +168,8 @@ def measure_scatter(
     Returns
     -------
     dict
-        ``radius_90_mm`` and ``loose_percent``.
+        ``radius_90_mm`` is the radius around the middle of the plate that contains 90 %
+        of the grains on it. ``loose_percent`` is the share of them outside the pile.
 
     Raises
     ------

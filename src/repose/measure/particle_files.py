@@ -88,7 +88,11 @@ class Particles(NamedTuple):
 
 
 def is_particle_file(path: StrPath) -> bool:
-    """Tell whether a file may hold particles: a VTK file, or text that is no picture."""
+    """Tell whether a file may contain particles, by its name and its first bytes.
+
+    A VTK file or a text in ASCII may contain them. A file that is named like a picture
+    does not.
+    """
     kind, _ = mimetypes.guess_type(path)
     if kind is not None and kind.startswith("image/"):
         return False
@@ -209,7 +213,11 @@ def _read_table(path: Path) -> pd.DataFrame:
 
 
 def _read_positions(path: Path) -> pd.DataFrame:
-    """Read a file without sizes, which may be numbers alone, without a header."""
+    """Read a file without sizes as a table, a row for each particle.
+
+    If its first line is three numbers, the file has no header, and its columns are x, y
+    and z.
+    """
     with path.open("rb") as file:
         first_line = file.readline()
     numbers = first_line.replace(b",", b" ").replace(b";", b" ").split()
@@ -327,7 +335,7 @@ def _find_columns(table: pd.DataFrame) -> dict[str, str]:
     column_by_name = {str(name).strip().lower(): name for name in table.columns}
     columns = {}
     for quantity, names in COLUMN_NAMES.items():
-        # The first name that the file has is preferred.
+        # If the file has several of the names, use the first one.
         for name in names:
             if name in column_by_name:
                 columns[quantity] = column_by_name[name]

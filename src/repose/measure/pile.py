@@ -226,7 +226,7 @@ def measure_profiles(
     PileResult
         Angles by each definition in each view, and the Height.
     """
-    # An angle that cannot be measured in a view stays NaN there.
+    # An angle is NaN in a view in which it cannot be measured.
     angles = {name: np.full(settings.views, np.nan) for name in DEFINITIONS}
     heights_mm = np.full(settings.views, np.nan)
     first_reasons: dict[str, str] = {}
@@ -265,14 +265,14 @@ def draw_views(
     height_m : float
         Height of the highest point.
     views : iterator of Segmentation
-        The views, one after the other. A view is drawn when it is asked for.
+        The views. Each view is drawn only when the iterator reaches it.
 
     Raises
     ------
     NoFlankError
         If there is no grain, or the pile is too low.
     """
-    # Loose grains are left out, if the settings say so and the pile is known.
+    # Leave out loose grains, if the settings demand it and the pile is known.
     pile_grains = grains
     if in_pile is not None and settings.largest_pile_only:
         pile_grains = grains[np.asarray(in_pile, bool)]
@@ -319,7 +319,8 @@ def _draw_silhouettes(
 
     scale = settings.mm_per_pixel
     azimuths_deg = np.arange(settings.views) * 180.0 / settings.views
-    # OpenCV fills half a pixel too many all around, so move the outlines inwards by it.
+    # OpenCV fills half a pixel too much on all sides, so move the outlines inwards by
+    # this distance.
     for polygons in compute_outlines(grains, azimuths_deg, inset_m=scale * 0.5e-3):
         image = paint_outlines(polygons, scale, find_extent(polygons, scale))
         if min(image.shape) < MIN_SIDE_PX:

@@ -186,8 +186,8 @@ def _compute_convex_outlines(
     # The axes of the picture in the frame of each body
     body_right = np.einsum("nij,i->nj", rotations, right)
     body_up = rotations[:, 2, :]
-    # Each point of the outline is where a plane, normal to a direction of the picture,
-    # touches the body.
+    # A point of the outline is where a plane touches the body. The plane is normal to one
+    # of the directions in the picture.
     half_circle = circle[: OUTLINE_DIRECTIONS // 2]
     cos, sin = np.split(half_circle, 2, axis=1)
     normals = cos * body_right[:, None, :] + sin * body_up[:, None, :]
@@ -203,7 +203,7 @@ def place_spheres(grains: Grains) -> np.ndarray | None:
     Returns
     -------
     ndarray or None
-        Centres and radii (N * M, 4) in m; None for a body that is not made of spheres.
+        Centres and radii (N * M, 4) in m. None if the bodies do not consist of spheres.
     """
     spheres: Any = getattr(grains.particle, "spheres_m", ())
     if len(spheres) == 0:
@@ -235,9 +235,9 @@ def paint_outlines(
 ) -> np.ndarray:
     """Paint the outlines of the bodies in one view into a picture, dark on light.
 
-    OpenCV fills every pixel that an outline touches, half a pixel too many all around,
-    so the outlines must lie half a pixel inside the body. A filled disc then has its
-    true area and extents to 0.03 pixel (tested).
+    OpenCV fills every pixel that an outline touches, which is half a pixel too much on
+    all sides. The outlines must therefore lie half a pixel inside the body. A filled
+    disc then has its true area and extents to 0.03 pixel (tested).
 
     Parameters
     ----------
@@ -278,7 +278,8 @@ def paint_outlines(
     pixels = np.empty_like(polygons_m)
     pixels[..., 0] = (polygons_m[..., 0] - left_m) / pixel_m - 0.5
     pixels[..., 1] = height - polygons_m[..., 1] / pixel_m - 0.5
-    # OpenCV takes fractions of a pixel as whole numbers with `SUBPIXEL_BITS` more bits.
+    # OpenCV expects whole numbers, of which the last `SUBPIXEL_BITS` bits are fractions
+    # of a pixel.
     subpixels = np.rint(pixels * (1 << SUBPIXEL_BITS)).astype(np.int32)
     image = np.full((height, width), BACKGROUND_TONE, dtype=np.uint8)
     for outline in subpixels:

@@ -36,19 +36,19 @@ def overlay(image: np.ndarray, measurement: Measurement) -> np.ndarray:
         The picture (H, W, 3), BGR.
     """
     picture, thickness = _draw_outline(image, measurement.contour)
-    # The base, over the whole width
+    # Draw the base over the whole width, just above the plate.
     last_column = picture.shape[1] - 1
     base_row = measurement.base_row
     line_row = base_row - thickness / 2
     draw_line(picture, (0, line_row), (last_column, line_row), BLUE, thickness)
-    # The Height: a vertical line with a bar at the crest
+    # Draw the Height as a vertical line with a bar at the crest.
     column, top_row = measurement.top
     draw_line(picture, (column, base_row), (column, top_row), BLUE, thickness)
     half_bar = 12 * thickness
     bar_start = (column - half_bar, top_row)
     bar_end = (column + half_bar, top_row)
     draw_line(picture, bar_start, bar_end, BLUE, thickness)
-    # The lines through the sides
+    # Draw the lines through both sides.
     left_line, right_line = measurement.angle.lines
     for (lower_end, upper_end), colour in ((left_line, RED), (right_line, GREEN)):
         draw_line(picture, lower_end, upper_end, colour, 2 * thickness)

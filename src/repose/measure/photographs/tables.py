@@ -152,9 +152,9 @@ def format_targets(
 ) -> str:
     """Format the measured responses as targets in the YAML of a configuration.
 
-    A range is the mean with two standard errors to each side, at least 1 % of the mean.
-    A single pile has no scatter: its standard deviation and range are null, and a study
-    refuses them until the user gives values.
+    A range extends from the mean by two standard errors to each side, and at least by
+    1 % of the mean. A single pile has no scatter. Its standard deviation and range are
+    then null, and a study refuses them until the user gives values.
 
     Parameters
     ----------
@@ -239,7 +239,7 @@ def describe_results(
 ) -> str:
     """Describe the results of photographs in the text that the command prints.
 
-    It has a line for each photograph, the means, notes and what to look at next.
+    The text has a line for each photograph, the means, notes, and what to look at next.
 
     Parameters
     ----------
@@ -252,7 +252,7 @@ def describe_results(
     out : Path
         The folder of the overlays.
     """
-    # The numbers of each photograph, and their means
+    # Begin with the numbers of each photograph, and their means.
     lines = _describe_photographs(photographs)
     lines.append("mean, standard deviation, number of photographs:")
     lines += _describe_means(results, settings)
@@ -262,7 +262,7 @@ def describe_results(
     if results.summary["sd"].isna().any():
         lines.append(NO_SCATTER_NOTE)
 
-    # Notes, each once, and doubts
+    # Add each note once, and the number of doubtful photographs.
     notes = {photograph.note for photograph in photographs if photograph.note}
     lines += sorted(f"note: {note}" for note in notes)
     n_doubtful = sum(bool(photograph.doubts) for photograph in photographs)
@@ -273,7 +273,7 @@ def describe_results(
             effect = "not in the mean; --doubtful counts them"
         lines.append(f"doubtful photographs: {n_doubtful}, {effect}")
 
-    # What to look at next
+    # Tell what to look at next.
     if results.summary.empty:
         result = "no targets: no photograph counts"
     else:
@@ -326,7 +326,7 @@ def _describe_means(results: Tables, settings: MeasureSettings) -> list[str]:
         quantities.append((definition, MEAN_KEYS[definition], "deg"))
     lines = []
     for name, column, unit in quantities:
-        # A definition that no photograph could be measured by is left out.
+        # No photograph could be measured by this definition.
         if column not in summary.index:
             continue
         row = summary.loc[column]

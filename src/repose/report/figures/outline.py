@@ -149,10 +149,10 @@ def _draw_measured_height(panel: Axes, targets: Targets, mean: Outline) -> None:
 def _draw_measured_slope(
     panel: Axes, targets: Targets, mean: Outline, settings: MeasureSettings
 ) -> None:
-    """Draw the measured angle and its deviation as lines through each flank.
+    """Draw the measured angle as a line through each flank, in a band of its deviation.
 
-    Nothing is drawn if the angle is no target. The measurement gives no width, so the
-    line goes through the middle of the simulated flank.
+    Nothing is drawn if the angle is no target. The measurement does not tell how wide
+    the pile is, so the line goes through the middle of the simulated flank.
 
     Parameters
     ----------
@@ -163,7 +163,7 @@ def _draw_measured_slope(
     mean : Outline
         The mean outline of the simulated pile.
     settings : MeasureSettings
-        Settings of the line, whose heights the drawn line has.
+        Settings of the line. They determine the heights of its ends.
     """
     angles = [
         target for target in targets if "measure.response" in target.response.definition
@@ -175,18 +175,20 @@ def _draw_measured_slope(
     low, high = _find_heights_of_line(settings, mean.height_mm.max())
     middle = 0.5 * (low + high)
     heights = np.array([low, high])
-    # The angle less its standard deviation, the measured angle, and the angle plus it;
-    # for each the distances of both heights from the middle one.
+    # Three angles: one standard deviation below the measured one, the measured one, and
+    # one standard deviation above. Each gives the horizontal distances of both ends from
+    # the middle of the line.
     angles_deg = target.value + np.array([[-target.sd], [0.0], [target.sd]])
     distances = (heights - middle) / np.tan(np.radians(angles_deg))
     for side in (-1, 1):
-        # Find where the flank has the middle height, at its outermost point.
+        # Find the outermost point of the flank that has the middle height.
         is_on_side = side * mean.x_mm >= 0
         reaches_middle = is_on_side & (mean.height_mm >= middle)
         middle_x = side * np.abs(mean.x_mm[reaches_middle]).max()
         flattest, measured, steepest = middle_x - side * distances
         panel.fill_betweenx(heights, flattest, steepest, color=style.RED, alpha=0.4)
-        # Only the line on the right flank gets an entry in the legend.
+        # Only the line on the right flank gets an entry in the legend. A label that
+        # begins with an underscore gets none.
         label_prefix = "" if side == 1 else "_"
         panel.plot(
             measured,

@@ -90,7 +90,8 @@ def _describe_slip(
     turned_deg : float
         Angle by which the drum had turned in this run.
     runs : DataFrame
-        A row for each run, whose mean is added if several slipped; may be empty.
+        A row for each run. If several runs slipped, their mean is added. The table may
+        be empty.
     settings : DrumSettings
         The section `drum`.
     """

@@ -130,7 +130,7 @@ def _predict_curves_and_planes(
             "std": np.asarray(std).tolist(),
         }
 
-    # Without a pair of parameters there is no plane.
+    # A study of a single parameter has no pairs, and then no planes.
     pairs = list(combinations(parameters.free, 2))
     n_points = 0
     if pairs:

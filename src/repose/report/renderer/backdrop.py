@@ -27,7 +27,7 @@ class DrumInside:
     turned_rad: float = 0.0  # about -y; the marks on the rim show it
 
     def compute_outline_points(self) -> np.ndarray:
-        """Compute points (144, 3) in m that a picture must contain: both rims."""
+        """Compute points (144, 3) in m on both rims, which a picture must contain."""
         angle = np.linspace(0.0, 2.0 * math.pi, CIRCLE_POINTS, endpoint=False)
         outer_radius = self.radius_m + self.thickness_m
         x = outer_radius * np.cos(angle)

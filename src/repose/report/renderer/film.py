@@ -106,7 +106,7 @@ def _find_frame_of_pour(
 ) -> np.ndarray:
     """Find the points that each picture of a pour must contain: pile and funnel.
 
-    Grains that rolled far away may be cut off.
+    Grains that rolled far away may be outside of the picture.
 
     Parameters
     ----------
@@ -376,7 +376,7 @@ def _write_limited(
     durations_ms[-1] = round(1000 * LAST_FRAME_S)
     is_webp = FORMATS[out_path.suffix.lower()] == "WEBP"
     content = b""
-    # From the best quality to the worst, until the file is small enough.
+    # Try from the best quality to the worst, until the file is small enough.
     for colours, quality in zip(GIF_COLOURS, WEBP_QUALITY, strict=True):
         if is_webp:
             content = _encode_webp(images, durations_ms, quality)
