@@ -138,10 +138,10 @@ def fit_steepest(
         If half of the band is too low, or if no stretch rises.
     """
     distance, height = select_points(profile, low, high, rule)
-    half_height = (high - low) / 2
-    if half_height < MIN_LEVELS:
+    min_height = (high - low) / 2
+    if min_height < MIN_LEVELS:
         raise NoFlankError(
-            f"half of the flank is only {half_height:.0f} pixels high, {MIN_LEVELS} are "
+            f"half of the flank is only {min_height:.0f} pixels high, {MIN_LEVELS} are "
             "needed"
         )
     if distance.size < MIN_LEVELS:
@@ -149,8 +149,8 @@ def fit_steepest(
 
     # List all stretches: cut off whole pixels below and above, together at most half of
     # the band.
-    cuts = np.arange(math.floor(half_height) + 1)
-    is_long_enough = cuts[:, None] + cuts <= half_height
+    cuts = np.arange(math.floor(min_height) + 1)
+    is_long_enough = cuts[:, None] + cuts <= min_height
     cuts_below, cuts_above = np.nonzero(is_long_enough)
     lows = low + cuts_below
     highs = high - cuts_above
