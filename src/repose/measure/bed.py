@@ -149,7 +149,7 @@ def occupied_share(
     frames : iterable of silhouette.Grains
         The grains at several times.
     radius_m, mm_per_pixel : float
-        As of `side_view`.
+        See `side_view`.
 
     Returns
     -------

@@ -435,7 +435,7 @@ def _compute_pile_volume(
     particles : Particles
         N bodies.
     in_pile : ndarray or None
-        Mask (N,) of the bodies in the pile; None counts all bodies.
+        Mask (N,) of the bodies in the pile. With None, all bodies count.
     metres_per_unit : float
         Metres in a unit of length of the file.
 
@@ -474,7 +474,8 @@ def _measure_shape(
     Returns
     -------
     dict
-        The responses by name; empty for a pile that is hardly higher than a grain.
+        The responses by name. There are none for a pile that is hardly higher than a
+        grain.
     """
     assert settings.berry_height_mm is not None
     try:

@@ -128,7 +128,7 @@ def _check_rise(sides: Sequence[np.ndarray], size: _Size) -> str:
     Returns
     -------
     str
-        The doubt; empty if there is none.
+        The doubt. The text is empty if there is none.
     """
     # The rise at a place is its height over the lowest place between it and the crest.
     rises = [float((side - np.minimum.accumulate(side)).max()) for side in sides]
@@ -157,7 +157,7 @@ def _check_drop(sides: Sequence[np.ndarray], size: _Size) -> str:
     Returns
     -------
     str
-        The doubt; empty if there is none.
+        The doubt. The text is empty if there is none.
     """
     half_grain_px = max(1, round(0.5 * size.grain_mm / size.mm_per_pixel))
     drops_px = []
@@ -193,7 +193,8 @@ def _check_flanks(
     Returns
     -------
     str
-        The doubt; empty if they meet near the crest, or if there are no lines.
+        The doubt. The text is empty if they meet near the crest, or if there are no
+        lines.
     """
     flank = measurement.angles.get("flank")
     if flank is None:
@@ -325,7 +326,7 @@ def list_doubts_of_base(
     Returns
     -------
     list of str
-        A sentence for each doubt; empty without one.
+        A sentence for each doubt. The list is empty if there is none.
     """
     # In each row, count the columns to the left and to the right of the pile.
     rows = np.flatnonzero(pile.mask.any(axis=1))

@@ -234,7 +234,7 @@ def compute_two_tone_contrast(grey: np.ndarray) -> np.ndarray | None:
     Returns
     -------
     ndarray or None
-        Distances (H, W) in tones; None if the picture has more than two tones.
+        Distances (H, W) in tones, or None if the picture has more than two tones.
     """
     if not ((grey == grey.min()) | (grey == grey.max())).all():
         return None
@@ -372,7 +372,7 @@ def find_plate_row(mask: np.ndarray) -> float | None:
     Returns
     -------
     float or None
-        A row between two pixels; None without a plate.
+        A position between two rows of pixels, or None if there is no plate.
     """
     covered_share = mask.mean(axis=1)
     reaches_left = mask[:, :3].any(axis=1)

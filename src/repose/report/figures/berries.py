@@ -264,7 +264,7 @@ def _write_description(
     title : str
         Name of the body.
     body : Particle, Body or None
-        The body, with axes, volume, mass and moments; None writes the text alone.
+        The body with axes, volume, mass and moments. With None, only the text is written.
     text : str
         Further lines.
     """

@@ -144,7 +144,7 @@ def _draw_intervals(
     name : str
         Name of the parameter.
     stated_rows, shape_study_rows : DataFrame
-        As of `_draw_information`.
+        See `_draw_information`.
     """
     ends = [f"{name}_low", f"{name}_high"]
     by_correlation = stated_rows.groupby("discrepancy_correlation")

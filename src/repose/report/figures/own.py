@@ -43,7 +43,7 @@ def plot(
     calibration : Calibration
         The answer of a study.
     path : path, optional
-        File of the figure, which ends in .png, .pdf or .svg; it is written, too.
+        File to which the figure is also written. It ends in .png, .pdf or .svg.
 
     Returns
     -------

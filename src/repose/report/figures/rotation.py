@@ -335,7 +335,7 @@ def _draw_angles_of_runs(panel: Axes, record: pd.DataFrame, runs: pd.DataFrame) 
 def _draw_layers(panel: Axes, profile: pd.DataFrame) -> None:
     """Draw how far the layers of grains moved during the slip, by their depth.
 
-    `profile` has a row for each layer of each run; it is empty if no run slipped.
+    `profile` has a row for each layer of each run. It is empty if no run slipped.
     """
     panel.set(
         xlabel="motion against the drum (mm)", ylabel="depth below the surface (mm)"

@@ -183,7 +183,7 @@ def _draw_parameter_strips(
     study : StudyView
         The study.
     published : DataFrame or None
-        The published intervals by parameter; None draws none.
+        The published intervals by parameter. With None, no interval is drawn.
     """
     names = study.parameters.free
     ranges = parameter_ranges(study.parameters)
@@ -264,7 +264,7 @@ def _draw_strip(
     is_answer : ndarray
         Mask (n,) of the answer.
     label_prefix : str
-        An underscore keeps the labels out of the legend; empty adds them.
+        A prefix of the labels. An underscore keeps them out of the legend.
     """
     middle = y + 0.03
     panel.barh(y, 1, height=0.62, color=style.STRIP_COLOUR, zorder=0)

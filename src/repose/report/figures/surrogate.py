@@ -424,7 +424,7 @@ def _draw_splits(panel: Axes, table: pd.DataFrame, plotted_response: Response) -
     panel : Axes
         The panel to draw in.
     table : DataFrame
-        As of `draw_accuracy`.
+        See `draw_accuracy`.
     plotted_response : Response
         The response.
     """
@@ -473,7 +473,7 @@ def _describe_accuracy(
     Parameters
     ----------
     table : DataFrame
-        As of `draw_accuracy`.
+        See `draw_accuracy`.
     split : str
         The split.
     plotted_response : Response

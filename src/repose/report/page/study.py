@@ -276,7 +276,8 @@ def _load_surrogate(
     parameters : ParameterSpace
         The parameters of the study.
     names : sequence of str or None
-        Names of the parameters of another simulator; None for those of our own.
+        Names of the parameters of another simulator. With None, they are those of our
+        own one.
 
     Returns
     -------

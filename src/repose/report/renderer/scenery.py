@@ -327,7 +327,7 @@ def _split_planes(
     Returns
     -------
     plate_m : float or None
-        Height of the plate; None without a plate.
+        Height of the plate, or None if there is no plate.
     panels : list of Panel
         The other planes.
     """
