@@ -308,7 +308,7 @@ def _make_parameter_row(study: Results, name: str, value: float) -> list[str]:
 
     # `widen_to_value` also finds out whether the value lies at an end of its range.
     if study.posterior is None:
-        interval_cells = []
+        interval_cells: list[str] = []
         interval = widen_to_value(parameters, name, value=value, low=value, high=value)
     else:
         row = study.posterior.loc[name]
