@@ -26,3 +26,10 @@ from repose.common.numbers import format_with_error
 )
 def test_a_mean_has_the_decimals_of_its_error(mean, error, text):
     assert format_with_error(mean, error) == text
+
+
+def test_the_sign_of_a_positive_mean_is_written_on_request():
+    assert format_with_error(0.06461, 0.054, sign="+") == "+0.065 +- 0.054"
+    assert format_with_error(-0.23, 0.08, sign="+") == "-0.230 +- 0.080"
+    assert format_with_error(0.4, None, sign="+") == "+0.4"
+    assert format_with_error(1e-5, 2e-6, sign="+") == "+1e-05 +- 2e-06"

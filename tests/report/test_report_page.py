@@ -369,7 +369,7 @@ def test_the_expected_optimism_stands_beside_each_prediction(tmp_path):
     summary["near_bounds"] = [near | {"standard_error": 0.03}]
     (tmp_path / "summary.json").write_text(json.dumps(summary))
     text = written(inputs, tmp_path)
-    assert "(expected optimism +0.38 ± 0.07)" in text
+    assert "(expected optimism +0.376 ± 0.070)" in text
     assert "expected optimism (deg)" in text
     assert "0.376 ± 0.070" in text
     assert "mus_gg 0.36 is within one standard error of the fit" in text
@@ -506,4 +506,4 @@ def test_a_prediction_comes_with_its_expected_optimism(tmp_path):
     sentence = (
         "does not count the expected optimism (angle of repose: expected optimism"
     )
-    assert f"{sentence} +0.38 ± 0.07 deg)" in written(study, tmp_path)
+    assert f"{sentence} +0.376 ± 0.070 deg)" in written(study, tmp_path)

@@ -512,7 +512,7 @@ def test_a_prediction_stands_beside_its_expected_optimism(tmp_path):
     found = read(config)
     says(
         str(found),
-        "Predicted: aor_deg 32.76 deg (expected optimism +0.38 +- 0.07).",
+        "Predicted: aor_deg 32.76 deg (expected optimism +0.376 +- 0.070).",
     )
     row = found.checks[0].make_card_entry()
     assert row["optimism"] == 0.3761

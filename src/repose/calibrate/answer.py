@@ -702,11 +702,10 @@ def _probability_after(checks: Iterable[Check], further_runs: int) -> float | No
 
 
 def describe_optimism(optimism: float, error: float | None) -> str:
-    """Describe the expected optimism of a prediction in a clause."""
-    text = f"expected optimism {format_significant(optimism, 2, sign='+')}"
-    if error is not None and math.isfinite(error):
-        text += f" +- {format_significant(error, 1)}"
-    return text
+    """Describe the expected optimism of a prediction, with its standard error."""
+    if error is not None and not math.isfinite(error):
+        error = None
+    return f"expected optimism {format_with_error(optimism, error, sign='+')}"
 
 
 def describe_differences(checks: Iterable[Check]) -> str:

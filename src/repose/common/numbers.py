@@ -31,7 +31,7 @@ def format_significant(value: float, digits: int = 4, sign: str = "") -> str:
     return text
 
 
-def format_with_error(mean: float, error: float | None) -> str:
+def format_with_error(mean: float, error: float | None, sign: str = "") -> str:
     """Write a mean with its standard error, if it is known, as in ``65.98 +- 0.30``.
 
     The error has two significant digits. The mean has as many decimals as the error,
@@ -43,14 +43,16 @@ def format_with_error(mean: float, error: float | None) -> str:
         The mean.
     error : float or None
         The standard error, in the unit of the mean.
+    sign : str, optional
+        ``+`` to write the sign of a positive mean, too.
     """
     if error is None:
-        return format_significant(mean)
+        return format_significant(mean, sign=sign)
 
     # A tiny or infinite number is not written with decimals, so do not align the two.
     can_align = SMALLEST_PLAIN <= error < math.inf and math.isfinite(mean)
     if not can_align:
-        mean_text = format_significant(mean)
+        mean_text = format_significant(mean, sign=sign)
         return f"{mean_text} +- {format_significant(error, DIGITS_OF_ERROR)}"
 
     # Round the error first: 9.96 becomes 10, which has fewer decimals.
@@ -59,7 +61,8 @@ def format_with_error(mean: float, error: float | None) -> str:
     decimals_of_mean = decimals_of_error
     if mean != 0:
         decimals_of_mean = min(decimals_of_error, _count_decimals(mean, MOST_DIGITS))
-    return f"{mean:.{decimals_of_mean}f} +- {rounded_error:.{decimals_of_error}f}"
+    mean_text = f"{mean:{sign}.{decimals_of_mean}f}"
+    return f"{mean_text} +- {rounded_error:.{decimals_of_error}f}"
 
 
 def _count_decimals(value: float, digits: int) -> int:
