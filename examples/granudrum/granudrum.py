@@ -116,7 +116,7 @@ def occupied_shares(
         for _ in range(round(averaged_s / FRAME_S)):
             simulation.run(FRAME_S, progress=False)
             frames.append(simulation.positions.copy())
-        if not DRUM.holds(simulation.positions).all():
+        if not DRUM.contains(simulation.positions).all():
             raise RuntimeError(f"a grain left the drum at {speed:g} rpm")
         of_frames = (
             grains(frame, simulation.shapes["grain"], simulation.scales)

@@ -271,7 +271,7 @@ def measured(
         "frames_sd_deg": float(np.std(angles, ddof=1)),
         "angles_deg": angles,
         "grains": simulation.n_bodies,
-        "left": int((~DRUM.holds(simulation.positions)).sum()),
+        "left": int((~DRUM.contains(simulation.positions)).sum()),
         "time_step_s": simulation.time_step_s,
         "processor_s": time.process_time() - began,
         "engine": engine_hash(),

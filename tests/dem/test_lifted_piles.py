@@ -219,7 +219,7 @@ def test_a_small_drum_is_filled_among_the_grains_that_lie_there_and_turns(
         Contents(0.4, 0.1, 0.5), 1, False, 0.01, grains=250, grain=grain, wall=wall
     )
     assert 200 < simulation.n_bodies <= 250
-    assert drums.DRUM.holds(simulation.positions).all()
+    assert drums.DRUM.contains(simulation.positions).all()
     assert len(drums.turned(simulation, False, grain, wall)) == 2
     assert simulation.angular_velocities[:, 1].mean() != 0.0
     rays = np.random.default_rng(2).normal(size=(20_000, 3))

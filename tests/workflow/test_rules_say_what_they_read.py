@@ -137,7 +137,7 @@ def test_each_rule_depends_on_the_settings_of_the_stage_that_it_runs():
     for path in (ROOT / "workflow/rules").rglob("*.smk"):
         for rule in RULE.split(path.read_text()):
             stages = set(re.findall(r"python -m repose (?:stage )?(\w+)", rule))
-            named = set(re.findall(r'\bsettings_of\(\s*"(\w+)"', rule))
+            named = set(re.findall(r'\bselect_stage_settings\(\s*"(\w+)"', rule))
             assert named <= stages, rule
             named_stages |= named
     assert set(dependencies.STAGE_KEYS) - named_stages == {"measure_silhouette"}
