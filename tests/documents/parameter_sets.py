@@ -424,11 +424,13 @@ def design():
         f"range (for `{least}`) and {100 * shares[most]:.0f} % (for `{most}`). The same number of random points would cover about "
         f"{100 * random_share:.0f} % of each range, so for most parameters the pile excludes hardly anything.\n\n"
         "Some samples meet the targets only by chance. In the run `goji_berry`, a sample is a parameter set for which six piles "
-        f"were simulated, and a mean of six piles still has a standard error of {noise[ANGLE]:.1f}° and {noise[HEIGHT]:.1f} mm. "
+        f"were simulated, and a mean of six piles still has a standard error of {noise[ANGLE]:.1f}° and {noise[HEIGHT]:.1f} mm, "
+        "because single piles scatter more elsewhere in the ranges than near the answer. "
         "The neural network, which is fitted to all samples together, smooths out this scatter.\n"
         f"According to the network, {len(predicted)} samples meet both targets. In the simulations, {len(both)} of these "
-        f"{len(predicted)} did. Even these {len(predicted)} samples cover "
-        f"{100 * covered_share(DEFAULT, predicted, least):.0f} % of the range of `{least}`.\n\n"
+        f"{len(predicted)} did. These {len(predicted)} samples cover only "
+        f"{100 * covered_share(DEFAULT, predicted, least):.0f} % of the range of `{least}`, the parameter that the "
+        "pile limits most.\n\n"
         "How much do ten measured piles reveal about each parameter? A statistical analysis answers this with a 95 % interval for "
         "each parameter. The interval becomes wider if we assume that the simulator itself has a larger error, called the "
         f"discrepancy. With our default for this error, {pooled.size} for angle and Height, each of the six intervals is still "
@@ -1395,7 +1397,7 @@ def further_tests():
             describe_kept(by_discrepancy(2), ("mus_gg", "mur_gg")),
         ],
         [
-            "many numbers of ten piles: several angles, loose grains, spread, packing",
+            "many numbers of ten new piles: several angles, loose grains, spread, packing",
             work("pile"),
             "2 %",
             describe_kept(of_set("pile"), ("mus_gg", "mur_gg", "mur_gp")),
@@ -1428,12 +1430,13 @@ def further_tests():
     return (
         f"{markdown(head, rows)}\n"
         "Per hour of work, two kinds of measurement reveal most about the parameters. The first is to evaluate "
-        "[more features of the same photographs](research/docs/second_responses.md). This takes "
+        "[seven more numbers of the side in the same photographs](research/docs/second_responses.md). This takes "
         f"{photographs['minutes']:.0f} minutes and yields {with_error(photographs['gain_bits'], photographs['gain_se_bits'])} bits "
         "if the simulator has an error of 2 %; each bit rules out half of the remaining possibilities. "
         "The second is to measure the friction on the wall directly, which takes "
         f"{by_set.loc['direct mus_gp', 'minutes']:.0f} minutes and yields "
-        f"{by_set.loc['direct mus_gp', 'gain_bits']:.1f} bits, whatever the error of the simulator.\n"
+        f"{by_set.loc['direct mus_gp', 'gain_bits']:.1f} bits, whatever the error of the simulator. But these bits only help if your "
+        "machine depends on the friction on the wall: the pile itself hardly does.\n"
         "\nOnly the first two rows of this table use the piles that were really measured. For the other rows, we computed "
         "[synthetic measurements](research/docs/joint_targets.md) with an earlier version of the simulator. "
         "We assumed that the result of a single direct test has a standard deviation of 0.03 for a restitution, 0.035 for a static "
@@ -1445,11 +1448,19 @@ def left_open():
     """What a pile leaves open, in a paragraph, for README."""
     samples, meeting = meeting_samples(DEFAULT)
     region = DEFAULT.table("posterior/region.csv")["share"].mean()
+    pooled, _, exact = open_shares()
+    angle_sd, height_sd = samples[[ANGLE, HEIGHT]].std()
     return (
-        "**The measured piles determine none of the six parameters** once we allow for the error of the simulator. "
-        f"Of the {len(samples)} parameter sets that the run simulated first, {len(meeting)} "
-        f"({100 * len(meeting) / len(samples):.0f} %) gave piles inside both target ranges. "
-        f"If we allow for the error, {100 * region:.0f} % of all combinations of parameters remain possible.\n\n"
+        f"**With the error that we assume for the simulator, {pooled.size}, the measured piles determine none of the six "
+        "parameters.** This error is [estimated](docs/uncertainty.md#the-discrepancy) from how much the piles of plausible models "
+        f"of the berry differ. It is large: the {len(samples)} parameter sets that the run simulated first, all over the searched "
+        f"ranges, differ by a standard deviation of only {angle_sd:.1f}° and {height_sd:.1f} mm. With a perfect simulator, the "
+        f"piles would narrow the 95 % interval of `{NARROWEST}` to {exact.narrowest} of its width, and still leave the other five "
+        "parameters open.\n\n"
+        f"Of the {len(samples)} parameter sets, {len(meeting)} ({100 * len(meeting) / len(samples):.0f} %) gave piles inside both "
+        f"target ranges, 31 to 34° and 64 to 69 mm. If we allow for the assumed error, "
+        f"[{100 * region:.0f} % of all combinations of parameters](docs/uncertainty.md#the-region-that-is-not-excluded) remain "
+        "possible.\n\n"
         "You should therefore use the six calibrated values only together, and only for piles like the measured one. "
         "A pile alone does not give you parameters for a conveyor or a packing machine, but it shows "
         "[which further tests you need](#what-a-pile-leaves-open).\n"
