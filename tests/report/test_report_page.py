@@ -460,6 +460,8 @@ def test_the_page_says_what_the_measurements_do_not_determine(tmp_path):
     for entry in BOTH:
         inside &= samples[entry.name].between(entry.low, entry.high)
     assert inside.sum() > 1
+    files["posterior_summary"] = tmp_path / "posterior.json"
+    files["posterior_summary"].write_text('{"discrepancy_sd": [2.0204, 2.5433]}')
     for width, phrase in (
         (1.012, "determine none of the 6 parameters: each 95 % interval covers 100 %"),
         (0.5, "narrow 6 of the 6 parameters: the narrowest 95 % interval covers 50 %"),
@@ -468,9 +470,13 @@ def test_the_page_says_what_the_measurements_do_not_determine(tmp_path):
         table.to_csv(files["posterior"], index=False)
         text = written((config, jobs, files), tmp_path)
         assert phrase in text
+        assert "With the assumed error of the simulator (2 deg, 2.5 mm), the" in text
         assert "101 %" not in text
         assert f"{inside.sum()} of the 60 simulated samples already lie inside" in text
     assert ("50 %: not determined" in text) is False
+    del files["posterior_summary"]
+    text = written((config, jobs, files), tmp_path)
+    assert "With the assumed error of the simulator, the measurements narrow" in text
 
 
 def test_the_drum_and_the_contents_have_places(tmp_path):

@@ -19,6 +19,7 @@ POSTERIOR = drop_missing(
         "draws": HAS_POSTERIOR and rules.posterior_tables.output.draws,
     }
 )
+POSTERIOR_SUMMARY = HAS_POSTERIOR and rules.posterior_tables.output.summary
 # The card says whether piles can have angle and Height of the targets, by the study's own samples where it has a design.
 OWN_PILES = drop_missing(
     {"dataset": AFTER_THE_ARTICLE and rules.dataset.output.dataset}
@@ -52,6 +53,7 @@ PAGE = drop_missing(
         "dataset_summary": BY_THE_CHAIN and rules.dataset.output.summary,
         "overlay": BY_THE_CHAIN and HAS_PILE and rules.measure.output.overlay,
         "posterior": POSTERIOR.get("posterior"),
+        "posterior_summary": POSTERIOR_SUMMARY,
         "runs": STRATEGY == "sequential" and BY_BATCHES.runs,
         "particle": HAS_PILE and rules.shape.output.particle,
         "trajectory": HAS_PILE and TRAJECTORY,

@@ -193,17 +193,29 @@ def _describe_determination(study: Results) -> str:
     n_determined = int((shares < UNDETERMINED_SHARE).sum())
     # The intervals are estimates, so their share may be a little above 1.
     narrowest = 100 * min(shares.min(), 1.0)
+    condition = f"With the assumed error of the simulator{_list_assumed_errors(study)}"
     if n_determined == 0:
         return (
-            "With the assumed error of the simulator, the measurements determine none of "
-            f"the {n_parameters} parameters: each 95 % interval covers {narrowest:.0f} % "
-            "or more of its width without them."
+            f"{condition}, the measurements determine none of the {n_parameters} "
+            f"parameters: each 95 % interval covers {narrowest:.0f} % or more of its width "
+            "without them."
         )
     return (
-        "With the assumed error of the simulator, the measurements narrow "
-        f"{n_determined} of the {n_parameters} parameters: the narrowest 95 % interval "
-        f"covers {narrowest:.0f} % of its width without them."
+        f"{condition}, the measurements narrow {n_determined} of the {n_parameters} "
+        f"parameters: the narrowest 95 % interval covers {narrowest:.0f} % of its width "
+        "without them."
     )
+
+
+def _list_assumed_errors(study: Results) -> str:
+    """List the assumed errors in brackets, as in `` (2 deg, 2.5 mm)``."""
+    if not study.assumed_errors:
+        return ""
+    errors = [
+        _format_with_unit(error, target.response.unit)
+        for target, error in zip(study.targets, study.assumed_errors, strict=True)
+    ]
+    return f" ({', '.join(errors)})"
 
 
 def _describe_sets_inside(study: Results) -> str:

@@ -41,6 +41,7 @@ FILES_OF_STEPS = ("network", "metrics", "dataset_summary")
 OPTIONAL_FILES = (
     "runs",
     "posterior",
+    "posterior_summary",
     "particle",
     "trajectory",
     "photograph",
@@ -78,6 +79,9 @@ class Results:
         percentage.
     posterior
         The table of the posterior by parameter, if there is one.
+    assumed_errors
+        The error of the simulator that the posterior assumes for each target, in the unit
+        of the target. It is empty if it is unknown.
     surrogate
         A model of the responses over all ranges, if there is one.
     solutions, checked_sets, samples
@@ -124,6 +128,7 @@ class Results:
     published_sets: pd.DataFrame = field(default_factory=pd.DataFrame)
     captions: Mapping[str, str] = field(default_factory=lambda: captions.STUDY_FIGURES)
     runs_of_answer: Sequence[Mapping[str, Any]] = ()
+    assumed_errors: Sequence[float] = ()
 
     @property
     def answer(self) -> np.ndarray:
@@ -201,6 +206,7 @@ def read_results(config: Config, jobs: Sequence[str], files: Files) -> Results:
         files=files,
         published_sets=_read_published_sets(files),
         runs_of_answer=[run for of_bench in runs.values() for run in of_bench],
+        assumed_errors=_read_assumed_errors(files),
     )
 
 
@@ -250,6 +256,13 @@ def _read_posterior(files: Files) -> pd.DataFrame | None:
     if "posterior" not in files:
         return None
     return read_table(files["posterior"], POSTERIOR_COLUMNS).set_index("parameter")
+
+
+def _read_assumed_errors(files: Files) -> list[float]:
+    """Read the error of the simulator that the posterior assumes for each target."""
+    if "posterior_summary" not in files:
+        return []
+    return list(read_json(files["posterior_summary"])["discrepancy_sd"])
 
 
 def _read_published_sets(files: Files) -> pd.DataFrame:
