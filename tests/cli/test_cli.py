@@ -446,7 +446,7 @@ def test_codes_of_a_terminal_in_texts_of_users_are_not_obeyed(tmp_path, command)
         "reason": "\x1b[31mred\x07\u009b"
     }
     path = written(tmp_path / "card.json", json.dumps(shown))
-    status = {"met": 0, "not met": 3, "undecided": 4}[shown["verdict"]]
+    status = {"met": 0, "NOT met": 3, "undecided": 4}[shown["verdict"]]
     out = command("card", "check", path, status=status).out
     assert not {"\x1b", "\x07", "\u009b"} & set(out)
     assert "\\x1b[31mred\\x07\\x9b" in out
