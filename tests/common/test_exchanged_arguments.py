@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from repose.common import places
-from repose.common.errors import InputError, YamlError, require
+from repose.common.errors import InputError, YamlError
 
 # Kernels exchange the two bodies of a contact by intention, and share names with callers.
 WITHOUT_RULE = ("dem/kernels/", "dem/contact_lists.py")
@@ -48,9 +48,9 @@ SOURCES = {
 FILES = ("path", "source", "file", "_csv", "_json", "_path", "folder")
 REFUSALS = {
     refusal.__name__: list(inspect.signature(refusal).parameters).index("source")
-    for refusal in (InputError, YamlError, require)
+    for refusal in (InputError, YamlError)
 }
-WITH_CONDITION = ("require", "require_flank")
+WITH_CONDITION = ("require_flank",)
 TEXT = (ast.Constant, ast.JoinedStr)
 
 
@@ -165,8 +165,6 @@ def test_no_arguments_are_exchanged():
         ("InputError('rows', path, 1, 'two')", True),
         ("InputError('rows', 'study', 1, 'two')", True),
         ("InputError(f'jobs of {name}', runs_csv, 1, 'two')", True),
-        ("require(good, path, 'rows', 1, 'two')", False),
-        ("require(good, 'rows', path, 1, 'two')", True),
     ],
 )
 def test_exchanged_arguments_are_found(line, is_wrong):

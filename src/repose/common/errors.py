@@ -56,14 +56,6 @@ class NoFlankError(ValueError):
         super().__init__(reason)
 
 
-def require(
-    condition: object, source: object, key: str, value: object, allowed: str
-) -> None:
-    """Raise an InputError made of the other arguments unless the condition is true."""
-    if not condition:
-        raise InputError(source, key, value, allowed)
-
-
 def require_flank(condition: object, reason: str) -> None:
     """Raise a NoFlankError with this reason unless the condition is true."""
     if not condition:

@@ -15,7 +15,7 @@ import cv2
 import numpy as np
 from PIL import Image
 
-from repose.common.errors import InputError, NoFlankError, require
+from repose.common.errors import InputError, NoFlankError
 from repose.measure.image_files import read_image
 from repose.measure.photographs import camera, finding, sheet
 from repose.measure.photographs.doubts import (
@@ -679,8 +679,13 @@ def _require_ends_inside(ends: Sequence[float], size: tuple[int, int]) -> None:
     """
     limits = size * (len(ends) // 2)
     is_inside = all(0 <= end <= limit for end, limit in zip(ends, limits, strict=True))
-    allowed = f"ends inside the picture, of {size[0]} x {size[1]} pixels"
-    require(is_inside, "command line", "--length", tuple(ends), allowed)
+    if not is_inside:
+        raise InputError(
+            "command line",
+            key="--length",
+            value=tuple(ends),
+            allowed=f"ends inside the picture, of {size[0]} x {size[1]} pixels",
+        )
 
 
 def _measure_level_photograph(
