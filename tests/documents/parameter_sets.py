@@ -525,11 +525,9 @@ def overlaps():
         f"in {name}, {count} of them do" for name, count in counts.items() if count
     ]
     return (
-        "The article's search ends with 90 solutions, which are parameter sets predicted to meet the targets. Most of our searches "
-        "also end with 90. To see whether they find the same sets, we compared the solutions one parameter at a time: does the "
-        "interval from their smallest to their largest value overlap the corresponding interval in the article's Table 3?\n"
-        f"In the run {listed(apart)}, none of the six intervals does; {listed(common)}. "
-        f"We left out the runs {listed(without)}, because their strategy does not keep a list of 90 solutions.\n"
+        "A search ends with 90 solutions, which are parameter sets predicted to meet the targets. We compare their spans with those "
+        f"of the article's Table 3, one parameter at a time. In the run {listed(apart)}, none of the six spans overlaps the "
+        f"article's; {listed(common)}. The strategies of {listed(without)} keep no such list.\n"
     )
 
 

@@ -21,6 +21,7 @@ from repose.measure import pile, saved_pours
 from repose.measure.angles import DEFINITIONS
 from repose.measure.saved_piles import draw_side_view
 from repose.measure.settings import MeasureSettings
+from repose.measure.silhouette import Grains
 from repose.report import figures
 from repose.report.figures import (
     berries,
@@ -252,7 +253,7 @@ def test_failed_samples_are_counted(inputs):
     )
 
 
-def test_a_drum_that_never_slips_is_shown_at_the_report(inputs, tmp_path, monkeypatch):
+def test_a_drum_that_never_slips_is_shown_at_the_reported_time(inputs, tmp_path, monkeypatch):
     monkeypatch.setattr(rotation, "PICTURE_PIXELS", 120)
     states = tmp_path / "states.npz"
     with np.load(inputs["states"]) as file:
@@ -261,7 +262,7 @@ def test_a_drum_that_never_slips_is_shown_at_the_report(inputs, tmp_path, monkey
         }
     np.savez(states, **arrays)
     files = {"states": states, "particle": inputs["particle"]}
-    says(drawn_texts(rotation.draw_states, files), "NO SLIP", "at the report")
+    says(drawn_texts(rotation.draw_states, files), "NO SLIP", "at the reported time")
 
 
 def test_the_drum_names_the_run_that_it_shows(inputs, monkeypatch, tmp_path):
@@ -592,7 +593,7 @@ def test_a_scale_bar_has_its_length():
     assert max(bar.get_xdata()) < 600
 
 
-def test_the_outline_has_the_measured_height_and_slope_at_one_scale(drawn):
+def test_the_outline_has_the_measured_height_and_slope_at_one_scale(drawn, inputs):
     figure, _ = drawn("outline")
     (panel,) = figure.axes
     assert panel.get_aspect() == 1
@@ -609,6 +610,20 @@ def test_the_outline_has_the_measured_height_and_slope_at_one_scale(drawn):
         (x0, x1), (z0, z1) = line.get_data()
         slope = (z1 - z0) / abs(x1 - x0)
         assert np.degrees(np.arctan(slope)) == pytest.approx(measured["aor_deg"])
+    # The simulated slope is that of the pile, by the line of the study.
+    simulated = [line for line in panel.lines if "simulated slope" in line.get_label()]
+    assert len(simulated) == 2
+    files = inputs_of("outline", inputs)
+    settings = StudyView(CONFIG).settings.measure.for_grain(
+        read_grain(files["berry"])
+    )
+    pour = saved_pours.read_first_pour(files["heap"])
+    grains = Grains.of(pour, Particle.load(files["particle"]))
+    pile_result = pile.measure_pile(grains, settings, pour["in_pile"])
+    for line in simulated:
+        (x0, x1), (z0, z1) = line.get_data()
+        slope = (z1 - z0) / abs(x1 - x0)
+        assert np.degrees(np.arctan(slope)) == pytest.approx(pile_result.aor_deg)
     # The simulated height is the mean of the highest points in the views.
     views = [line for line in panel.lines if line.get_color() == style.SKY]
     (simulated,) = [

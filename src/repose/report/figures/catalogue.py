@@ -146,12 +146,13 @@ FIGURES: dict[str, Drawn] = {
         caption=(
             "Does the simulated pile look like the measured one? The outlines of "
             "the first pour of the answer in all views, with their mean, over the "
-            "measured numbers at the same scale. Blue is simulated; orange and red "
-            "are measured: the height, and the slope, each with the standard "
-            "deviation of a repetition. The measurement gives no width, so the lines "
-            "of the slope are drawn through the middle of the simulated flanks. The "
-            "height of a pile is that of its highest point in each view, which the "
-            "mean outline does not reach."
+            "measured numbers at the same scale. Blue and black are simulated: the "
+            "outlines, the height, and the slope of this one pile. Orange and red are "
+            "measured: the height and the slope, each with the standard deviation of a "
+            "repetition. The measurement gives no width, so all lines of the slope are "
+            "drawn through the middle of the simulated flanks. The height of a pile is "
+            "that of its highest point in each view, which the mean outline does not "
+            "reach."
         ),
         reads=("measure", "targets"),
         when=has_pile,

@@ -1,6 +1,6 @@
-"""Draw the simulated pile's outline with the measured height and slope."""
+"""Draw the simulated pile's outline and slope with the measured height and slope."""
 
-from typing import TYPE_CHECKING, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -17,9 +17,6 @@ from repose.measure.silhouette import Grains
 from . import style
 from .registry import Inputs, StudyView
 
-if TYPE_CHECKING:
-    from repose.measure.photographs.segmentation import Segmentation
-
 HEIGHT_RESPONSE = "height_mm"  # name of the response
 GRID_STEP_MM = 0.5
 # Ends of a measured slope as shares of the height, if the settings give no shares.
@@ -31,6 +28,24 @@ class Outline(NamedTuple):
 
     x_mm: np.ndarray  # (W,), from the middle between its flanks
     height_mm: np.ndarray  # (W,)
+
+
+class Flank(NamedTuple):
+    """The part of both sides of a pile between two heights."""
+
+    heights_mm: np.ndarray  # (2,), the lower and the upper end
+    left_mm: float  # place of the middle height on the left side
+    right_mm: float
+
+    def place_line(self, side: int, angle_deg: float) -> np.ndarray:
+        """Compute the places (2,) in mm of a line's ends.
+
+        The line has this angle and goes through the middle of the flank. `side` is -1
+        on the left and 1 on the right.
+        """
+        middle_mm = self.left_mm if side < 0 else self.right_mm
+        rise_mm = self.heights_mm - self.heights_mm.mean()
+        return middle_mm - side * rise_mm / np.tan(np.radians(angle_deg))
 
 
 def draw_outline_and_measurement(inputs: Inputs, study: StudyView) -> Figure:
@@ -48,8 +63,10 @@ def draw_outline_and_measurement(inputs: Inputs, study: StudyView) -> Figure:
     pour = read_first_pour(inputs["heap"])
     particle = Particle.load(inputs["particle"])
     grains = Grains.of(pour, particle)
-    _, views = pile.draw_views(grains, settings, pour["in_pile"])
-    outlines = [_measure_outline(view, settings) for view in views]
+    height_m, views = pile.draw_views(grains, settings, pour["in_pile"])
+    profiles = [pile.find_profile(view) for view in views]
+    measured = pile.measure_profiles(profiles, height_m, settings)
+    outlines = [_center_outline(profile, settings) for profile, _ in profiles]
     mean = _average_outlines(outlines)
 
     # Draw the simulated pile, and over it what was measured.
@@ -64,7 +81,15 @@ def draw_outline_and_measurement(inputs: Inputs, study: StudyView) -> Figure:
     highest_mm = [float(outline.height_mm.max()) for outline in outlines]
     _draw_simulated_height(panel, float(np.mean(highest_mm)), mean)
     _draw_measured_height(panel, study.targets, mean)
-    _draw_measured_slope(panel, study.targets, mean=mean, settings=settings)
+    angles = [
+        target
+        for target in study.targets
+        if "measure.response" in target.response.definition
+    ]
+    if angles:
+        flank = _find_flank(mean, settings)
+        _draw_measured_slope(panel, angles[0], flank)
+        _draw_simulated_slope(panel, angles[0], flank, measured.aor_deg)
     panel.set(
         xlabel="distance from the middle of the pile (mm)",
         ylabel="height (mm)",
@@ -77,9 +102,11 @@ def draw_outline_and_measurement(inputs: Inputs, study: StudyView) -> Figure:
     return figure
 
 
-def _measure_outline(view: "Segmentation", settings: MeasureSettings) -> Outline:
-    """Measure the upper edge of a pile in one view, about the middle of the pile."""
-    profile, _ = pile.find_profile(view)
+def _center_outline(profile: np.ndarray, settings: MeasureSettings) -> Outline:
+    """Place the profile of a view about the middle of the pile.
+
+    `profile` has the heights (W,) of the upper edge in pixels.
+    """
     columns = np.arange(profile.size)
     # Midway between the outermost columns that are half as high as the pile.
     high_columns = np.flatnonzero(profile >= 0.5 * profile.max())
@@ -146,60 +173,83 @@ def _draw_measured_height(panel: Axes, targets: Targets, mean: Outline) -> None:
         )
 
 
-def _draw_measured_slope(
-    panel: Axes, targets: Targets, mean: Outline, settings: MeasureSettings
-) -> None:
-    """Draw the measured angle as a line through each flank, in a band of its deviation.
+def _find_flank(mean: Outline, settings: MeasureSettings) -> Flank:
+    """Find the part of the mean outline to which the line of the angle belongs.
 
-    Nothing is drawn if the angle is no target. The measurement does not tell how wide
-    the pile is, so the line goes through the middle of the simulated flank.
-
-    Parameters
-    ----------
-    panel : Axes
-        The panel of the outlines.
-    targets : Targets
-        The targets of the study.
-    mean : Outline
-        The mean outline of the simulated pile.
-    settings : MeasureSettings
-        Settings of the line. They determine the heights of its ends.
+    `settings` determine between which heights the line is fitted.
     """
-    angles = [
-        target for target in targets if "measure.response" in target.response.definition
-    ]
-    if not angles:
-        return
-    target = angles[0]
-    symbol = target.response.symbol
     low, high = _find_heights_of_line(settings, mean.height_mm.max())
     middle = 0.5 * (low + high)
-    heights = np.array([low, high])
-    # Three angles: one standard deviation below the measured one, the measured one, and
-    # one standard deviation above. Each gives the horizontal distances of both ends from
-    # the middle of the line.
-    angles_deg = target.value + np.array([[-target.sd], [0.0], [target.sd]])
-    distances = (heights - middle) / np.tan(np.radians(angles_deg))
+    middle_x = {}
     for side in (-1, 1):
-        # Find the outermost point of the flank that has the middle height.
+        # The outermost point of the flank that has the middle height.
         is_on_side = side * mean.x_mm >= 0
         reaches_middle = is_on_side & (mean.height_mm >= middle)
-        middle_x = side * np.abs(mean.x_mm[reaches_middle]).max()
-        flattest, measured, steepest = middle_x - side * distances
-        panel.fill_betweenx(heights, flattest, steepest, color=style.RED, alpha=0.4)
-        # Only the line on the right flank gets an entry in the legend. A label that
-        # begins with an underscore gets none.
-        label_prefix = "" if side == 1 else "_"
+        middle_x[side] = side * np.abs(mean.x_mm[reaches_middle]).max()
+    return Flank(np.array([low, high]), middle_x[-1], middle_x[1])
+
+
+def _draw_measured_slope(panel: Axes, target: Target, flank: Flank) -> None:
+    """Draw the measured angle as a line on each flank, in a band of its deviation.
+
+    The measurement does not tell how wide the pile is, so the line goes through the
+    middle of the simulated flank.
+    """
+    for side in (-1, 1):
+        flattest = flank.place_line(side, target.value - target.sd)
+        steepest = flank.place_line(side, target.value + target.sd)
+        panel.fill_betweenx(
+            flank.heights_mm, flattest, steepest, color=style.RED, alpha=0.4
+        )
+    _draw_slope(
+        panel,
+        flank,
+        target.value,
+        label=(
+            f"measured slope, {target.response.symbol} {_format_mean_and_sd(target)}; "
+            "its place is not measured"
+        ),
+        color=style.RED,
+        ls=(0, (5, 2)),
+    )
+
+
+def _draw_simulated_slope(
+    panel: Axes, target: Target, flank: Flank, angle_deg: float | None
+) -> None:
+    """Draw the angle of the simulated pile as a line on each flank.
+
+    Nothing is drawn if the angle could not be measured. The fitted lines of single views
+    lie at different places, so their mean slope is drawn through the middle of the mean
+    flank.
+    """
+    if angle_deg is None:
+        return
+    symbol = target.response.symbol
+    unit = target.response.unit
+    _draw_slope(
+        panel,
+        flank,
+        angle_deg,
+        label=f"simulated slope, mean of the views: {symbol} {angle_deg:.1f} {unit}",
+        color=style.BLACK,
+        ls="-",
+    )
+
+
+def _draw_slope(
+    panel: Axes, flank: Flank, angle_deg: float, label: str, **line_style: Any
+) -> None:
+    """Draw a line with this angle on each flank, with one entry in the legend."""
+    for side in (-1, 1):
         panel.plot(
-            measured,
-            heights,
-            color=style.RED,
-            lw=1.4,
-            ls=(0, (5, 2)),
-            label=(
-                f"{label_prefix}measured slope, {symbol} {_format_mean_and_sd(target)}; "
-                "its place is not measured"
-            ),
+            flank.place_line(side, angle_deg),
+            flank.heights_mm,
+            lw=1.2,
+            # Only the line on the right flank gets an entry in the legend. A label that
+            # begins with an underscore gets none.
+            label=label if side == 1 else f"_{label}",
+            **line_style,
         )
 
 

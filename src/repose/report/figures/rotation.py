@@ -25,7 +25,7 @@ ARTICLE_RUN_S = 10.0  # time of the article's run, from the start of the filling
 # States in the file, with their descriptions in titles.
 STATE_TITLES = {
     "start": "before the rotation",
-    "report": "at the report",
+    "report": "at the reported time",
     "before": "before the slip",
     "after": "after the slip",
 }

@@ -511,12 +511,14 @@ def _make_table_of_checked_sets(study: Results) -> Table | None:
         _make_cells_of_set(study, row) for _, row in study.checked_sets.iterrows()
     ]
     for _, row in study.published_sets.iterrows():
+        # The study's own sets have numbers, too. So the numbers of published sets are
+        # marked, because the two kinds share a column.
         published = row.copy()
         if row["solution"] == "representative":
-            published["solution"] = ""
-            published["role"] = "published answer"
+            published["solution"] = "published answer"
         else:
-            published["role"] = "published"
+            published["solution"] = f"published {row['solution']}"
+        published["role"] = "published"
         cells_of_rows.append(
             _make_cells_of_set(study, published, placeholder="not published")
         )
