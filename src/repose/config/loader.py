@@ -8,7 +8,7 @@ import copy
 import functools
 import json
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -50,12 +50,12 @@ class MergedConfig(NamedTuple):
 
 
 class ConfigFile(NamedTuple):
-    """A file of a configuration.
+    """A file of a configuration, or the command line.
 
     Attributes
     ----------
     path : str
-        Path of the file.
+        Path of the file, or `COMMAND_LINE`.
     content : mapping
         The values of the file, before they are merged with those of other files.
     """
@@ -99,16 +99,14 @@ def merge_with_defaults(
         If a file cannot be read.
     """
     # The files may be merged twice: alone, and over the defaults. Read each file once.
+    read: ReadFunction = functools.cache(read_file)
     paths = [places.find_file(path) for path in files]
-    read_once: Any = functools.cache(read_file)
     if paths:
-        merged = _merge_files(paths, overrides, read_once)
+        merged = _merge_files(paths, overrides, read)
         is_complete = not _lacks_keys(merged.config)
         if is_complete:
             return merged
-    return _merge_files(
-        list_files_with_defaults(paths, read_once), overrides, read_once
-    )
+    return _merge_files(list_files_with_defaults(paths, read), overrides, read)
 
 
 def merge_without_defaults(
@@ -122,6 +120,10 @@ def merge_without_defaults(
         Each overrides the ones before it.
     overrides : mapping, optional
         Nested values that override all files. Texts among them are parsed as YAML.
+
+    Returns
+    -------
+    MergedConfig
     """
     return _merge_files([places.find_file(path) for path in files], overrides)
 
@@ -152,9 +154,10 @@ def locate_workflow_values(
     -------
     MergedConfig
     """
-    config_files = []
-    for path in files or places.list_default_configs()[-1:]:
-        config_files.append(ConfigFile(str(path), read_file(places.find_file(path))))
+    paths = files or places.list_default_configs()[-1:]
+    config_files = [
+        ConfigFile(str(path), read_file(places.find_file(path))) for path in paths
+    ]
     values, files_by_key = _locate_values(workflow_config, config_files, default_source)
     return MergedConfig(
         values, Origin(files_by_key, default_file=config_files[-1].path)
@@ -170,14 +173,17 @@ def merge_workflow_values(
 
     Snakemake has already merged its configuration files and its command line. This
     function finds out which file has which key, so that messages about faults can name
-    the file. If the user's values define a crop, no number of the built-in crop is used.
+    the file. If the user's values define a crop, the defaults do not contain the built-in
+    crop, so that the numbers of two crops are never mixed.
 
     Parameters
     ----------
     workflow_config : mapping
         Snakemake's `config`. Texts from its command line are parsed as YAML.
     files : sequence of path
-        The files that Snakemake has merged; each overrides those before it.
+        The files that Snakemake has merged; each overrides those before it. If there are
+        none, Snakemake has read the default configuration of the working folder, or
+        another workflow passes its values.
     default_source : str
         Name of the source of values that are in no file.
 
@@ -185,122 +191,118 @@ def merge_workflow_values(
     -------
     MergedConfig
     """
-    read_once: Any = functools.cache(read_file)
+    read: ReadFunction = functools.cache(read_file)
     user_files = [places.find_file(path) for path in files]
-    method_file = places.find_file(places.METHOD_CONFIG)
+    default_files = _choose_default_files(workflow_config, user_files, read)
 
-    # Choose the default files. If the values define a crop, only the method is needed.
-    default_files: list[StrPath] = [method_file]
-    if user_files or not _defines_crop(workflow_config):
-        contents = [*map(read_once, user_files), workflow_config]
-        default_files = list_files_with_defaults((), read_once, contents)
-
-    # A complete configuration needs no defaults.
-    needed_files = default_files if _lacks_keys(workflow_config) else []
-    defaults = _merge_files(needed_files, read=read_once)
-
-    # Find the file that each value comes from. Without files of the user, Snakemake has
-    # read the last default file.
-    config_files = []
+    # Find the file that each value comes from. If the user gave no file, this may be the
+    # last default file, because Snakemake has read it.
     last_default_file = places.list_default_configs()[-1]
-    for path in (*default_files, last_default_file, *user_files):
-        config_files.append(ConfigFile(str(path), read_once(path)))
+    config_files = _read_config_files(
+        [*default_files, last_default_file, *user_files], read
+    )
     values, files_by_key = _locate_values(workflow_config, config_files, default_source)
 
-    # Merge the values over the defaults. The files are known, so `_merge` need not note
-    # them. Messages about a missing key name the user's last file.
-    config = _merge(defaults.config, values, files_by_key={}, source="")
-    return MergedConfig(
-        _resolve_named_files(config),
-        Origin(
-            {**defaults.origin.files_by_key, **files_by_key},
-            default_file=str(user_files[-1]) if user_files else default_source,
-            method_file=str(method_file),
-        ),
+    # Merge the values over the defaults. A complete configuration needs none.
+    merged = _merge_files(
+        default_files if _lacks_keys(workflow_config) else [], read=read
     )
+    _merge_into(merged.config, values)
+
+    # Messages ask the user to add a missing key to the last of the user's files.
+    origin = Origin(
+        {**merged.origin.files_by_key, **files_by_key},
+        default_file=str(user_files[-1]) if user_files else default_source,
+        method_file=merged.origin.method_file,
+    )
+    return MergedConfig(_resolve_named_files(merged.config), origin)
 
 
-def _locate_values(
-    workflow_config: Config, config_files: Sequence[ConfigFile], default_source: str
-) -> tuple[dict[str, Any], dict[str, str]]:
-    """Find the files from which the values of Snakemake's `config` come.
+def _choose_default_files(
+    workflow_config: Config, user_files: Sequence[StrPath], read: ReadFunction
+) -> list[StrPath]:
+    """Choose the default files that lie below the values in Snakemake's `config`.
+
+    The file of the built-in crop is among them only if nothing else defines a crop.
 
     Parameters
     ----------
     workflow_config : mapping
         Snakemake's `config`.
-    config_files : sequence of ConfigFile
-        The files; each overrides those before it.
-    default_source : str
-        Name of the source of values that are in no file.
+    user_files : sequence of path
+        The files that Snakemake has merged; none if it has read the default
+        configuration, or if another workflow passes its values.
+    read : callable
+        Function that reads a file.
 
     Returns
     -------
-    values : dict
-        The values as the files have them. Snakemake may have converted some to text.
-    files_by_key : dict of str to str
-        The source of each dotted key.
+    list of path
+        The default files; each overrides those before it.
     """
-    files_by_key: dict[str, str] = {}
-    values = _find_in_files(
-        workflow_config,
-        dotted_key="",
-        config_files=config_files,
-        files_by_key=files_by_key,
-        default_source=default_source,
+    # Without files, the values are those of a whole study. If they define a crop, only the
+    # keys of the method may be missing.
+    if not user_files and _defines_crop(workflow_config):
+        return [places.find_file(places.METHOD_CONFIG)]
+    contents = [read(path) for path in user_files]
+    return list_files_with_defaults(
+        (), read=read, other_configs=[*contents, workflow_config]
     )
-    return values, files_by_key
 
 
-def _find_in_files(
+def _read_config_files(
+    paths: Iterable[StrPath], read: ReadFunction
+) -> list[ConfigFile]:
+    """Read configuration files, and keep each content together with its path."""
+    return [ConfigFile(str(path), read(path)) for path in paths]
+
+
+def _locate_values(
     value: Any,
-    dotted_key: str,
     config_files: Sequence[ConfigFile],
-    files_by_key: dict[str, str],
     default_source: str,
-) -> Any:
-    """Find the file from which a value of Snakemake comes, and add it to `files_by_key`.
+    dotted_key: str = "",
+) -> tuple[Any, dict[str, str]]:
+    """Find the files from which the values of Snakemake's `config` come.
 
     Parameters
     ----------
     value : object
-        A single value, or a section, which is searched key by key.
-    dotted_key : str
-        The key of the value. It is empty for the whole configuration.
+        Snakemake's `config`, a section of it, or a single value. A section is searched
+        key by key.
     config_files : sequence of ConfigFile
         The files; each overrides those before it.
-    files_by_key : dict
-        The source of each dotted key. This function adds to it.
     default_source : str
         Name of the source of values that are in no file.
+    dotted_key : str
+        The key of the value. It is empty for the whole `config`.
 
     Returns
     -------
-    object
-        The value in the file. Snakemake may have converted it to text.
+    value : object
+        The value as the files have it. Snakemake may have converted it to text.
+    files_by_key : dict of str to str
+        The source of the dotted key, and of each key below it.
     """
     if not isinstance(value, Mapping):
         value_in_file, source = _find_single_value(
             value, dotted_key, config_files=config_files, default_source=default_source
         )
-        files_by_key[dotted_key] = source
-        return value_in_file
+        return value_in_file, {dotted_key: source}
 
-    # Search each key of a section.
+    # A section belongs to the last file that has it, whatever the files of its keys are.
+    section_file = _find_last_file_with_section(dotted_key, config_files)
+    files_by_key = {dotted_key: section_file or default_source}
     section = {}
     for name, item in value.items():
-        section[name] = _find_in_files(
+        section[name], files_of_item = _locate_values(
             item,
-            f"{dotted_key}.{name}" if dotted_key else name,
-            config_files=config_files,
-            files_by_key=files_by_key,
-            default_source=default_source,
+            config_files,
+            default_source,
+            dotted_key=f"{dotted_key}.{name}" if dotted_key else name,
         )
-
-    # The section itself belongs to the last file that has it.
-    section_file = _find_last_file_with_section(dotted_key, config_files)
-    files_by_key[dotted_key] = section_file or default_source
-    return section
+        files_by_key |= files_of_item
+    return section, files_by_key
 
 
 def _find_single_value(
@@ -456,25 +458,27 @@ def _merge_files(
         Nested values that override all files. Texts among them are parsed as YAML.
     read : callable, optional
         Function that reads a file.
+
+    Returns
+    -------
+    MergedConfig
     """
+    layers = _read_config_files(files, read)
+    layers.append(ConfigFile(COMMAND_LINE, _parse_texts(overrides or {})))
     config: dict[str, Any] = {}
     files_by_key: dict[str, str] = {}
-    for path in files:
-        _merge(config, read(path), files_by_key=files_by_key, source=str(path))
-    _merge(
-        config,
-        _parse_texts(overrides or {}),
-        files_by_key=files_by_key,
-        source=COMMAND_LINE,
-    )
+    for layer in layers:
+        _merge_into(config, layer.content)
+        files_by_key |= dict.fromkeys(_list_dotted_keys(layer.content), layer.path)
 
     # Messages ask the user to add a missing key to the last file, and never to edit the
     # file of the method.
-    last_file = str(files[-1]) if files else ""
-    method = str(places.find_file(places.METHOD_CONFIG))
-    return MergedConfig(
-        _resolve_named_files(config), Origin(files_by_key, last_file, method)
+    origin = Origin(
+        files_by_key,
+        default_file=str(files[-1]) if files else "",
+        method_file=str(places.find_file(places.METHOD_CONFIG)),
     )
+    return MergedConfig(_resolve_named_files(config), origin)
 
 
 def _resolve_named_files(config: dict[str, Any]) -> dict[str, Any]:
@@ -542,54 +546,34 @@ def _parse_texts(value: Any) -> Any:
     return value
 
 
-def _merge(
-    config: dict[str, Any],
-    values: Config,
-    files_by_key: dict[str, str],
-    source: str,
-    prefix: str = "",
-) -> dict[str, Any]:
-    """Merge values into a configuration in place, section by section, and return it.
+def _merge_into(config: dict[str, Any], values: Config, prefix: str = "") -> None:
+    """Merge values into a configuration, section by section.
 
     Parameters
     ----------
     config : dict
-        The configuration, which is changed in place. Keys that `values` does not have are
-        kept, except in the sections of `REPLACED_SECTIONS`.
+        The configuration, which is changed. Keys that `values` does not have are kept,
+        except in the sections of `REPLACED_SECTIONS`.
     values : mapping
         The new values. Their sections may be incomplete.
-    files_by_key : dict
-        The source of each dotted key. This function adds to it.
-    source : str
-        The file that the values come from.
     prefix : str
         Dotted key of the section to which the values belong, with a trailing dot; empty
         for the whole configuration.
-
-    Returns
-    -------
-    dict
-        The same `config`.
     """
     for key, value in values.items():
         dotted_key = f"{prefix}{key}"
-        files_by_key[dotted_key] = source
-        if not isinstance(value, dict):
+        old_value = config.get(key)
+        are_sections = isinstance(value, dict) and isinstance(old_value, dict)
+        if are_sections and dotted_key not in REPLACED_SECTIONS:
+            _merge_into(old_value, value, prefix=f"{dotted_key}.")
+        else:
             config[key] = copy.deepcopy(value)
-            continue
 
-        # The value is a section. Replace the old one, unless both are to be merged.
-        is_merged = dotted_key not in REPLACED_SECTIONS and isinstance(
-            config.get(key), dict
-        )
-        if not is_merged:
-            config[key] = copy.deepcopy(value)
-        # If the section was just copied, this call only adds the source of its keys.
-        _merge(
-            config[key],
-            value,
-            files_by_key=files_by_key,
-            source=source,
-            prefix=f"{dotted_key}.",
-        )
-    return config
+
+def _list_dotted_keys(values: Config, prefix: str = "") -> Iterator[str]:
+    """Yield the dotted key of each section, and of each value, of a configuration."""
+    for key, value in values.items():
+        dotted_key = f"{prefix}{key}"
+        yield dotted_key
+        if isinstance(value, dict):
+            yield from _list_dotted_keys(value, prefix=f"{dotted_key}.")
