@@ -8,7 +8,7 @@ import pytest
 import yaml
 from shared import ROOT, check_all, written
 
-from repose.cli import VERBS
+from repose.cli import SUBCOMMANDS
 from repose.config import loader
 from repose.config.pipeline import PipelineConfig
 
@@ -72,7 +72,7 @@ def files_of(verb):
 def call_of(name, path, every=True):
     """Words of a verb with this path for its files; without `every` for those that it needs."""
     arguments = [name, *NEEDED.get(name, [])]
-    for option, keywords in files_of(VERBS[name]):
+    for option, keywords in files_of(SUBCOMMANDS[name]):
         if not option.startswith("-"):
             arguments.append(str(path))
         elif every or keywords.get("required"):
@@ -84,7 +84,7 @@ def call_of(name, path, every=True):
 
 READING = sorted(
     name
-    for name, verb in VERBS.items()
+    for name, verb in SUBCOMMANDS.items()
     if name not in ELSEWHERE and any(files_of(verb))
 )
 
@@ -151,7 +151,7 @@ def test_verbs_refuse_files_and_configurations_that_they_cannot_read(
 
 WITH_CONFIG = {
     name
-    for name, verb in VERBS.items()
+    for name, verb in SUBCOMMANDS.items()
     if any("--config" in option.names for option in verb.options)
 }
 
@@ -162,7 +162,7 @@ def test_what_options_are_not_there_or_cannot_take(refused, with_checked_config)
             *call_of(name, "some_file", every=False), "--no-such-option"
         )
 
-    check_all(check, [(name, name) for name in sorted(set(VERBS) - {"run"})])
+    check_all(check, [(name, name) for name in sorted(set(SUBCOMMANDS) - {"run"})])
     bad = yaml.safe_load(Path(__file__).with_name("words.yaml").read_text())
     check_all(
         lambda arguments: refused(*with_checked_config(arguments)),
@@ -172,7 +172,7 @@ def test_what_options_are_not_there_or_cannot_take(refused, with_checked_config)
 
 def test_a_path_that_the_system_refuses_is_a_sentence_with_the_path(refused, tmp_path):
     message = refused("provenance", str(tmp_path))
-    assert f"provenance is '{tmp_path}'; expected a file that a verb" in message
+    assert f"provenance is '{tmp_path}'; expected a file that a subcommand" in message
     name = f"{'a' * 300}.yaml"
     assert f"{name}: file is 'File name too long'; expected a path" in refused(
         "design", f"--config={name}"

@@ -220,7 +220,7 @@ def test_a_film_shows_the_plane_tilting_and_the_berry_on_it_and_a_plane_that_til
             rf"inclined_plane\.{allowed}",
             PipelineConfig.of,
             config(**keys),
-            inputs=True,
+            check_inputs=True,
         )
     creeping = config()
     creeping["simulation"]["rolling_law"] = "constant_torque"

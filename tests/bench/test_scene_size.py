@@ -156,7 +156,7 @@ def seeds(tmp_path):
 def lines_of(study, path):
     return list(
         describe_study(
-            PipelineConfig.load(written(path, yaml.safe_dump(study)), inputs=True)
+            PipelineConfig.load(written(path, yaml.safe_dump(study)), check_inputs=True)
         )
     )
 

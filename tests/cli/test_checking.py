@@ -11,7 +11,7 @@ import pytest
 from refusals import input_error
 from shared import every_bench_test
 
-from repose.cli import VERBS, checking, docs, make_parser, stages
+from repose.cli import SUBCOMMANDS, checking, docs, make_parser, stages
 from repose.cli.measuring import _make_measure_settings
 from repose.common import places
 from repose.config import check, computed, cost
@@ -141,7 +141,7 @@ def test_files_are_those_of_inputs_by_name_and_none_that_a_step_writes(tmp_path)
 def test_no_verb_takes_its_folder_or_its_configuration_for_an_input(name):
     found = [
         option
-        for verb in VERBS.values()
+        for verb in SUBCOMMANDS.values()
         for option in verb.options
         if option.attribute == name
     ]

@@ -19,7 +19,14 @@ from shared import ROOT, check_all, run_python, written
 
 from repose.__main__ import main
 from repose.bench.parameters import PARAMETERS
-from repose.cli import STAGES, USER_VERBS, VERB_GROUPS, VERBS, make_parser, registry
+from repose.cli import (
+    STAGES,
+    USER_SUBCOMMANDS,
+    SUBCOMMAND_GROUPS,
+    SUBCOMMANDS,
+    make_parser,
+    registry,
+)
 from repose.common import provenance
 from repose.config import check
 from repose.config.pipeline import PipelineConfig
@@ -44,13 +51,13 @@ def error_of(command, *arguments):
 
 def test_every_verb_explains_itself_with_an_example_that_parses(command):
     silent = []
-    for verb in VERBS:
+    for verb in SUBCOMMANDS:
         call = ["stage", verb] if verb in STAGES else [verb]
         text = " ".join(command(*call, "--help").out.split())
         example = text.split(f"example: repose {' '.join(call)}")[1]
         arguments = example.replace("'", "").split()
         args, rest = make_parser().parse_known_args([*call, *arguments])
-        if args.verb != verb or (rest and not VERBS[verb].forwards_words):
+        if args.subcommand != verb or (rest and not SUBCOMMANDS[verb].forwards_words):
             silent.append(verb)
     assert not silent
 
@@ -60,19 +67,19 @@ def test_help_fits_a_screen(command):
     for arguments, names in {
         ("--help",): first,
         ("help",): first,
-        ("help", "all"): list(USER_VERBS),
+        ("help", "all"): list(USER_SUBCOMMANDS),
     }.items():
         lines = command(*arguments).out.splitlines()
         listed = [line.split()[0] for line in lines if re.match(" {2}[a-z]", line)]
         assert listed == names
         assert max(map(len, lines)) <= 80
         assert not [
-            line for line in lines if line.endswith("...") and "VERB" not in line
+            line for line in lines if line.endswith("...") and "SUBCOMMAND" not in line
         ]
     assert command("help", "card").out == command("card", "--help").out
     assert command("DOCS").out == command("docs").out
     out = command("--help").out
-    assert len(USER_VERBS) <= 25
+    assert len(USER_SUBCOMMANDS) <= 25
     assert len(out.splitlines()) <= 45
     assert "example:" in out
     stages = re.findall(
@@ -80,7 +87,10 @@ def test_help_fits_a_screen(command):
     )
     assert stages[-len(STAGES) :] == list(STAGES)
     assert not [
-        name for names in VERB_GROUPS.values() for name in names if name not in VERBS
+        name
+        for names in SUBCOMMAND_GROUPS.values()
+        for name in names
+        if name not in SUBCOMMANDS
     ]
 
 
@@ -103,7 +113,7 @@ def test_a_verb_is_registered_once():
     def check():
         """Another function of the name of a verb."""
 
-    value_error("'check' is registered already", registry.verb(), check)
+    value_error("'check' is registered already", registry.subcommand(), check)
 
 
 @pytest.mark.parametrize("commit", ["0123456789ab", None])
@@ -377,7 +387,7 @@ def test_measure_refuses_no_pile_and_a_locale_without_a_letter_does_no_harm(
 
     printed = io.BytesIO()
     monkeypatch.setitem(
-        VERBS, "provenance", VERBS["provenance"]._replace(run=provenance)
+        SUBCOMMANDS, "provenance", SUBCOMMANDS["provenance"]._replace(run=provenance)
     )
     monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(printed, encoding="ascii"))
     assert main(["provenance", "a_file"]) == 0

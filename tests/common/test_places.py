@@ -46,7 +46,7 @@ def test_a_file_is_the_folders_own_or_the_programs_or_keeps_its_name(folder):
 
 def test_a_study_of_a_crop_lies_over_the_programs_which_it_replaces(folder):
     assert places.list_default_configs() == [METHOD, CONFIG]
-    config = PipelineConfig.load(inputs=True).config
+    config = PipelineConfig.load(check_inputs=True).config
     for path in (
         config["berry"]["sizes"],
         config["berry"]["compression"],
@@ -58,7 +58,7 @@ def test_a_study_of_a_crop_lies_over_the_programs_which_it_replaces(folder):
     config_file.parent.mkdir()
     config_file.write_text("label: mine\n")
     assert places.list_default_configs() == [METHOD, CONFIG, Path("config/config.yaml")]
-    assert PipelineConfig.load(inputs=True).config["label"] == "mine"
+    assert PipelineConfig.load(check_inputs=True).config["label"] == "mine"
     # another crop: no layer of the program's lies under it
     config_file.write_text("berry: {sizes: sizes.csv}\n")
     assert loader.list_files_with_defaults([]) == [METHOD, Path("config/config.yaml")]
@@ -66,7 +66,7 @@ def test_a_study_of_a_crop_lies_over_the_programs_which_it_replaces(folder):
     (folder / "config.yaml").write_text("label: mine\n")
     assert places.list_default_configs() == [METHOD, Path("config.yaml")]
     assert {"berry.sizes", "parameters", "targets", "funnel.berries"} <= faulty(
-        "config.yaml", inputs=True
+        "config.yaml", check_inputs=True
     )
 
 

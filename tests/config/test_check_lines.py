@@ -68,7 +68,7 @@ def test_a_shipped_configuration_gets_no_warning_in_short_lines(path, monkeypatc
     # The paths of a crop are relative to its folder, those of config/ to the project.
     is_crop = path.parent.parent.name == "crops"
     monkeypatch.chdir(path.parent if is_crop else ROOT)
-    study = PipelineConfig.load(str(path), inputs=True)
+    study = PipelineConfig.load(str(path), check_inputs=True)
     lines = [*check.describe_study(study), *check.warn_of_few_measurements(study)]
     assert [line for line in lines if "WARNING" in line] == []
     # Keys to paste into a configuration have more digits.

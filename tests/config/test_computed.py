@@ -43,7 +43,7 @@ def folder(tmp_path, monkeypatch, by_hand):
 
 
 def test_what_is_left_out_is_computed(folder, by_hand):
-    config = PipelineConfig.load(inputs=True).config
+    config = PipelineConfig.load(check_inputs=True).config
     assert PipelineConfig.load("config.yaml").config == config
     assert json.loads(json.dumps(config)) == config
     assert not computed.find_settings_to_compute(config)
@@ -76,7 +76,7 @@ def test_the_time_step_is_eight_tenths_of_the_longest(folder):
         r"simulation\.time_step_s is 0\.01",
         PipelineConfig.load,
         "more.yaml",
-        inputs=True,
+        check_inputs=True,
     )
     longest = float(fault.allowed.removeprefix("at most ").split(",")[0])
     assert 0.75 * longest < step <= 0.8 * longest

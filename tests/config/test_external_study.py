@@ -43,10 +43,10 @@ def folder(tmp_path, monkeypatch):
     (tmp_path / "deck.in.j2").write_text("{{ friction }} {{ rolling }}")
 
 
-def loaded(inputs=False, **changes):
+def loaded(check_inputs=False, **changes):
     with open("study.yaml", "w") as file:
         yaml.safe_dump(STUDY | changes, file)
-    return PipelineConfig.load("study.yaml", inputs=inputs)
+    return PipelineConfig.load("study.yaml", check_inputs=check_inputs)
 
 
 def simulator(**changes):
@@ -54,7 +54,7 @@ def simulator(**changes):
 
 
 def test_the_short_form_becomes_that_of_the_stages():
-    study = loaded(inputs=True)
+    study = loaded(check_inputs=True)
     assert isinstance(study, ExternalConfig)
     assert study.parameter_names == ("friction", "rolling")
     assert study.targets.apparatus == (OWN_BENCH,)
@@ -166,7 +166,7 @@ def test_a_trial_has_the_seed_of_the_first_run_of_the_design(tmp_path):
     """So what the trial shows is what the first run of the first sample meets."""
     (tmp_path / "toy.py").write_text(PROGRAM_OF_SEEDS)
     command = [sys.executable, str(tmp_path / "toy.py")]
-    study = loaded(inputs=True, **simulator(command=command))
+    study = loaded(check_inputs=True, **simulator(command=command))
     lines = list(make_trial_run(study, study.simulator, 2))
     expected = simulate.draw_seed(STUDY["seed"], "design", sample=1, run=1)
     assert lines[0].startswith(f"trial run, seed {expected}, ")
@@ -309,7 +309,7 @@ def test_the_check_names_the_strategy_and_the_keys_that_are_not_read():
 def test_a_fixed_parameter_may_be_a_number_of_the_deck():
     with open("deck.in.j2", "w") as file:
         file.write("{{ friction }}")
-    loaded(inputs=True, simulator=STUDY["simulator"] | {"command": ["python"]})
+    loaded(check_inputs=True, simulator=STUDY["simulator"] | {"command": ["python"]})
     parameters = STUDY["parameters"] | {"rolling": [0.1, 0.2]}
     with pytest.raises(InputError, match=r"parameters\.rolling is 'rolling'"):
-        loaded(inputs=True, parameters=parameters)
+        loaded(check_inputs=True, parameters=parameters)

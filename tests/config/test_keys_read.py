@@ -15,7 +15,7 @@ from test_simulated_piles import cone_of_berries
 
 from repose.calibrate.strategies import strategy
 from repose.calibrate.study import Study
-from repose.cli import USER_VERBS, VERBS, make_parser
+from repose.cli import USER_SUBCOMMANDS, SUBCOMMANDS, make_parser
 from repose.config import dependencies, loader
 from repose.config.pipeline import PipelineConfig
 
@@ -113,11 +113,11 @@ def keys_read(plain, tmp_path_factory):
         """Run a stage as its rule does, without its record of provenance."""
         keys = found.setdefault(positional[0] if verb == "propose" else verb, set())
         named = [f"--{key}={value}" for key, value in options.items()]
-        name = [verb] if verb in USER_VERBS else ["stage", verb]
+        name = [verb] if verb in USER_SUBCOMMANDS else ["stage", verb]
         arguments = make_parser().parse_args(
             [*name, *map(str, positional), *named, f"--config={resolved}"]
         )
-        VERBS[verb].run(arguments, RecordingConfig(plain, keys))
+        SUBCOMMANDS[verb].run(arguments, RecordingConfig(plain, keys))
 
     def poured(samples_csv, out, seeds=2):
         write_poured(out, pd.read_csv(samples_csv), 2.0, len(str(out)), seeds)

@@ -86,14 +86,14 @@ def test_files_and_command_line_lie_over_each_other_for_verbs_and_workflow_alike
         tmp_path / "mine.yaml", "funnel: {seeds: 5, duration_s: 20}\nlabel: mine\n"
     )
     config = PipelineConfig.load(
-        str(mine), overrides={"funnel": {"seeds": "6"}}, inputs=True
+        str(mine), overrides={"funnel": {"seeds": "6"}}, check_inputs=True
     ).config
     assert config["label"] == "mine"
     assert config["funnel"]["seeds"] == 6
     assert config["funnel"]["duration_s"] == 20
     assert config["funnel"]["berries"] == 500
     mine.write_text("funnel: {seeds: 5}\nparameters: {e_gg: {fixed: 0.3}}\n")
-    expected = PipelineConfig.load(mine, inputs=True).config
+    expected = PipelineConfig.load(mine, check_inputs=True).config
     assert PipelineConfig.load(mine).config == expected
     input_error("nowhere.yaml", PipelineConfig.load, mine, tmp_path / "nowhere.yaml")
     first = written(tmp_path / "first.yaml", "parameters: {e_gg: {fixed: 0.3}}\n")
@@ -107,18 +107,18 @@ def test_files_and_command_line_lie_over_each_other_for_verbs_and_workflow_alike
 
 def test_a_job_of_a_cluster_does_not_check_the_inputs_again(monkeypatch):
     monkeypatch.setattr(
-        "repose.config.validation.ConfigChecks._read_files",
+        "repose.config.validation.ConfigChecks._check_named_files",
         lambda _: pytest.fail("the inputs were checked"),
     )
     assert PipelineConfig.load().config["label"]
-    raised(pytest.fail.Exception, None, PipelineConfig.load, inputs=True)
+    raised(pytest.fail.Exception, None, PipelineConfig.load, check_inputs=True)
 
 
 def test_a_complete_file_and_the_built_in_crop_stand_in_for_the_folders_own(
     tmp_path, monkeypatch
 ):
     path = tmp_path / "results" / "config.json"
-    config = PipelineConfig.load(inputs=True).config
+    config = PipelineConfig.load(check_inputs=True).config
     loader.write_resolved(config, path)
     monkeypatch.chdir(tmp_path)
     (tmp_path / "config.yaml").write_text("in the middle of an ed: [")
@@ -142,7 +142,11 @@ def test_a_fault_names_the_file_it_came_from(tmp_path):
     ):
         mine.write_text(text)
         error = input_error(
-            "expected", PipelineConfig.load, str(mine), overrides=overrides, inputs=True
+            "expected",
+            PipelineConfig.load,
+            str(mine),
+            overrides=overrides,
+            check_inputs=True,
         )
         source = loader.COMMAND_LINE if overrides else str(mine)
         assert {fault.source for fault in getattr(error, "faults", [error])} == {source}
@@ -160,9 +164,9 @@ def test_an_example_of_a_bench_test_goes_over_the_default(path):
 def test_a_key_of_a_section_with_a_fault_is_not_used():
     of_section = SimpleNamespace(faulty_keys={"funnel"})
     of_key = SimpleNamespace(faulty_keys={"funnel.seeds"})
-    assert not ConfigChecks._may_use(of_section, "funnel.seeds")
-    assert not ConfigChecks._may_use(of_key, "funnel.seeds")
-    assert ConfigChecks._may_use(of_key, "funnel.berries")
+    assert not ConfigChecks._is_key_faultless(of_section, "funnel.seeds")
+    assert not ConfigChecks._is_key_faultless(of_key, "funnel.seeds")
+    assert ConfigChecks._is_key_faultless(of_key, "funnel.berries")
 
 
 def test_a_study_stands_beside_the_package_has_its_parts_and_stays_as_it_is(quick):
@@ -210,7 +214,7 @@ def test_what_stands_on_a_fault_is_not_reported_beside_it(quick):
     found = {
         fault.key
         for fault in input_error(
-            "expected", PipelineConfig.of, config, "mine.yaml", inputs=True
+            "expected", PipelineConfig.of, config, "mine.yaml", check_inputs=True
         ).faults
     }
     assert found == {

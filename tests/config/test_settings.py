@@ -165,7 +165,7 @@ def without_words(schema):
 
 @pytest.fixture(scope="module")
 def matched():
-    return PipelineConfig.load(ROOT / "config/matched.yaml", inputs=True).config
+    return PipelineConfig.load(ROOT / "config/matched.yaml", check_inputs=True).config
 
 
 @pytest.fixture

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from repose.bench import Run
 from repose.bench.drum import DrumTest
-from repose.cli import STAGES, VERBS, main
+from repose.cli import STAGES, SUBCOMMANDS, main
 from repose.common.errors import InputError
 from repose.config.pipeline import PipelineConfig
 
@@ -154,7 +154,7 @@ def tree(top):
 @st.composite
 def calls(draw):
     """A verb with good inputs and any place to write to, or with any paths at all."""
-    verb = VERBS[draw(st.sampled_from(sorted(set(VERBS) - LEFT_OUT)))]
+    verb = SUBCOMMANDS[draw(st.sampled_from(sorted(set(SUBCOMMANDS) - LEFT_OUT)))]
     good = draw(st.booleans())
     arguments = ["stage", verb.name] if verb.name in STAGES else [verb.name]
     for option in verb.options:
@@ -215,7 +215,7 @@ def test_what_is_made_up_ends_well_and_somebodys_file_in_its_place_stays(
 ):
     name = arguments[0]
     before = tree(sandbox)
-    options = {option.names[0][2:] for option in VERBS[name].options}
+    options = {option.names[0][2:] for option in SUBCOMMANDS[name].options}
     inputs = sorted(options & {*READ} - {"config"})
     arguments = [*arguments, *(f"--{key}={GOOD[key]}" for key in inputs)]
     arguments.append("--config=in/config.json")

@@ -55,7 +55,7 @@ def test_there_are_four_of_different_shape_and_size():
 @pytest.mark.parametrize("name", NAMES)
 def test_a_crop_stands_on_its_own_numbers_and_so_does_its_card(name, monkeypatch):
     monkeypatch.chdir(CROPS / name)
-    study = PipelineConfig.load(inputs=True)
+    study = PipelineConfig.load(check_inputs=True)
     config = study.config
     PipelineConfig.of(config, name)
     assert not {"drum", "cylinder"} & set(config)
@@ -105,7 +105,7 @@ def test_it_runs_from_sizes_to_card_at_small_size(name, tmp_path, monkeypatch, c
     berries = {"rapeseed": 400}.get(name, 120)
     config = PipelineConfig.load(
         overrides=SMALL | {"funnel": SMALL["funnel"] | {"berries": berries}},
-        inputs=True,
+        check_inputs=True,
     ).config
     PipelineConfig.of(config, name).check_inputs()
     loader.write_resolved(config, "results/config.json")

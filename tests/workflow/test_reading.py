@@ -49,7 +49,7 @@ def test_a_checked_workflow_is_read_without_libraries_in_less_than_snakemakes_st
     (project / "empty.smk").write_text("rule all:\n    output: 'nothing'\n")
     monkeypatch.chdir(project)
     config = yaml.safe_load((project / QUICK).read_text())
-    run = prepare_run(config, [QUICK], has_command_line=False, inputs=True)
+    run = prepare_run(config, [QUICK], has_command_line=False, check_inputs=True)
     earlier_check.write_checked_config(run.new_fingerprint, run.study.config)
 
     lines = run_python("-c", READ, cwd=project).splitlines()

@@ -61,7 +61,7 @@ with exit_on_fault():
         config,
         configfiles=workflow.overwrite_configfiles,
         has_command_line=bool(workflow.config_settings.config),
-        inputs=workflow.is_main_process,
+        check_inputs=workflow.is_main_process,
     )
 STUDY = RUN.study
 config = STUDY.config

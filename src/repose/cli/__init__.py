@@ -1,8 +1,9 @@
-"""Run the command line, whose subcommands are called verbs.
+"""Run the command line with its subcommands.
 
-A verb is a function that is registered together with its options. The other modules of
-this package define the verbs. A verb passes files and settings to other packages of
-`repose`. It imports them inside the function, so that help and parsing stay fast.
+A subcommand is a function that is registered together with its options. The other
+modules of this package define the subcommands. A subcommand passes files and settings to
+other packages of `repose`. It imports these packages inside the function, so that help
+and parsing stay fast.
 """
 
 import argparse
@@ -20,18 +21,19 @@ from typing import Any
 
 from repose import __version__
 
-# These imports register all verbs, in the order in which they are listed.
+# These imports register all subcommands, in the order in which they are listed.
 from repose.cli import new, docs, checking, run, exporting, inputs, pouring, measuring  # noqa: F401, isort: skip
 from repose.cli import calibration, cards, strategies, own_simulator, uncertainty  # noqa: F401, isort: skip
 from repose.cli import pictures, services, simulating  # noqa: F401, isort: skip
-from repose.cli.registry import PROGRAM, VERBS, Verb
+from repose.cli.registry import CONFIG_SUFFIXES, PROGRAM, SUBCOMMANDS, Subcommand
 from repose.cli.stages import run_as_stage
 from repose.common.errors import BAD_INPUT, InputError, print_fault
 
-# The verbs that a person types, in the groups of the help. Those of the first group are
-# enough for a study. All other verbs are stages, which the rules of the workflow call.
+# The subcommands that a person types, in the groups of the help. Those of the first group
+# are enough for a study. All other subcommands are stages, which the rules of the workflow
+# call.
 FIRST_GROUP = "a study"
-VERB_GROUPS = {
+SUBCOMMAND_GROUPS = {
     FIRST_GROUP: ("new", "check", "measure", "run", "card", "export", "marker"),
     "before a study": ("plan",),
     "your own simulator": ("design", "tell", "ask", "calibrate"),
@@ -40,13 +42,13 @@ VERB_GROUPS = {
     "the simulator": ("bench",),
     "the documentation": ("docs",),
 }
-USER_VERBS = tuple(name for names in VERB_GROUPS.values() for name in names)
-STAGES = tuple(name for name in VERBS if name not in USER_VERBS)
+USER_SUBCOMMANDS = tuple(name for names in SUBCOMMAND_GROUPS.values() for name in names)
+STAGES = tuple(name for name in SUBCOMMANDS if name not in USER_SUBCOMMANDS)
 STAGE = "stage"
 HELP = "help"
 # Control characters except tab and new line.
 CONTROL_CHARACTERS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
-# Libraries that only some verbs need.
+# Libraries that only some subcommands need.
 OPTIONAL_LIBRARIES = (
     "cv2",
     "jinja2",
@@ -60,7 +62,7 @@ OPTIONAL_LIBRARIES = (
 
 
 def main(words: Sequence[str] | None = None) -> int:
-    """Run a verb.
+    """Run a subcommand.
 
     Parameters
     ----------
@@ -71,36 +73,36 @@ def main(words: Sequence[str] | None = None) -> int:
     Returns
     -------
     int
-        Exit status: 0 for success and 2 for faulty input. The verb `card check` returns 3
-        if a target is not met, and 4 if its runs do not decide this.
+        Exit status: 0 for success and 2 for faulty input. The subcommand `card check`
+        returns 3 if a target is not met, and 4 if its runs do not decide this.
     """
     _prepare_streams()
     words = list(sys.argv[1:] if words is None else words)
     if words:
-        words[0] = _match_case(words[0], (*USER_VERBS, STAGE, HELP))
+        words[0] = _match_case(words[0], (*USER_SUBCOMMANDS, STAGE, HELP))
 
-    # Print the help, or explain that a verb is unknown.
+    # Print the help, or explain that a subcommand is unknown.
     if words == [HELP, "all"]:
-        print(_list_verbs(VERB_GROUPS))
+        print(_list_subcommands(SUBCOMMAND_GROUPS))
         return 0
     if words[:1] == [HELP]:
         words = [*words[1:], "--help"]
-    message = _find_unknown_verb(words)
+    message = _find_unknown_subcommand(words)
     if message is not None:
         print_fault(message)
         return BAD_INPUT
 
-    # Parse the options. Only some verbs take further words, for another program.
+    # Parse the options. Only some subcommands take further words, for another program.
     args, further_words = make_parser().parse_known_args(words)
-    verb = VERBS[args.verb]
+    subcommand = SUBCOMMANDS[args.subcommand]
     args.rest = further_words
     args.words = words
-    if further_words and not verb.forwards_words:
+    if further_words and not subcommand.forwards_words:
         make_parser().error(f"unrecognized arguments: {' '.join(further_words)}")
 
     try:
         _check_threads()
-        return _run_verb(verb, args)
+        return _run_subcommand(subcommand, args)
     except ModuleNotFoundError as error:
         library = (error.name or "").partition(".")[0]
         if library not in OPTIONAL_LIBRARIES:
@@ -133,15 +135,15 @@ def _prepare_streams() -> None:
         sys.stdout.reconfigure(errors="backslashreplace")
 
 
-def _run_verb(verb: Verb, args: argparse.Namespace) -> int:
-    """Run a verb as a stage that records its results.
+def _run_subcommand(subcommand: Subcommand, args: argparse.Namespace) -> int:
+    """Run a subcommand as a stage that records its results.
 
     Parameters
     ----------
-    verb : Verb
-        The verb.
+    subcommand : Subcommand
+        The subcommand to run.
     args : argparse.Namespace
-        Its parsed options.
+        The parsed options of the subcommand.
 
     Returns
     -------
@@ -149,10 +151,15 @@ def _run_verb(verb: Verb, args: argparse.Namespace) -> int:
         The exit status of the program.
     """
     _check_out_path(args)
-    # Do not record the verb that starts a workflow, because each of its jobs is recorded.
-    context = nullcontext() if verb.forwards_words else run_as_stage(args, verb.runs)
+    # Do not record the subcommand that starts a workflow, because each job of the workflow
+    # is recorded.
+    context = (
+        nullcontext()
+        if subcommand.forwards_words
+        else run_as_stage(args, subcommand.runs)
+    )
     with redirect_stdout(EscapingStream(sys.stdout)), context:
-        status = verb(args)
+        status = subcommand(args)
     sys.stdout.flush()
     return status or 0
 
@@ -200,7 +207,8 @@ def _check_out_path(args: argparse.Namespace) -> None:
     Parameters
     ----------
     args : argparse.Namespace
-        The parsed options. The value of `out` is changed if the verb has this option.
+        The parsed options. The value of `out` is changed if the subcommand has this
+        option.
 
     Raises
     ------
@@ -226,16 +234,16 @@ def _check_out_path(args: argparse.Namespace) -> None:
 
 @functools.cache
 def make_parser() -> argparse.ArgumentParser:
-    """Make the parser of all verbs, and of the stages below the verb `stage`.
+    """Make the parser of all subcommands, and of the stages below the subcommand `stage`.
 
-    The help of the program lists only the verbs that are enough for a study.
+    The help of the program lists only the subcommands that are enough for a study.
     """
     main_parser = argparse.ArgumentParser(
         prog=PROGRAM,
         description="Calibrates the contact parameters of a discrete element model\n"
         "from a pile of grains.",
-        usage=f"{PROGRAM} [--version] VERB ...",
-        epilog=_list_verbs([FIRST_GROUP]),
+        usage=f"{PROGRAM} [--version] SUBCOMMAND ...",
+        epilog=_list_subcommands([FIRST_GROUP]),
         formatter_class=argparse.RawDescriptionHelpFormatter,
         add_help=False,
     )
@@ -243,14 +251,14 @@ def make_parser() -> argparse.ArgumentParser:
     main_parser.add_argument(
         "--version", action=_Version, nargs=0, help=argparse.SUPPRESS
     )
-    verbs = main_parser.add_subparsers(
-        prog=PROGRAM, metavar="VERB", required=True, help=argparse.SUPPRESS
+    subcommands = main_parser.add_subparsers(
+        prog=PROGRAM, metavar="SUBCOMMAND", required=True, help=argparse.SUPPRESS
     )
-    for name in USER_VERBS:
-        VERBS[name].add_to(verbs)
+    for name in USER_SUBCOMMANDS:
+        SUBCOMMANDS[name].add_to(subcommands)
 
     # Stages are called by two words: repose stage NAME.
-    stage_parser = verbs.add_parser(
+    stage_parser = subcommands.add_parser(
         STAGE,
         description="One stage of the workflow, as its rules call it.",
         epilog="\n".join(["stages:", *map(_format_entry, STAGES)]),
@@ -260,7 +268,7 @@ def make_parser() -> argparse.ArgumentParser:
         metavar="NAME", required=True, help="one of those below"
     )
     for name in STAGES:
-        VERBS[name].add_to(stages)
+        SUBCOMMANDS[name].add_to(stages)
     return main_parser
 
 
@@ -278,37 +286,40 @@ class _Version(argparse.Action):
         parser.exit()
 
 
-def _find_unknown_verb(words: list[str]) -> str | None:
-    """Find out whether the first words name no verb or stage.
+def _find_unknown_subcommand(words: list[str]) -> str | None:
+    """Check that the first words of the command line name a subcommand or a stage.
 
     Parameters
     ----------
     words : list of str
-        The words of the command line after the program.
+        The words of the command line after the name of the program.
 
     Returns
     -------
     str or None
-        A message about the unknown name; None if there is nothing to report.
+        A message about an unknown name. None if the name is known, or if there is none.
     """
     if words[:1] == [STAGE]:
         return _describe_unknown_name(
             "stage", words[1:], known=STAGES, listing=f"{PROGRAM} {STAGE} --help"
         )
     return _describe_unknown_name(
-        "verb", words, known=(*USER_VERBS, STAGE), listing=f"{PROGRAM} --help"
+        "subcommand",
+        words,
+        known=(*USER_SUBCOMMANDS, STAGE),
+        listing=f"{PROGRAM} --help",
     )
 
 
 def _describe_unknown_name(
     kind: str, words: list[str], known: Sequence[str], listing: str
 ) -> str | None:
-    """Explain that a verb or stage is unknown, and suggest the nearest name.
+    """Explain that a subcommand or stage is unknown, and suggest the nearest name.
 
     Parameters
     ----------
     kind : str
-        What the names stand for: verb or stage.
+        What the names stand for: subcommand or stage.
     words : list of str
         The words of the command line, starting with the name.
     known : sequence of str
@@ -325,27 +336,45 @@ def _describe_unknown_name(
         return None
     name = words[0]
     message = f"unknown {kind} {name!r}: expected one of those that `{listing}` lists"
-
-    # The user gave a configuration in place of the verb.
-    if Path(name).suffix in (".yaml", ".yml", ".json"):
-        return f"{message}; did you mean {PROGRAM} run --configfile {name}?"
-
-    # Search the names of verbs, stages and studies for a similar one.
-    targets = _list_targets()
-    candidates = (*known, *targets, *STAGES)
-    matches = difflib.get_close_matches(name.lower(), candidates, 1)
-    if not matches:
+    suggestion = _suggest_command(name, known)
+    if suggestion is None:
         return message
+    return f"{message}; did you mean {suggestion}?"
+
+
+def _suggest_command(name: str, known: Sequence[str]) -> str | None:
+    """Suggest what the user may have meant by an unknown name.
+
+    Parameters
+    ----------
+    name : str
+        The first word of the command line, or the word after `stage`.
+    known : sequence of str
+        The names that are valid in this place.
+
+    Returns
+    -------
+    str or None
+        The words of a command that works, or None if no known name is similar.
+    """
+    # The user probably gave a configuration in place of a subcommand.
+    if Path(name).suffix in CONFIG_SUFFIXES:
+        return f"{PROGRAM} run --configfile {name}"
+
+    # Search the names of subcommands, stages and studies for a similar one.
+    studies = _list_studies()
+    candidates = (*known, *studies, *STAGES)
+    matches = difflib.get_close_matches(name.lower(), candidates, n=1)
+    if not matches:
+        return None
     (similar,) = matches
 
-    # Targets and stages need two words, such as `run TARGET`.
+    # Studies and stages need two words, such as `run STUDY`.
     if similar in known:
-        call = similar
-    elif similar in targets:
-        call = f"run {similar}"
-    else:
-        call = f"{STAGE} {similar}"
-    return f"{message}; did you mean {call}?"
+        return similar
+    if similar in studies:
+        return f"run {similar}"
+    return f"{STAGE} {similar}"
 
 
 def _match_case(word: str, known: Sequence[str]) -> str:
@@ -353,34 +382,34 @@ def _match_case(word: str, known: Sequence[str]) -> str:
     return word.lower() if word.lower() in known else word
 
 
-def _list_targets() -> tuple[str, ...]:
+def _list_studies() -> tuple[str, ...]:
     """List the names of the studies that `repose run` can make."""
     from repose.config import cost
 
     return tuple(name for name in cost.STUDY_SUMMARIES if name.isidentifier())
 
 
-def _list_verbs(group_titles: Iterable[str]) -> str:
-    """List the verbs of some groups for the help.
+def _list_subcommands(group_titles: Iterable[str]) -> str:
+    """List the subcommands of some groups for the help.
 
     Parameters
     ----------
     group_titles : iterable of str
-        Keys of `VERB_GROUPS`.
+        Keys of `SUBCOMMAND_GROUPS`.
 
     Returns
     -------
     str
-        Lines of text: each group with its verbs and their summaries, and then the
+        Lines of text: each group with its subcommands and their summaries, and then the
         commands that explain more.
     """
     lines: list[str] = []
     for group_title in group_titles:
         lines.append(f"{group_title}:")
-        lines += [_format_entry(name) for name in VERB_GROUPS[group_title]]
+        lines += [_format_entry(name) for name in SUBCOMMAND_GROUPS[group_title]]
         lines.append("")
     lines += [
-        f"`{PROGRAM} VERB --help` explains a verb, `{PROGRAM} help all` lists all verbs,",
+        f"`{PROGRAM} SUBCOMMAND --help` explains one, `{PROGRAM} help all` lists all,",
         f"`{PROGRAM} {STAGE} --help` the stages of the workflow.",
         f"example: {PROGRAM} check --configfile config/paper.yaml",
     ]
@@ -388,8 +417,8 @@ def _list_verbs(group_titles: Iterable[str]) -> str:
 
 
 def _format_entry(name: str) -> str:
-    """Write a verb and the beginning of its summary, in lines of 80 columns."""
-    clause = VERBS[name].summary.partition(";")[0].removesuffix(".")
+    """Write a subcommand and the beginning of its summary, in lines of 80 columns."""
+    clause = SUBCOMMANDS[name].summary.partition(";")[0].removesuffix(".")
     # The summary follows the name on the same line, so begin it with a small letter.
     summary = clause[:1].lower() + clause[1:]
     return textwrap.fill(

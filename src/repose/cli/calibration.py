@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from repose.cli.options import DATASET, FEASIBLE, NETWORK, OPTIMISM, RUNS, SAMPLES
-from repose.cli.registry import Option, verb
+from repose.cli.registry import Option, subcommand
 from repose.common.errors import InputError
 from repose.config.pipeline import PipelineConfig
 from repose.stages.parameter_sets import list_job_files
@@ -21,11 +21,11 @@ SUPPORT = Option(
 )
 
 
-@verb(
+@subcommand(
     Option(
         "jobs",
         nargs="+",
-        help="JSON files that the verb measure_runs or heap wrote, or their folder",
+        help="JSON files that the subcommand measure_runs or heap wrote, or their folder",
     ),
     SAMPLES.with_changes(help="the design"),
     Option("--prefix", default="", help="put before the names of the tables"),
@@ -55,7 +55,7 @@ def dataset(args: argparse.Namespace, study: PipelineConfig) -> None:
     )
 
 
-@verb(DATASET, RUNS, out="results/network")
+@subcommand(DATASET, RUNS, out="results/network")
 def network(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Train the surrogate, by default the BP network with Bayesian regularisation.
 
@@ -81,7 +81,7 @@ def network(args: argparse.Namespace, study: PipelineConfig) -> None:
     print(describe_training(metrics))
 
 
-@verb(NETWORK, SUPPORT, out="results/miga")
+@subcommand(NETWORK, SUPPORT, out="results/miga")
 def miga(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Invert the network with the multi-island genetic algorithm (Eq. 11-12).
 
@@ -105,7 +105,7 @@ def miga(args: argparse.Namespace, study: PipelineConfig) -> None:
     print(summary["message"])
 
 
-@verb(NETWORK, DATASET, RUNS, out="results/miga")
+@subcommand(NETWORK, DATASET, RUNS, out="results/miga")
 def optimism(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Compute how much too favourable the predictions are expected to be.
 
@@ -131,7 +131,7 @@ def optimism(args: argparse.Namespace, study: PipelineConfig) -> None:
     print(table.to_string(index=False))
 
 
-@verb(FEASIBLE, out="results/validation")
+@subcommand(FEASIBLE, out="results/validation")
 def solutions(args: argparse.Namespace, study: PipelineConfig) -> None:
     """List the parameter sets to simulate again: the representative solution and others.
 
@@ -150,7 +150,7 @@ def solutions(args: argparse.Namespace, study: PipelineConfig) -> None:
     )
 
 
-@verb(out="results/validation")
+@subcommand(out="results/validation")
 def published_solutions(args: argparse.Namespace, study: PipelineConfig) -> None:
     """List the published parameter sets to simulate.
 
@@ -165,7 +165,7 @@ def published_solutions(args: argparse.Namespace, study: PipelineConfig) -> None
     validate.write_published_solutions(published_csv, study.parameters.names, out)
 
 
-@verb(
+@subcommand(
     Option(
         "jobs", nargs="*", help="JSON files that measure_runs wrote, one for each set"
     ),
@@ -243,7 +243,7 @@ def _require_published_table(args: argparse.Namespace, study: PipelineConfig) ->
     return published
 
 
-@verb(
+@subcommand(
     Option(
         "jobs",
         nargs="+",
@@ -252,7 +252,7 @@ def _require_published_table(args: argparse.Namespace, study: PipelineConfig) ->
     Option(
         "--solutions",
         default="results/validation/solutions.csv",
-        help="file of the verb solutions",
+        help="file of the subcommand solutions",
     ),
     SUPPORT,
     OPTIMISM,

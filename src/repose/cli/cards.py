@@ -3,7 +3,7 @@
 import argparse
 
 from repose.cli.options import BERRY, FEASIBLE
-from repose.cli.registry import Option, verb
+from repose.cli.registry import Option, subcommand
 from repose.common.errors import InputError
 from repose.config.pipeline import PipelineConfig
 
@@ -26,7 +26,7 @@ SUMMARY_PATH = "results/miga/summary.json"
 REPRESENTATIVE_PATH = "results/validation/representative.csv"
 
 
-@verb(
+@subcommand(
     Option(
         "action",
         choices=tuple(N_CARDS),
@@ -74,23 +74,27 @@ def card(args: argparse.Namespace) -> int:
     return 0 if are_targets_met else NOT_MET_STATUS
 
 
-@verb(
+@subcommand(
     BERRY,
     Option(
         "--particle",
         default="results/berry/particle.json",
-        help="file of the verb shape",
+        help="file of the subcommand shape",
     ),
     FEASIBLE,
-    Option("--summary", default=SUMMARY_PATH, help="file of the verb miga: the answer"),
+    Option(
+        "--summary",
+        default=SUMMARY_PATH,
+        help="file of the subcommand miga: the answer",
+    ),
     Option(
         "--representative",
         default=REPRESENTATIVE_PATH,
-        help="file of the verb validate: the check of the answer",
+        help="file of the subcommand validate: the check of the answer",
     ),
     Option(
         "--table4",
-        help="table4.csv of the same verb: the piles by every definition of the angle",
+        help="table4.csv of the same subcommand: the piles by every definition of the angle",
     ),
     Option(
         "--posterior",

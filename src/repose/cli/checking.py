@@ -9,7 +9,13 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from repose.cli.registry import CONFIG, Option, list_config_files, load_study, verb
+from repose.cli.registry import (
+    CONFIG,
+    Option,
+    list_config_files,
+    load_study,
+    subcommand,
+)
 from repose.common.errors import InputError, InputErrors
 from repose.common.numbers import format_significant
 from repose.config.pipeline import PipelineConfig
@@ -34,7 +40,7 @@ def _load_with_scene_advice(args: argparse.Namespace) -> PipelineConfig:
     smaller scene for the same pile. Then it raises the InputError again.
     """
     try:
-        return load_study(args, inputs=True)
+        return load_study(args, check_inputs=True)
     except InputError as error:
         n_grains = _find_refused_number_of_grains(error)
         if n_grains is not None:
@@ -69,7 +75,7 @@ def _print_smaller_scene(files: list[str], n_grains: int) -> None:
     _print_lines(propose_smaller_scene(files, n_grains))
 
 
-@verb(
+@subcommand(
     Option("--cores", type=int, default=2, help="cores of the run (2)"),
     Option(
         "--try",
@@ -221,7 +227,7 @@ def _print_pours(pours: "Pours") -> None:
         print(f"{purpose:>15} {n_sets:>15} {n_seeds:>10} {n_sets * n_seeds:>6}")
 
 
-@verb(
+@subcommand(
     Option(
         "--runs",
         help="runs.csv of earlier pours, for the noise (default: the runs of the study, if any)",

@@ -4,7 +4,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from repose.cli.registry import PROGRAM, Option, verb
+from repose.cli.registry import PROGRAM, Option, subcommand
 from repose.common import places
 from repose.common.errors import InputError, did_you_mean
 
@@ -12,7 +12,7 @@ from repose.common.errors import InputError, did_you_mean
 HIDDEN_PAGES = ("docs", "reference")
 
 
-@verb(
+@subcommand(
     Option("name", nargs="?", help="of the page; without it, all are listed"),
     config=False,
 )

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from repose.cli.parameter_sets import PARAMETER_SET, read_parameters
-from repose.cli.registry import CONFIG, Option, load_study, verb
+from repose.cli.registry import CONFIG, Option, load_study, subcommand
 from repose.common import provenance
 from repose.common.errors import InputError
 from repose.common.section import AUTO
@@ -24,7 +24,7 @@ MOST_SPHERES = 64
 Card = Mapping[str, Any]
 
 
-@verb(
+@subcommand(
     CONFIG.with_changes(
         default=None,
         help="the study's configuration (default: config.json in the folder of the card, "

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from repose.cli.options import BERRY
 from repose.cli.own_simulator import load_any_study
-from repose.cli.registry import Option, load_study, verb
+from repose.cli.registry import Option, load_study, subcommand
 from repose.common.errors import InputError
 from repose.common.files import write_bytes, write_table
 from repose.config.pipeline import PipelineConfig
@@ -17,11 +17,11 @@ if TYPE_CHECKING:
 
 
 def _load_study_of_grain(args: argparse.Namespace) -> PipelineConfig | None:
-    """Load the study; return None if the verb builds a mesh, which needs no study."""
+    """Load the study; return None if the subcommand builds a mesh, which needs no study."""
     return None if args.axes or args.stl else load_study(args)
 
 
-@verb(
+@subcommand(
     Option(
         "--axes",
         type=float,
@@ -86,7 +86,7 @@ def _build_mesh(args: argparse.Namespace) -> None:
     Parameters
     ----------
     args : argparse.Namespace
-        The options of the verb `berry`. Without --density the density of the
+        The options of the subcommand `berry`. Without --density the density of the
         configuration is used.
 
     Raises
@@ -130,7 +130,7 @@ def _build_mesh(args: argparse.Namespace) -> None:
     )
 
 
-@verb(BERRY, out="results/berry")
+@subcommand(BERRY, out="results/berry")
 def shape(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Make mesh and particle of the grain.
 
@@ -154,7 +154,7 @@ def shape(args: argparse.Namespace, study: PipelineConfig) -> None:
     )
 
 
-@verb(out="results/design", study=load_any_study)
+@subcommand(out="results/design", study=load_any_study)
 def design(args: argparse.Namespace, study: "PipelineConfig | Study") -> None:
     """Make the Latin hypercube design of the parameters.
 

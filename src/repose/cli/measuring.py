@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from repose.cli.options import BERRY, JSON
-from repose.cli.registry import CONFIG, Option, load_study, verb
+from repose.cli.registry import CONFIG, Option, load_study, subcommand
 from repose.common.errors import InputError, raise_together
 from repose.common.files import format_json
 from repose.common.keys import require_section
@@ -39,7 +39,7 @@ RESULTS_TABLE_FILE = "results.csv"
 EXPECTED_PILE = "a pile with two flanks, seen from the side"
 
 
-@verb(
+@subcommand(
     Option(
         "pictures",
         nargs="+",
@@ -194,7 +194,7 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
     Parameters
     ----------
     args : argparse.Namespace
-        The options of the verb `measure`. `pictures` has the paths of the files.
+        The options of the subcommand `measure`. `pictures` has the paths of the files.
 
     Raises
     ------
@@ -280,7 +280,7 @@ def _check_particle_options(args: argparse.Namespace) -> None:
     Parameters
     ----------
     args : argparse.Namespace
-        The options of the verb `measure`: `unit`, `up`, `radius` and `bench`.
+        The options of the subcommand `measure`: `unit`, `up`, `radius` and `bench`.
 
     Raises
     ------
@@ -380,7 +380,7 @@ def _check_bench_options(args: argparse.Namespace, pile_tests: Iterable[str]) ->
     Parameters
     ----------
     args : argparse.Namespace
-        The options of the verb `measure`.
+        The options of the subcommand `measure`.
     pile_tests : iterable of str
         Names of the bench tests that leave a pile. The photographs of other bench tests
         show a drum or a box.
@@ -501,7 +501,7 @@ def _measure_piles(
     Parameters
     ----------
     args : argparse.Namespace
-        The options of the verb `measure`.
+        The options of the subcommand `measure`.
     pictures : list of Path
         The photographs.
     overlays : list of Path
@@ -601,7 +601,7 @@ def _measure_beds(
     Parameters
     ----------
     args : argparse.Namespace
-        The options of the verb `measure`. The study of --config has the sizes of the drum
+        The options of the subcommand `measure`. The study of --config has the sizes of the drum
         or the box.
     pictures : list of Path
         The photographs.
@@ -842,7 +842,7 @@ def _read_mean_axes(sizes_csv: str, keeps_volume: bool) -> dict[str, float]:
     return compute_mean_axes(sizes, keeps_volume)
 
 
-@verb(
+@subcommand(
     Option(
         "--square-mm",
         type=float,
@@ -877,10 +877,10 @@ def marker(args: argparse.Namespace) -> None:
     )
 
 
-@verb(
+@subcommand(
     Option(
         "heap",
-        help=".npz file that the verb pour or heap wrote; its first seed is shown",
+        help=".npz file that the subcommand pour or heap wrote; its first seed is shown",
     ),
     Option("--particle", required=True, help="particle.json of that heap"),
     Option(
@@ -916,8 +916,8 @@ def silhouette(args: argparse.Namespace, study: PipelineConfig) -> None:
     write_image(args.out, picture)
 
 
-@verb(
-    Option("picture", help="file of the verb silhouette"),
+@subcommand(
+    Option("picture", help="file of the subcommand silhouette"),
     Option(
         "--overlay",
         default="overlay.png",
@@ -928,7 +928,7 @@ def silhouette(args: argparse.Namespace, study: PipelineConfig) -> None:
     out="measured.json",
 )
 def measure_silhouette(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """Measure the side view that the verb silhouette drew, as a photograph is measured.
+    """Measure the side view that the subcommand silhouette drew, as a photograph is measured.
 
     Examples
     --------

@@ -4,14 +4,14 @@ import argparse
 from operator import methodcaller
 from pathlib import Path
 
-from repose.cli.registry import Option, verb
+from repose.cli.registry import Option, subcommand
 from repose.common.errors import InputError
 
 # This text in the files of the template is replaced by the name of the crop.
 NAME_PLACEHOLDER = "NAME"
 
 
-@verb(
+@subcommand(
     Option("name", help="of the crop, and of the folder that is made here"),
     config=False,
 )

@@ -6,29 +6,35 @@ from repose.cli.registry import Option
 from repose.common.errors import InputError
 
 BERRY = Option(
-    "--berry", default="results/berry/berry.json", help="file of the verb berry"
+    "--berry", default="results/berry/berry.json", help="file of the subcommand berry"
 )
 SAMPLES = Option(
     "--samples",
     default="results/design/samples.csv",
-    help="file of the verb design",
+    help="file of the subcommand design",
     recorded=False,
 )
 DATASET = Option(
-    "--dataset", default="results/dataset.csv", help="file of the verb dataset"
+    "--dataset", default="results/dataset.csv", help="file of the subcommand dataset"
 )
 RUNS = Option(
-    "--runs", default="results/runs.csv", help="file of the verb dataset: single runs"
+    "--runs",
+    default="results/runs.csv",
+    help="file of the subcommand dataset: single runs",
 )
 NETWORK = Option(
-    "--network", default="results/network/network.json", help="file of the verb network"
+    "--network",
+    default="results/network/network.json",
+    help="file of the subcommand network",
 )
 FEASIBLE = Option(
-    "--feasible", default="results/miga/feasible.csv", help="file of the verb miga"
+    "--feasible",
+    default="results/miga/feasible.csv",
+    help="file of the subcommand miga",
 )
 OPTIMISM = Option(
     "--optimism",
-    help="file of the verb optimism; with it predictions stand beside their optimism",
+    help="file of the subcommand optimism; with it predictions stand beside their optimism",
 )
 JSON = Option("--json", action="store_true", help="print as JSON")
 

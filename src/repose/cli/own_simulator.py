@@ -5,7 +5,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from repose.cli.registry import Option, load_study, verb, was_given
+from repose.cli.registry import Option, load_study, subcommand, was_given
 from repose.common import places
 from repose.common.errors import InputError
 
@@ -22,7 +22,7 @@ def _load_own_study(args: argparse.Namespace) -> "Study":
     Parameters
     ----------
     args : argparse.Namespace
-        The options. `config` is the file of the study. For the verb `ask`, `runs` is the
+        The options. `config` is the file of the study. For the subcommand `ask`, `runs` is the
         file of the runs so far, which the study also reads.
 
     Raises
@@ -47,8 +47,8 @@ def _load_own_study(args: argparse.Namespace) -> "Study":
             "section simulator",
         )
 
-    # Only the verb `ask` needs the runs so far, to choose the next ones.
-    runs_csv = args.runs if args.verb == "ask" else None
+    # Only the subcommand `ask` needs the runs so far, to choose the next ones.
+    runs_csv = args.runs if args.subcommand == "ask" else None
     study = Study.own(args.config, runs_csv)
 
     # Warn of keys that the strategy does not use, and of ranges that are too wide.
@@ -79,7 +79,7 @@ def _warn(text: str) -> None:
     print(f"repose: WARNING: {text}", file=sys.stderr)
 
 
-@verb(
+@subcommand(
     Option("runs", help="CSV file, a row for each run: parameters and responses"),
     out=f"{DEFAULT_FOLDER}/runs.csv",
     study=_load_own_study,
@@ -111,7 +111,7 @@ def tell(args: argparse.Namespace, study: "Study") -> None:
     print(line)
 
 
-@verb(
+@subcommand(
     Option(
         "--runs",
         default=f"{DEFAULT_FOLDER}/runs.csv",
@@ -166,7 +166,7 @@ def ask(args: argparse.Namespace, study: "Study") -> None:
         print(f"{args.out}: {len(next_runs)} runs to make next")
 
 
-@verb(
+@subcommand(
     Option("runs", help="CSV file, a row for each run: parameters and responses"),
     out=DEFAULT_FOLDER,
     study=_load_own_study,

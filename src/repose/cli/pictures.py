@@ -4,7 +4,7 @@ import argparse
 from typing import Any
 
 from repose.cli.options import split_pairs
-from repose.cli.registry import Option, verb
+from repose.cli.registry import Option, subcommand
 from repose.config.pipeline import PipelineConfig
 
 # Pictures of the film of a pour; each takes nearly a second to draw.
@@ -12,7 +12,7 @@ FILM_FRAMES = 72
 SMALL_FILM_FRAMES = 20
 
 
-@verb(
+@subcommand(
     Option("name", help="name of the figure, such as figure13"),
     Option(
         "--input",
@@ -36,7 +36,7 @@ def figure(args: argparse.Namespace, study: PipelineConfig) -> None:
     figures.draw(args.name, inputs, out_path=args.out, config=study.config)
 
 
-@verb(
+@subcommand(
     Option("trajectory", help=".npz file that `heap --trajectory` or `drum` wrote"),
     Option("--particle", required=True, help="particle.json of that run"),
     Option("--drum", action="store_true", help="the trajectory is a drum's"),
@@ -78,7 +78,7 @@ def film(args: argparse.Namespace, study: PipelineConfig) -> None:
         )
 
 
-@verb(
+@subcommand(
     Option(
         "jobs",
         nargs="*",

@@ -16,8 +16,8 @@ from repose.cli.parameter_sets import (
     read_parameters,
     read_seeds,
 )
-from repose.cli.registry import Option, verb
-from repose.cli.stages import record_verb
+from repose.cli.registry import Option, subcommand
+from repose.cli.stages import record_subcommand
 from repose.common import provenance
 from repose.common.errors import InputError
 from repose.common.files import format_json
@@ -49,7 +49,7 @@ MEASURE = Option(
 )
 
 
-@verb(
+@subcommand(
     *BERRY_AND_PARTICLE,
     Option("--cores", type=int, default=1, help="compile on one core or on two (1)"),
 )
@@ -73,7 +73,9 @@ def warm_up(args: argparse.Namespace, study: PipelineConfig) -> None:
     )
 
 
-@verb(APPARATUS, *POUR_OPTIONS, KEEP_RUNS, MEASURE, out="results/try", runs="made")
+@subcommand(
+    APPARATUS, *POUR_OPTIONS, KEEP_RUNS, MEASURE, out="results/try", runs="made"
+)
 def pour(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Run a bench test with one parameter set and one or more seeds.
 
@@ -102,7 +104,7 @@ def _keep_measurement(
     Parameters
     ----------
     args : argparse.Namespace
-        The options of the verb `pour`.
+        The options of the subcommand `pour`.
     study : PipelineConfig
         The study.
     scene : Scene
@@ -113,15 +115,15 @@ def _keep_measurement(
     from repose.stages import kept_runs
     from repose.stages.job import measure_runs
 
-    # Record the result as if the verb measure_runs had been called with this file.
-    options = vars(args) | {"verb": "measure_runs", "pours": [str(pours)]}
-    with record_verb(argparse.Namespace(**options), "measured"):
+    # Record the result as if the subcommand measure_runs had been called with this file.
+    options = vars(args) | {"subcommand": "measure_runs", "pours": [str(pours)]}
+    with record_subcommand(argparse.Namespace(**options), "measured"):
         provenance.note_config(study.config)
         if kept_runs.read_measurement(pours) is None:
             kept_runs.write_measurement(pours, measure_runs(scene, pours))
 
 
-@verb(
+@subcommand(
     *POUR_OPTIONS,
     JSON.with_changes(help="print the result as JSON"),
     out="results/try",
@@ -191,7 +193,7 @@ def _make_scene(
 def _make_job_arguments(
     args: argparse.Namespace, study: PipelineConfig, apparatus: str
 ) -> dict[str, Any]:
-    """Turn the options of a verb into the arguments of `repose.stages.job.run_job`.
+    """Turn the options of a subcommand into the arguments of `repose.stages.job.run_job`.
 
     Parameters
     ----------
@@ -264,7 +266,7 @@ def _choose_file_name(sample: int | None, apparatus: str) -> str:
     return "heap" if apparatus == "funnel" else apparatus
 
 
-@verb(
+@subcommand(
     Option(
         "pours",
         nargs="+",
@@ -300,7 +302,7 @@ def measure_runs(args: argparse.Namespace, study: PipelineConfig) -> None:
             print(f"{path}: {describe_run(run, template)}")
 
 
-@verb(
+@subcommand(
     *SIMULATION_OPTIONS,
     JSON.with_changes(help="print the measured runs as JSON"),
     out="results/try",
@@ -328,8 +330,8 @@ def drum(args: argparse.Namespace, study: PipelineConfig) -> None:
         _print_runs([result["run"] for result in results], bench("drum").summary)
 
 
-@verb(
-    Option("runs", nargs="+", help="JSON files that the verb drum wrote"),
+@subcommand(
+    Option("runs", nargs="+", help="JSON files that the subcommand drum wrote"),
     *BERRY_AND_PARTICLE,
     out="results/drum",
 )

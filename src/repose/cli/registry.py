@@ -14,18 +14,20 @@ if TYPE_CHECKING:
     from repose.calibrate.study import Study
 
 PROGRAM = "repose"
-# The type of a function that makes the study of a verb from its options. It is None for a
-# verb without a study.
+# Endings of the names of configuration files.
+CONFIG_SUFFIXES = (".yaml", ".yml", ".json")
+# The type of a function that makes the study of a subcommand from its options. It is None
+# for a subcommand without a study.
 Loader: TypeAlias = (
     "Callable[[argparse.Namespace], PipelineConfig | Study | None] | None"
 )
-# Heading of the example in the docstring of a verb, as in other docstrings.
+# Heading of the example in the docstring of a subcommand, as in other docstrings.
 EXAMPLE_HEADING = "\n\nExamples\n--------\n$ "
 HELP_COLUMNS = 78
 
 
 class Option:
-    """One option or positional argument of a verb.
+    """One option or positional argument of a subcommand.
 
     Parameters
     ----------
@@ -72,8 +74,8 @@ CONFIG = Option(
 class NoteGivenOption(argparse.Action):
     """An option that adds its name to the set ``namespace.given``.
 
-    A verb can then tell an option that the user gave from a default. If an option is
-    repeated, the last value is used.
+    A subcommand can then tell an option that the user gave from a default. If an option
+    is repeated, the last value is used.
     """
 
     def __call__(
@@ -94,15 +96,15 @@ def was_given(args: argparse.Namespace, option: str) -> bool:
     Parameters
     ----------
     args : argparse.Namespace
-        The parsed options of a verb.
+        The parsed options of a subcommand.
     option : str
         The attribute of the option, such as ``config`` for --config.
     """
     return option in vars(args).get("given", ())
 
 
-class Verb(NamedTuple):
-    """A step of the program that runs by name.
+class Subcommand(NamedTuple):
+    """A subcommand of the program: a function with its options.
 
     Attributes
     ----------
@@ -110,11 +112,12 @@ class Verb(NamedTuple):
         Function of the parsed options, and of the study if there is one. It may return
         an exit status.
     options : tuple of Option
-        The options.
+        The options, including --config and --out.
     study : callable or None
-        Makes the study from the parsed options.
+        Makes the study from the parsed options. None if the subcommand needs no study.
     forwards_words : bool
-        Whether words that are no options are accepted. They are put into ``args.rest``.
+        Whether unknown options and further words are accepted. They are put into
+        ``args.rest``.
     runs : str
         Whether the results are runs, as in `repose.common.provenance.record_stage`.
     """
@@ -149,16 +152,13 @@ class Verb(NamedTuple):
         return text_after_heading.partition("\n")[0]
 
     def __call__(self, args: argparse.Namespace) -> int | None:
-        """Run the verb and return its exit status, where None means success."""
-        status: int | None
-        if self.study is None:
-            status = self.run(args)
-        else:
-            status = self.run(args, self.study(args))
+        """Run the subcommand and return its exit status, where None means success."""
+        arguments = [args] if self.study is None else [args, self.study(args)]
+        status: int | None = self.run(*arguments)
         return status
 
     def add_to(self, subparsers: Any) -> None:
-        """Add the parser of this verb to a group of parsers.
+        """Add the parser of this subcommand to a group of parsers.
 
         Parameters
         ----------
@@ -173,7 +173,7 @@ class Verb(NamedTuple):
             # The default formatter would wrap the example, which breaks the command.
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
-        parser.set_defaults(verb=self.name)
+        parser.set_defaults(subcommand=self.name)
         # Record which options the user gives, unless the option has another action.
         for option in self.options:
             keywords = option.keywords
@@ -190,46 +190,50 @@ def list_config_files(args: argparse.Namespace) -> list[str]:
     return [files] if files else []
 
 
-def load_study(args: argparse.Namespace, inputs: bool = False) -> PipelineConfig:
+def load_study(args: argparse.Namespace, check_inputs: bool = False) -> PipelineConfig:
     """Load the study of --config.
 
     Parameters
     ----------
     args : argparse.Namespace
         The parsed options.
-    inputs : bool, optional
+    check_inputs : bool, optional
         Whether to check also the files that the configuration names.
     """
-    return PipelineConfig.load(*list_config_files(args), inputs=inputs)
+    return PipelineConfig.load(*list_config_files(args), check_inputs=check_inputs)
 
 
-VERBS: dict[str, Verb] = {}  # in the order in which their modules are imported
+SUBCOMMANDS: dict[
+    str, Subcommand
+] = {}  # in the order in which their modules are imported
 
 
-def verb(
+def subcommand(
     *options: Option,
     out: str | None = None,
     config: bool | Option = True,
     study: Loader = load_study,
     **fields: Any,
 ) -> Callable[[Callable], Callable]:
-    """Register a function as the verb of the same name (a decorator).
+    """Register the decorated function as a subcommand of the same name.
 
-    The docstring of the function becomes the help. It ends with the section "Examples",
-    which has one call of the verb.
+    The docstring of the function becomes the help. It must end with a section "Examples"
+    that has one call of the subcommand.
 
     Parameters
     ----------
     *options : Option
-        Options besides --config and --out.
+        The options of the subcommand besides --config and --out.
     out : str, optional
-        Default of --out. If it is None, the verb has no such option.
+        Default of --out. If it is None, the subcommand has no such option.
     config : bool or Option, optional
-        An option that replaces `CONFIG`, or False for a verb without a study.
+        True for the usual option --config, an option that replaces it, or False for a
+        subcommand without a study.
     study : callable or None, optional
-        Makes the study from the parsed options, which the function then receives.
+        Makes the study from the parsed options. The decorated function gets the study as
+        its second argument.
     **fields
-        Further fields of `Verb`: `forwards_words` and `runs`.
+        Further fields of `Subcommand`: `forwards_words` and `runs`.
 
     Returns
     -------
@@ -239,29 +243,29 @@ def verb(
     Raises
     ------
     ValueError
-        If the name is taken by another verb.
+        If the name is taken by another subcommand.
     """
-    # Add the options --config and --out, which most verbs have.
+    # Add the options --config and --out, which most subcommands have.
     common_options = []
-    if isinstance(config, Option):
-        common_options.append(config)
-    elif config:
-        common_options.append(CONFIG)
+    if config:
+        common_options.append(config if isinstance(config, Option) else CONFIG)
     if out:
-        kind = "file" if Path(out).suffix else "folder"
-        common_options.append(
-            Option(
-                "--out", default=out, help=f"{kind} to write ({out})", recorded=False
-            )
-        )
-    loader = study if config else None
+        common_options.append(_make_out_option(out))
+    load = study if config else None
 
     def register(run: Callable) -> Callable:
         """Register the decorated function, and return it unchanged."""
-        new_verb = Verb(run, (*common_options, *options), loader, **fields)
-        if new_verb.name in VERBS:
-            raise ValueError(f"verb {new_verb.name!r} is registered already")
-        VERBS[new_verb.name] = new_verb
+        new = Subcommand(run, (*common_options, *options), load, **fields)
+        if new.name in SUBCOMMANDS:
+            raise ValueError(f"subcommand {new.name!r} is registered already")
+        SUBCOMMANDS[new.name] = new
         return run
 
     return register
+
+
+def _make_out_option(default: str) -> Option:
+    """Make the option --out, whose default is a file or a folder."""
+    kind = "file" if Path(default).suffix else "folder"
+    help_text = f"{kind} to write ({default})"
+    return Option("--out", default=default, help=help_text, recorded=False)

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from repose.cli.interruption import Interruption
-from repose.cli.registry import Option, verb
+from repose.cli.registry import Option, subcommand
 from repose.cli.stages import note_built_in_crop
 from repose.common import places
 from repose.common.errors import InputError, did_you_mean
@@ -39,7 +39,7 @@ FORWARDED_OPTIONS = (
 )
 
 
-@verb(
+@subcommand(
     Option(
         "--configfile",
         "--configfiles",

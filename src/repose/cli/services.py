@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Any
 
 from repose.cli.options import JSON
-from repose.cli.registry import Option, verb
+from repose.cli.registry import Option, subcommand
 from repose.common.errors import InputError
 from repose.config.pipeline import PipelineConfig
 from repose.stages import published
 
 
-@verb(JSON)
+@subcommand(JSON)
 def bench(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Measure the speed of the simulator.
 
@@ -41,7 +41,7 @@ def bench(args: argparse.Namespace, study: PipelineConfig) -> None:
         print(speed.format_result(result))
 
 
-@verb(Option("result", help="a file that a verb wrote"), JSON, config=False)
+@subcommand(Option("result", help="a file that a subcommand wrote"), JSON, config=False)
 def provenance(args: argparse.Namespace) -> None:
     """Print the provenance of a result.
 
@@ -54,7 +54,7 @@ def provenance(args: argparse.Namespace) -> None:
     from repose.common import attached
 
     # Refuse a missing file, and a file without a record.
-    allowed = "a file that a verb of repose wrote"
+    allowed = "a file that a subcommand of repose wrote"
     is_file = Path(args.result).is_file()
     if not is_file:
         raise InputError(
@@ -66,7 +66,7 @@ def provenance(args: argparse.Namespace) -> None:
             args.result,
             key="provenance",
             value=None,
-            allowed="a result that a verb of repose wrote",
+            allowed="a result that a subcommand of repose wrote",
         )
 
     # Print the record as it is, or its values in a column.

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from repose.cli.options import SAMPLES
 from repose.cli.parameter_sets import STUDY_SEEDS
-from repose.cli.registry import Option, load_study, verb
+from repose.cli.registry import Option, load_study, subcommand
 from repose.common.errors import InputError
 from repose.common.statuses import describe_failure
 from repose.config.pipeline import PipelineConfig
@@ -46,7 +46,7 @@ def _require_program(
     return study.simulator
 
 
-@verb(
+@subcommand(
     SAMPLES,
     SAMPLE,
     Option("--run", type=int, default=1, help="number of the run of the sample (1)"),
@@ -80,7 +80,7 @@ def simulate(args: argparse.Namespace, study: PipelineConfig) -> None:
     print(_describe_ending(record))
 
 
-@verb(
+@subcommand(
     Option(
         "runs",
         nargs="+",

@@ -7,13 +7,13 @@ from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
 from typing import Any, Literal
 
-from repose.cli.registry import VERBS, list_config_files
+from repose.cli.registry import SUBCOMMANDS, list_config_files
 from repose.common import places, provenance
 from repose.common.lock import lock_folder_for_job
 from repose.stages.parameter_sets import list_job_files
 
 # Options that accept a folder in place of files. The folder stands for the files of all
-# samples with this ending. The keys are verb and option.
+# samples with this ending. The keys are subcommand and option.
 FOLDER_OPTIONS = {
     ("dataset", "jobs"): ".json",
     ("measure_runs", "pours"): ".pours.json",
@@ -24,7 +24,7 @@ FOLDER_OPTIONS = {
 def run_as_stage(
     args: argparse.Namespace, runs: Literal["", "made", "measured"] = ""
 ) -> Iterator[None]:
-    """Make a context in which a verb runs as a stage.
+    """Make a context in which a subcommand runs as a stage.
 
     Each file that is written in the context gets a record of provenance. If the
     configuration is in a folder of results, the folder is locked for this job. At the end
@@ -40,32 +40,32 @@ def run_as_stage(
     # A workflow runs its stages with the configuration in its folder of results.
     files = list_config_files(args)
     folder = Path(files[-1]).parent if files else Path().parent
-    with lock_folder_for_job(folder), record_verb(args, runs):
+    with lock_folder_for_job(folder), record_subcommand(args, runs):
         yield
     if files:
         note_built_in_crop(*files)
 
 
-def record_verb(
+def record_subcommand(
     args: argparse.Namespace, runs: Literal["", "made", "measured"] = ""
 ) -> AbstractContextManager[None]:
-    """Attach the record of a verb to every file that is written in the context.
+    """Attach the record of a subcommand to every file that is written in the context.
 
     Parameters
     ----------
     args : argparse.Namespace
-        The parsed options of the verb, and its name as `verb`.
+        The parsed options of the subcommand, and its name as `subcommand`.
     runs : str, optional
         Whether the results are runs, as in `repose.common.provenance.record_stage`.
     """
     strategy = getattr(args, "strategy", None)
 
     def settings_of(config: Mapping[str, Any], apparatus: str | None) -> Any:
-        """Select the settings on which the results of this verb depend."""
+        """Select the settings on which the results of this subcommand depend."""
         from repose.config import dependencies
 
         return dependencies.select_stage_settings(
-            config, args.verb, apparatus=apparatus, strategy_name=strategy
+            config, args.subcommand, apparatus=apparatus, strategy_name=strategy
         )
 
     def check(config: Mapping[str, Any], inputs: provenance.Inputs) -> None:
@@ -76,7 +76,7 @@ def record_verb(
         dependencies.require_same_study(config, inputs, source)
 
     return provenance.record_stage(
-        args.verb,
+        args.subcommand,
         find_input_files(args),
         settings_of,
         apparatus=getattr(args, "apparatus", None),
@@ -111,11 +111,11 @@ def note_built_in_crop(*files: str) -> None:
 
 
 def find_input_files(args: argparse.Namespace) -> Iterator[Path]:
-    """Yield the existing input files that the recorded options of a verb name.
+    """Yield the existing input files that the recorded options of a subcommand name.
 
     If an option names a folder, the input file is dataset.csv in this folder.
     """
-    for option in VERBS[args.verb].options:
+    for option in SUBCOMMANDS[args.subcommand].options:
         if not option.recorded:
             continue
         for name in _list_paths(args, option.attribute):
@@ -132,7 +132,7 @@ def _list_paths(args: argparse.Namespace, option: str) -> list[str]:
     Parameters
     ----------
     args : argparse.Namespace
-        The parsed options, and the name of the verb as `verb`.
+        The parsed options, and the name of the subcommand as `subcommand`.
     option : str
         The attribute of the option.
 
@@ -145,10 +145,10 @@ def _list_paths(args: argparse.Namespace, option: str) -> list[str]:
     value = getattr(args, option)
 
     # The value of a few options may be a folder, which stands for the files in it.
-    if (args.verb, option) in FOLDER_OPTIONS:
-        ending = FOLDER_OPTIONS[args.verb, option]
+    if (args.subcommand, option) in FOLDER_OPTIONS:
+        ending = FOLDER_OPTIONS[args.subcommand, option]
         return [str(path) for path in list_job_files(value, args.samples, ending)]
-    if (args.verb, option) == ("measure_simulated", "runs"):
+    if (args.subcommand, option) == ("measure_simulated", "runs"):
         from repose.stages import simulated
 
         records = simulated.list_record_files(value)

@@ -2,14 +2,14 @@
 
 import argparse
 
-from repose.cli.registry import Option, verb
+from repose.cli.registry import Option, subcommand
 from repose.config.pipeline import PipelineConfig
 
 DEFAULT_FOLDER = "results/sequential"
 STRATEGY = Option("strategy", help="name of the strategy", recorded=False)
 
 
-@verb(
+@subcommand(
     STRATEGY,
     Option(
         "batches",
@@ -41,7 +41,7 @@ def propose(args: argparse.Namespace, study: PipelineConfig) -> None:
     print(proposal["why"])
 
 
-@verb(
+@subcommand(
     STRATEGY,
     Option(
         "batches",

@@ -4,17 +4,17 @@ import argparse
 
 from repose.cli.berries import BERRY_AND_PARTICLE, load_grain_and_particle
 from repose.cli.options import DATASET, FEASIBLE, NETWORK, RUNS
-from repose.cli.registry import Option, verb
+from repose.cli.registry import Option, subcommand
 from repose.config.pipeline import PipelineConfig
 
 PREDICTIONS = Option(
     "--predictions",
     default="results/network/predictions.csv",
-    help="file of the verb network",
+    help="file of the subcommand network",
 )
 
 
-@verb(RUNS, out="results/noise")
+@subcommand(RUNS, out="results/noise")
 def noise(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Split the variance of the responses into within and between samples.
 
@@ -30,7 +30,7 @@ def noise(args: argparse.Namespace, study: PipelineConfig) -> None:
     print(noise.describe_noise_floor(summary, study.targets))
 
 
-@verb(NETWORK, PREDICTIONS, DATASET, RUNS, FEASIBLE, out="results/posterior")
+@subcommand(NETWORK, PREDICTIONS, DATASET, RUNS, FEASIBLE, out="results/posterior")
 def posterior(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Sample the posterior of the free parameters.
 
@@ -62,7 +62,7 @@ def posterior(args: argparse.Namespace, study: PipelineConfig) -> None:
     print(posterior.describe_posterior(summary))
 
 
-@verb(NETWORK, out="results/sensitivity")
+@subcommand(NETWORK, out="results/sensitivity")
 def sensitivity(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Compute Sobol indices of the responses, with intervals, and main effects.
 
@@ -84,16 +84,16 @@ def sensitivity(args: argparse.Namespace, study: PipelineConfig) -> None:
     print(sensitivity.describe_indices(table))
 
 
-@verb(
+@subcommand(
     Option(
         "--draws",
         default="results/posterior/draws.csv",
-        help="file of the verb posterior",
+        help="file of the subcommand posterior",
     ),
     out="results/next/samples.csv",
 )
 def plausible(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """Choose parameter sets of the posterior for the verb next.
+    """Choose parameter sets of the posterior for the subcommand next.
 
     They are to be run in all bench tests.
 
@@ -108,7 +108,7 @@ def plausible(args: argparse.Namespace, study: PipelineConfig) -> None:
     )
 
 
-@verb(
+@subcommand(
     Option(
         "pours",
         nargs="+",

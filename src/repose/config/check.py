@@ -98,7 +98,7 @@ def propose_smaller_scene(files: Iterable[str], grains: int) -> Iterator[str]:
 
     # Other faults of the configuration are reported elsewhere.
     with contextlib.suppress(InputError):
-        study = PipelineConfig.load(*files, overrides=overrides, inputs=True)
+        study = PipelineConfig.load(*files, overrides=overrides, check_inputs=True)
         height_mm = 1e3 * advice.estimate_pile_height_m(study.config, study.grain)
         diameter_mm = computed.compute_diameter_mm(study.grain)
         yield from scene_size.advise(

@@ -41,11 +41,11 @@ class Rule(NamedTuple):
     find_faults: Callable[[], KeyFaults]
 
 
-def list_rules_before_numbers(config: Mapping[str, Any]) -> list[Rule]:
-    """List the rules that are applied before any `auto` is computed.
+def list_rules_before_computing(config: Mapping[str, Any]) -> list[Rule]:
+    """List the rules that are applied before any `auto` is replaced by a number.
 
-    The computation of `auto` relies on these rules. For example, a time step needs the
-    constants of the contact law.
+    The computation of the number relies on these rules. For example, the computation of a
+    time step needs the constants of the contact law.
 
     Parameters
     ----------
@@ -59,8 +59,8 @@ def list_rules_before_numbers(config: Mapping[str, Any]) -> list[Rule]:
     ]
 
 
-def list_rules_after_numbers(config: Mapping[str, Any]) -> list[Rule]:
-    """List the rules that are applied once every `auto` is a number.
+def list_rules_after_computing(config: Mapping[str, Any]) -> list[Rule]:
+    """List the rules that are applied when every `auto` has been replaced by a number.
 
     Parameters
     ----------

@@ -127,7 +127,9 @@ class ExternalConfig(PipelineConfig):
     """The configuration of a study whose runs are made by another program."""
 
     @classmethod
-    def from_merged(cls, merged: loader.MergedConfig, inputs: bool = False) -> Self:
+    def from_merged(
+        cls, merged: loader.MergedConfig, check_inputs: bool = False
+    ) -> Self:
         """Check the values of files, and make the resolved configuration.
 
         Parameters
@@ -135,7 +137,7 @@ class ExternalConfig(PipelineConfig):
         merged : MergedConfig
             The merged values of the files. They have the short form, or the form of a
             study with our simulator.
-        inputs : bool, optional
+        check_inputs : bool, optional
             Whether to check also the program, its template and its files.
 
         Raises
@@ -152,7 +154,7 @@ class ExternalConfig(PipelineConfig):
         )
 
         study = cls(_convert_to_resolved_form(complete), merged.origin)
-        if inputs:
+        if check_inputs:
             study.check_inputs()
         provenance.note_config(study.config)
         return study

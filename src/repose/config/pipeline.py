@@ -49,7 +49,7 @@ class PipelineConfig:
         cls,
         *files: StrPath,
         overrides: Mapping[str, Any] | None = None,
-        inputs: bool = False,
+        check_inputs: bool = False,
     ) -> "PipelineConfig":
         """Load configuration files, check them and compute each `auto`.
 
@@ -61,7 +61,7 @@ class PipelineConfig:
             `write_resolved` is complete and checked, so it is read without these steps.
         overrides : mapping, optional
             Nested values that override all files. Texts among them are parsed as YAML.
-        inputs : bool, optional
+        check_inputs : bool, optional
             Whether to check also the files that the configuration names, and whether
             grain, bench test and time step fit together. This takes seconds. Without it
             these checks are made when the grain is needed.
@@ -80,7 +80,7 @@ class PipelineConfig:
             convert_to_path("file", file)
 
         # A resolved file was checked before.
-        if not overrides and not inputs and loader.is_resolved(*files):
+        if not overrides and not check_inputs and loader.is_resolved(*files):
             return cls.of_results(files[0])
 
         # A study with another program has other sections and defaults.
@@ -88,11 +88,11 @@ class PipelineConfig:
         if loader.is_external(users_values.config):
             from repose.config.external import ExternalConfig
 
-            return ExternalConfig.from_merged(users_values, inputs=inputs)
+            return ExternalConfig.from_merged(users_values, check_inputs=check_inputs)
 
         # Merge the files over the defaults, and check all values together.
         values, origin = loader.merge_with_defaults(files, overrides)
-        study = cls.of(values, origin, inputs=inputs)
+        study = cls.of(values, origin, check_inputs=check_inputs)
         # The record of each result of the current stage will have this configuration.
         provenance.note_config(study.config)
         return study
@@ -102,7 +102,7 @@ class PipelineConfig:
         cls,
         config: Mapping[str, Any],
         source: str | Origin = "configuration",
-        inputs: bool = False,
+        check_inputs: bool = False,
     ) -> Self:
         """Check a complete configuration and compute each `auto`.
 
@@ -112,7 +112,7 @@ class PipelineConfig:
             The values of all keys. A key that the program can compute may be `auto`.
         source : str or Origin, optional
             The file that an error names.
-        inputs : bool, optional
+        check_inputs : bool, optional
             As in `load`.
 
         Returns
@@ -142,7 +142,7 @@ class PipelineConfig:
                 "`repose docs own_simulator` and `repose docs simulators`",
             )
         checks = ConfigChecks(dict(config), source)
-        checks.check_and_compute(inputs)
+        checks.check_and_compute(check_inputs)
         study = cls(checks.config, source)
         # Keep these checks, because they may have made the grain already. A cached
         # property has its value in `__dict__`, which is the only way to set it in a
@@ -322,12 +322,16 @@ class PipelineConfig:
     @property
     def grain(self) -> dict[str, Any]:
         """The mean grain, as in berry.json; the files of the configuration are checked."""
-        return self._checks.make_checked_grain()[0]
+        self._checks.check_inputs()
+        grain: dict[str, Any] = self._checks.mean_grain
+        return grain
 
     @property
     def particle(self) -> "Particle":
         """The body of the mean grain; the files of the configuration are checked."""
-        return self._checks.make_checked_grain()[1]
+        self._checks.check_inputs()
+        particle: Particle = self._checks.particle
+        return particle
 
     def scene(self, parameters: Mapping[str, float], seed: int = 0) -> "Scene":
         """Make the scene of a run of any bench test.
@@ -357,7 +361,7 @@ class PipelineConfig:
         InputError
             With all faults at once.
         """
-        self._checks.make_checked_grain()
+        self._checks.check_inputs()
 
     @cached_property
     def _checks(self) -> "ConfigChecks":

@@ -17,11 +17,12 @@ from repose.config import computed, results_folder
 from repose.config.contradictions import (
     Rule,
     find_tests_in_use,
-    list_rules_after_numbers,
-    list_rules_before_numbers,
+    list_rules_after_computing,
+    list_rules_before_computing,
 )
 from repose.config.models import (
     StudySettings,
+    list_file_keys,
     make_settings_type,
     select_valid_sections,
 )
@@ -87,14 +88,13 @@ class ConfigChecks:
     faults : list of InputError
         The faults found so far.
     faulty_keys : set of str
-        Dotted keys with a fault.
+        Dotted keys with a fault. The name of a section stands for the whole section.
     mean_grain : dict or None
         The mean grain, as in berry.json; None until it is made.
     particle : Particle or None
-        Its body; None until it is made.
+        The body of the mean grain; None until it is made.
     inputs_are_checked : bool
-        Whether the named files, and the fit of grain, bench tests and time step, were
-        checked.
+        Whether the named files were checked, and whether the grain fits the study.
     """
 
     def __init__(self, config: dict[str, Any], source: str | Origin) -> None:
@@ -106,12 +106,15 @@ class ConfigChecks:
         self.particle: Any = None
         self.inputs_are_checked = False
 
-    def check_and_compute(self, inputs: bool) -> None:
+    def check_and_compute(self, check_inputs: bool) -> None:
         """Check the configuration, and replace each `auto` in it by a number.
+
+        Each step leaves out what depends on a fault of an earlier step, so the order of
+        the steps matters. All faults are raised at the end.
 
         Parameters
         ----------
-        inputs : bool
+        check_inputs : bool
             Whether to check also the named files, and whether grain, bench tests and
             time step fit together.
 
@@ -120,62 +123,44 @@ class ConfigChecks:
         InputError
             With all faults.
         """
-        # Check each key separately. This replaces the faults of an earlier check.
         self._complete_targets()
-        self.config = faults.convert_whole_numbers(self.config, make_settings_type())
-        checked = faults.find_faults(self.config, self.source, make_settings_type())
-        self.faults = checked.faults
-        self.faulty_keys = checked.keys
+        self._check_single_keys()
+        settings_to_compute = self._find_settings_to_compute()
 
-        # List the numbers to compute. Until they are computed each of them is `auto`.
-        settings_to_compute = []
-        for setting in computed.find_settings_to_compute(self.config):
-            if self._may_read(setting.section):
-                settings_to_compute.append(setting)
-                self.config = computed.replace_setting(
-                    self.config, setting, computed.AUTO
-                )
-
-        # Compute these numbers. Some of them depend on the grain.
-        if inputs:
-            self._read_files()
-        if inputs or any(setting.needs_grain for setting in settings_to_compute):
+        # Read the files before the grain, which is made from some of them.
+        if check_inputs:
+            self._check_named_files()
+        if check_inputs or any(setting.needs_grain for setting in settings_to_compute):
             self._make_grain()
-        self._apply_rules(list_rules_before_numbers(self.config))
+
+        # Computing a number relies on some of the rules. The others need the numbers.
+        self._apply_rules(list_rules_before_computing(self.config))
         for setting in settings_to_compute:
             self._compute_setting(setting)
+        self._apply_rules(list_rules_after_computing(self.config))
 
-        # Check whether keys contradict each other, and report all faults.
-        self._apply_rules(list_rules_after_numbers(self.config))
-        if inputs:
-            self._check_fit()
+        if check_inputs:
+            self._check_grain_fits()
         raise_together(self.faults)
-        self.inputs_are_checked = inputs
+        self.inputs_are_checked = check_inputs
 
-    def make_checked_grain(self) -> tuple[dict[str, Any], Particle]:
-        """Make the mean grain and its particle, and check all inputs.
+    def check_inputs(self) -> None:
+        """Check the named files, make the grain, and check that it fits the study.
 
-        If the grain was made and checked before, it is returned as it is.
-
-        Returns
-        -------
-        mean_grain : dict
-            As in berry.json.
-        particle : Particle
-            Its body.
+        Afterwards `mean_grain` and `particle` are set. A second call does nothing.
 
         Raises
         ------
         InputError
             With all faults of the files, and of grain, bench tests and time step.
         """
-        if not self.inputs_are_checked:
-            self._read_files()
-            self._make_grain()
-            self._check_fit()
-            raise_together(self.faults)
-            self.inputs_are_checked = True
-        return self.mean_grain, self.particle
+        if self.inputs_are_checked:
+            return
+        self._check_named_files()
+        self._make_grain()
+        self._check_grain_fits()
+        raise_together(self.faults)
+        self.inputs_are_checked = True
 
     @property
     def settings(self) -> StudySettings:
@@ -186,24 +171,53 @@ class ConfigChecks:
         """Replace measured profiles by their scores, and complete all ranges."""
         from repose.calibrate import profile_targets
 
-        entries = self.config.get("targets")
-        if not isinstance(entries, list):
+        targets = self.config.get("targets")
+        if not isinstance(targets, list):
             # A later check reports the fault.
             return
         file = find_file_to_edit(self.source, "targets")
-        expanded = profile_targets.expand_profiles(entries, file)
-        targets = [complete_target(entry) for entry in expanded]
-        self.config = self.config | {"targets": targets}
+        scores = profile_targets.expand_profiles(targets, file)
+        completed = [complete_target(target) for target in scores]
+        self.config = self.config | {"targets": completed}
 
-    def _may_read(self, *sections: str) -> bool:
-        """Tell whether these sections, or keys outside sections, have no fault."""
+    def _check_single_keys(self) -> None:
+        """Check the value of each key, and forget the faults of an earlier check.
+
+        A whole number that is written as 3.0 is replaced by 3.
+        """
+        model = make_settings_type()
+        self.config = faults.convert_whole_numbers(self.config, model)
+        checked = faults.find_faults(self.config, self.source, model)
+        self.faults = checked.faults
+        self.faulty_keys = checked.keys
+
+    def _find_settings_to_compute(self) -> list[computed.ComputedSetting]:
+        """Find the settings to compute, and set those that are missing to `auto`.
+
+        Settings of sections with a fault are left out.
+        """
+        settings_to_compute = []
+        for setting in computed.find_settings_to_compute(self.config):
+            if self._are_faultless(setting.section):
+                settings_to_compute.append(setting)
+                self.config = computed.replace_setting(
+                    self.config, setting, computed.AUTO
+                )
+        return settings_to_compute
+
+    def _are_faultless(self, *sections: str) -> bool:
+        """Tell whether no key of these sections has a fault.
+
+        A key that belongs to no section, such as `targets`, may take the place of a
+        section.
+        """
         sections_with_faults = {key.partition(".")[0] for key in self.faulty_keys}
         return sections_with_faults.isdisjoint(sections)
 
-    def _may_use(self, key: str) -> bool:
+    def _is_key_faultless(self, key: str) -> bool:
         """Tell whether a key has no fault.
 
-        Faults of other keys in its section do not count.
+        Faults of other keys in the same section do not count.
         """
         section = key.partition(".")[0]
         return self.faulty_keys.isdisjoint((key, section))
@@ -217,15 +231,15 @@ class ConfigChecks:
             self.faulty_keys.add(key)
 
     def _make_fault(self, key: str, value: Any, allowed: str) -> InputError:
-        """Make the fault of a dotted key, which names the user's file."""
+        """Make the fault of a dotted key; the message names the file of the user."""
         return YamlError(
             find_file_to_edit(self.source, key), key=key, value=value, allowed=allowed
         )
 
-    def _apply_rules(self, applicable: Iterable[Rule]) -> None:
-        """Add the faults of the rules whose sections have none so far."""
-        for rule in applicable:
-            if self._may_read(*rule.reads):
+    def _apply_rules(self, rules: Iterable[Rule]) -> None:
+        """Apply the rules whose sections have no fault so far, and add their faults."""
+        for rule in rules:
+            if self._are_faultless(*rule.reads):
                 self._add_faults(rule.find_faults())
 
     def _call_and_collect_faults(
@@ -266,13 +280,14 @@ class ConfigChecks:
             return fault
         return self._make_fault(f"{section}.{fault.key}", fault.value, fault.allowed)
 
-    def _read_files(self) -> None:
+    def _check_named_files(self) -> None:
         """Check that the named files exist, and read those that no other check reads.
 
-        The faults are added to the others. The contents of the files are not kept.
+        The faults of missing and invalid files are added to the others. The contents of
+        the files are not kept.
         """
         # No file may have the path of the folder of results.
-        if self._may_read("results_dir"):
+        if self._are_faultless("results_dir"):
             self._add_faults(
                 results_folder.find_folder_faults(self.settings.results_dir)
             )
@@ -283,29 +298,28 @@ class ConfigChecks:
         allowed = "an existing file, relative to the folder of the project"
         self._add_faults((key, allowed) for key in missing_keys)
 
-        # Read the others, so that faults in them are reported, too.
-        for key, read in self._choose_readers().items():
+        # The contents of the files that exist may have faults, too.
+        for key, read in self._map_keys_to_readers().items():
             if key in paths and key not in missing_keys:
                 self._call_and_collect_faults(key, read, paths[key])
 
     def _find_named_paths(self) -> dict[str, str]:
-        """Map the dotted key of each named file to its path.
+        """Map the dotted key of each named file to the path of the file.
 
         Keys with a fault, and keys without a value, are left out.
         """
-        from repose.config.models import list_file_keys
-
         paths = {}
         for key in list_file_keys():
-            if not self._may_use(key):
-                continue
             path = get_value(self.config, key)
-            if path is not None:
+            if path is not None and self._is_key_faultless(key):
                 paths[key] = path
         return paths
 
-    def _choose_readers(self) -> dict[str, Callable[[str], Any]]:
-        """Map the dotted keys of named files to the functions that read them."""
+    def _map_keys_to_readers(self) -> dict[str, Callable[[str], Any]]:
+        """Map the dotted keys of named files to the functions that read these files.
+
+        Files that no check needs to read, or that another check reads, are left out.
+        """
         from repose.calibrate.uncertainty.discrepancy import estimate_from_shape_study
         from repose.grain.berry_files import read_sizes
         from repose.measure.pile import read_image
@@ -316,7 +330,7 @@ class ConfigChecks:
             "validation.published": check_published_sets,
             "validation.published_simulated": read_stored,
         }
-        if self._may_read("targets"):
+        if self._are_faultless("targets"):
             targets = Targets.of(self.config["targets"])
             readers["posterior.shape_study"] = partial(
                 estimate_from_shape_study, targets=targets
@@ -329,18 +343,11 @@ class ConfigChecks:
         They remain None if their settings have a fault. Faults in their files are added
         to the others.
         """
-        from repose.grain import berry, build
+        from repose.grain import build
 
-        if self.mean_grain is None and self._may_read(*GRAIN_SECTIONS):
-            settings = self.settings
-            table1 = find_sibling_table(settings.validation.published, "table1.csv")
-            result = self._call_and_collect_faults(
-                "berry", berry.compute_configured_grain, settings.berry, table1
-            )
-            # The result also has the statistics of the sizes, which no check needs.
-            if result is not None:
-                _, self.mean_grain = result
-        if self.mean_grain is not None and self.particle is None:
+        if self.mean_grain is None and self._are_faultless(*GRAIN_SECTIONS):
+            self.mean_grain = self._compute_mean_grain()
+        if self.particle is None and self.mean_grain is not None:
             self.particle = self._call_and_collect_faults(
                 "berry",
                 build.make_configured_particle,
@@ -348,18 +355,42 @@ class ConfigChecks:
                 self.settings.berry,
             )
 
+    def _compute_mean_grain(self) -> dict[str, Any] | None:
+        """Compute the mean grain from the files of the section `berry`.
+
+        Returns
+        -------
+        dict or None
+            The mean grain, as in berry.json. None if a file has a fault, which is added
+            to the others.
+        """
+        from repose.grain import berry
+
+        settings = self.settings
+        table1_csv = find_sibling_table(settings.validation.published, "table1.csv")
+        result = self._call_and_collect_faults(
+            "berry", berry.compute_configured_grain, settings.berry, table1_csv
+        )
+        if result is None:
+            return None
+        # The statistics of the sizes are not needed here.
+        _statistics, mean_grain = result
+        return mean_grain
+
     def _compute_setting(self, setting: computed.ComputedSetting) -> None:
-        """Replace an `auto` by its number, or mark its key as faulty if that fails.
+        """Replace the `auto` of a setting by a number.
+
+        If the number cannot be computed, the key is marked as faulty.
 
         Parameters
         ----------
         setting : ComputedSetting
-            The key, the sections that its number follows from, and the function that
+            The key, the sections on which the number depends, and the function that
             computes it.
         """
-        # The number cannot be computed if a section that it depends on has a fault.
+        # The number cannot be computed if a section on which it depends has a fault.
         lacks_grain = setting.needs_grain and self.particle is None
-        if lacks_grain or not self._may_read(*setting.reads):
+        if lacks_grain or not self._are_faultless(*setting.reads):
             self.faulty_keys.add(setting.key)
             return
         number = self._call_and_collect_faults(
@@ -370,22 +401,29 @@ class ConfigChecks:
         self.config = computed.replace_setting(self.config, setting, number)
 
         # Even a computed number may lie outside the allowed range.
-        for fault in faults.find_faults(
-            self.config, self.source, make_settings_type()
-        ).faults:
+        checked = faults.find_faults(self.config, self.source, make_settings_type())
+        for fault in checked.faults:
             if fault.key == setting.key:
                 allowed = f"{fault.allowed}; `auto` gives this number"
                 self._add_faults([(fault.key, allowed)])
 
-    def _check_fit(self) -> None:
-        """Check that the grain fits the bench tests and the time step."""
+    def _check_grain_fits(self) -> None:
+        """Check that the grain fits the bench tests and the time step.
+
+        Without a grain, which is missing if its settings have a fault, nothing is
+        checked.
+        """
         if self.mean_grain is None:
             return
+
+        # A bench test must be large enough for the grain.
         axes_mm = computed.list_axes_mm(self.mean_grain)
         for test in find_tests_in_use(self.config):
-            if self._may_read(test.name):
+            if self._are_faultless(test.name):
                 self._add_faults(test.misfits(SceneSettings(self.config), axes_mm))
-        if self.particle is not None and self._may_read(*TIME_STEP_SECTIONS):
+
+        # The time step must be short enough for it.
+        if self.particle is not None and self._are_faultless(*TIME_STEP_SECTIONS):
             self._add_faults(
                 find_time_step_faults(self.config, self.particle, self.mean_grain)
             )

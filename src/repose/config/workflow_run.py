@@ -32,7 +32,7 @@ def prepare_run(
     config: Mapping[str, Any],
     configfiles: Sequence[str],
     has_command_line: bool,
-    inputs: bool,
+    check_inputs: bool,
 ) -> "WorkflowRun":
     """Make the study of a run of the workflow from Snakemake's `config`.
 
@@ -48,7 +48,7 @@ def prepare_run(
         The files of --configfile, in this order. Error messages name them.
     has_command_line : bool
         Whether --config has changed any value.
-    inputs : bool
+    check_inputs : bool
         Whether to check the files that the configuration names.
 
     Returns
@@ -66,7 +66,9 @@ def prepare_run(
         from repose.config.external import ExternalConfig
 
         values = loader.locate_workflow_values(config, files, source)
-        return WorkflowRun(ExternalConfig.from_merged(values, inputs=inputs))
+        return WorkflowRun(
+            ExternalConfig.from_merged(values, check_inputs=check_inputs)
+        )
     merged = loader.merge_workflow_values(config, files, source)
 
     # Reuse the result of an earlier check.
@@ -76,8 +78,8 @@ def prepare_run(
         return WorkflowRun(PipelineConfig(resolved, merged.origin))
 
     # Check the configuration now. Later runs may reuse only a check of all input files.
-    study = PipelineConfig.of(merged.config, merged.origin, inputs=inputs)
-    return WorkflowRun(study, new_fingerprint=fingerprint if inputs else None)
+    study = PipelineConfig.of(merged.config, merged.origin, check_inputs=check_inputs)
+    return WorkflowRun(study, new_fingerprint=fingerprint if check_inputs else None)
 
 
 def _make_relative_path(path: str) -> str:
