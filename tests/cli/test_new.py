@@ -124,7 +124,7 @@ def test_a_time_step_is_judged_while_other_keys_are_missing(folder, refused):
 def test_a_folder_that_exists_is_left_alone(folder, monkeypatch, command):
     (folder / "config.yaml").write_text("mine")
     monkeypatch.chdir(folder.parent)
-    assert "not there yet" in command("new", "wheat", status=2).err
+    assert "does not exist yet" in command("new", "wheat", status=2).err
     assert (folder / "config.yaml").read_text() == "mine"
 
 

@@ -122,8 +122,8 @@ def test_a_folder_that_has_lost_its_lists_is_taken_over_by_the_records_of_its_re
     input_error("heaps/002.json: file is 'there already'", check)
     (folder / "heaps/002.json").unlink()
 
-    assert len(results_folder.relist_results(str(folder), outputs)) == 2
-    assert results_folder.relist_results(str(folder), outputs) == []
+    assert len(results_folder.restore_ledgers(str(folder), outputs)) == 2
+    assert results_folder.restore_ledgers(str(folder), outputs) == []
     check()
     kept = {*folder.rglob("*")}
     assert folder / "published/.repose" not in kept

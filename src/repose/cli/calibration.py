@@ -21,10 +21,16 @@ SUPPORT = Option(
 )
 
 
+def _list_jobs(args: argparse.Namespace) -> list[Path]:
+    """List the files of the jobs; a folder stands for the files of all its samples."""
+    return list_job_files(args.jobs, args.samples)
+
+
 @subcommand(
     Option(
         "jobs",
         nargs="+",
+        find_files=_list_jobs,
         help="JSON files that the subcommand measure_runs or heap wrote, or their folder",
     ),
     SAMPLES.with_changes(help="the design"),
@@ -43,10 +49,9 @@ def dataset(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.stages import dataset
 
-    jobs = list_job_files(args.jobs, args.samples)
     dataset.write_dataset(
         args.samples,
-        jobs,
+        _list_jobs(args),
         study.targets,
         study.definitions,
         args.out,

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 
 from repose.cli.registry import (
     CONFIG,
+    DEFAULT_CONFIG_FILE,
     Option,
     list_config_files,
     load_study,
@@ -28,7 +29,7 @@ if TYPE_CHECKING:
 UPDATE_INTERVAL_S = 1.0
 CONFIG_FILES = CONFIG.with_changes(
     nargs="+",
-    default=[CONFIG.keywords["default"]],
+    default=[DEFAULT_CONFIG_FILE],
     help=f"{CONFIG.keywords['help']}, or several",
 )
 

@@ -13,7 +13,9 @@ HIDDEN_PAGES = ("docs", "reference")
 
 
 @subcommand(
-    Option("name", nargs="?", help="of the page; without it, all are listed"),
+    Option(
+        "name", nargs="?", help="name of the page; without it, all pages are listed"
+    ),
     config=False,
 )
 def docs(args: argparse.Namespace) -> None:

@@ -7,7 +7,13 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from repose.cli.parameter_sets import PARAMETER_SET, read_parameters
-from repose.cli.registry import CONFIG, Option, load_study, subcommand
+from repose.cli.registry import (
+    CONFIG,
+    DEFAULT_CONFIG_FILE,
+    Option,
+    load_study,
+    subcommand,
+)
 from repose.common import provenance
 from repose.common.errors import InputError
 from repose.common.section import AUTO
@@ -17,7 +23,7 @@ from repose.export import PROGRAMS, write_deck
 if TYPE_CHECKING:
     from repose.grain.particle import Particle
 
-# Number of spheres of a clump: the default and the largest number.
+# Number of spheres in a clump: the default and the largest number.
 DEFAULT_SPHERES = 14
 MOST_SPHERES = 64
 
@@ -46,7 +52,9 @@ Card = Mapping[str, Any]
         help="spheres of the clump; 1: the sphere of the grain's volume (default: those "
         f"of the study's clump, 1 for a spherical grain, or {DEFAULT_SPHERES})",
     ),
-    Option("--seed", type=int, default=1, help="of the grains' places (1)"),
+    Option(
+        "--seed", type=int, default=1, help="seed of the positions of the grains (1)"
+    ),
     Option(
         "--names",
         nargs="+",
@@ -71,14 +79,12 @@ def export(args: argparse.Namespace) -> None:
     from repose.export.template import write_template
     from repose.stages.card_study import read_repose_card
 
-    # Read the study, the card, or both.
-    study = None if args.config is None else load_study(args)
     _require_one_parameter_option(args)
-    card = None if args.card is None else read_repose_card(args.card)
     _check_numbers(args)
-    if study is None:
-        study = _find_study(args, card)
 
+    # Read the study, the card, or both.
+    card = None if args.card is None else read_repose_card(args.card)
+    study = _load_study_to_export(args, card)
     source = _choose_export_source(args, study, card)
     values = _choose_parameter_values(args, study, card)
 
@@ -93,7 +99,8 @@ def export(args: argparse.Namespace) -> None:
             one_sphere=source.one_sphere,
         )
 
-    # Write a template, in which names stand for some numbers, or a deck.
+    # With --names write a template, in which names stand for some numbers. Otherwise write
+    # a deck.
     if args.names:
         paths = write_template(
             make_job_with, values, names=args.names, program=args.to, folder=args.out
@@ -107,8 +114,8 @@ def export(args: argparse.Namespace) -> None:
 def _require_one_parameter_option(args: argparse.Namespace) -> None:
     """Refuse an export unless exactly one option gives the parameters.
 
-    A template needs no such option. Its parameters appear as names, and all others have
-    the centre of their range.
+    A template needs no such option. In a template the parameters of --names have no
+    values, and all others have the centre of their range.
     """
     has_card = args.card is not None
     has_values = bool(args.set) or args.samples is not None
@@ -146,57 +153,70 @@ def _check_numbers(args: argparse.Namespace) -> None:
         )
 
 
-def _find_study(args: argparse.Namespace, card: Card | None) -> PipelineConfig | None:
-    """Find the study of an export without --config.
+def _load_study_to_export(
+    args: argparse.Namespace, card: Card | None
+) -> PipelineConfig | None:
+    """Load the study of an export, if there is one.
 
-    Without a card this is the default study. With a card it is the study in the card's
-    folder.
+    It is the study of --config. Without this option it is the study in the folder of the
+    card. Without a card it is the default study.
 
     Parameters
     ----------
     args : argparse.Namespace
-        The options. This function sets their `config` to the path of the study.
+        The options. If `config` is None, this function sets it to the file of the study,
+        which later messages name.
     card : mapping or None
         The card of --card, if there is one.
 
     Returns
     -------
     PipelineConfig or None
-        The study. None if the folder of the card has no study, or if its files cannot be
-        read. The deck is then made from the card alone.
+        The study. None if a card has no valid study in its folder. The card alone is then
+        exported.
+    """
+    if args.config is None and card is not None:
+        return _load_study_beside_card(args)
+    if args.config is None:
+        args.config = DEFAULT_CONFIG_FILE
+    return load_study(args)
+
+
+def _load_study_beside_card(args: argparse.Namespace) -> PipelineConfig | None:
+    """Load the study in the folder of a card.
+
+    The card may have been moved to a place where the files of its study are missing. As
+    the card alone is enough for an export, faults of the study are only printed.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The options; `card` is the path of the card. This function sets `config` to the
+        file of the study.
+
+    Returns
+    -------
+    PipelineConfig or None
+        The study; None if there is none in this folder, or if it has faults.
     """
     from repose.stages.card_study import find_configuration
 
-    if card is None:
-        args.config = str(CONFIG.keywords["default"])
-        return _load_study_with_grain(args)
-
-    # Search the folder of the card for the configuration of its study.
     path = find_configuration(args.card)
     if path is None:
         return None
     args.config = str(path)
     try:
-        return _load_study_with_grain(args)
+        study = load_study(args)
+        # This property makes the grain, which reads the files of the study.
+        _ = study.grain
     except InputError as error:
-        # The card may have been moved to a place where the files of its study are missing.
-        # The card alone is enough, so print a note and go on.
         args.config = None
-        first_line = error.args[0].splitlines()[0]
+        first_line, *_ = str(error).splitlines()
         print(
             f"repose: note: {first_line}; the card alone makes the deck",
             file=sys.stderr,
         )
         return None
-
-
-def _load_study_with_grain(args: argparse.Namespace) -> PipelineConfig:
-    """Load the study of --config, and make its grain.
-
-    The grain is made now, so that faults in its files are reported early.
-    """
-    study = load_study(args)
-    _ = study.grain  # a property that makes the grain at its first use
     return study
 
 
@@ -238,9 +258,9 @@ class _ExportSource(NamedTuple):
     grain : mapping
         The mean grain, as in berry.json.
     particle : Particle
-        Its body.
+        The body of the grain.
     one_sphere : bool
-        Whether the particle becomes the sphere of its volume.
+        Whether the particle is replaced by a sphere of the same volume.
     """
 
     config: Mapping[str, Any]
@@ -264,9 +284,9 @@ def _choose_number_of_spheres(
     Returns
     -------
     int or None
-        If it is 1, the grain becomes a sphere of its volume. If it is more, the grain
-        becomes a clump of this number of spheres. If it is None, the particle is a clump
-        or a sphere already and is not changed.
+        If it is 1, the grain becomes a sphere of the same volume. If it is more, the
+        grain becomes a clump of this number of spheres. If it is None, the particle is a
+        clump or a sphere already and is not changed.
     """
     from repose.export.job import is_sphere
 
@@ -280,7 +300,7 @@ def _choose_number_of_spheres(
 def _choose_export_source(
     args: argparse.Namespace, study: PipelineConfig | None, card: Card | None
 ) -> _ExportSource:
-    """Choose the grain to export: that of the study, or of the card without a study.
+    """Choose the grain to export: that of the study, or without a study that of the card.
 
     Parameters
     ----------

@@ -1,18 +1,21 @@
 """The subcommand that makes the folder of a new crop."""
 
 import argparse
+import os
 from operator import methodcaller
 from pathlib import Path
 
 from repose.cli.registry import Option, subcommand
+from repose.common import places
 from repose.common.errors import InputError
 
 # This text in the files of the template is replaced by the name of the crop.
 NAME_PLACEHOLDER = "NAME"
+TEMPLATE_FOLDER = places.PACKAGE / "config" / "new_crop"
 
 
 @subcommand(
-    Option("name", help="of the crop, and of the folder that is made here"),
+    Option("name", help="name of the crop, and of the folder that is made here"),
     config=False,
 )
 def new(args: argparse.Namespace) -> None:
@@ -25,39 +28,46 @@ def new(args: argparse.Namespace) -> None:
     --------
     $ repose new wheat
     """
+    _check_name(args.name)
+    folder = Path(args.name)
+    _copy_template(folder, crop_name=args.name)
+    print(
+        f"{folder}: made. {folder / 'README.md'} says what to do next; begin with "
+        f"{folder / 'sizes.csv'}."
+    )
+
+
+def _check_name(name: str) -> None:
+    """Raise an InputError unless a crop, its study and its folder may have this name."""
     from repose.common import faults
-    from repose.common.ledger import write_atomically
     from repose.config.models import make_settings_type
 
-    # Check the name. It also becomes the label of the study.
+    # The name becomes the label of the study.
     model = make_settings_type()
-    if not faults.is_valid_value("label", args.name, model):
+    if not faults.is_valid_value("label", name, model):
         raise InputError(
             "command line",
             key="new",
-            value=args.name,
+            value=name,
             allowed=faults.describe_allowed_values("label", model),
         )
 
-    # Refuse a path that exists already, also if it is a broken link.
-    folder = Path(args.name)
-    if folder.exists() or folder.is_symlink():
+    # Unlike `Path.exists`, this function also finds a broken link.
+    if os.path.lexists(name):
         raise InputError(
             "command line",
             key="new",
-            value=args.name,
-            allowed="a folder that is not there yet",
+            value=name,
+            allowed="a folder that does not exist yet",
         )
 
-    # Copy the template, and put the name of the crop into each file.
-    template = Path(__file__).parents[1] / "config" / "new_crop"
-    for path in sorted(template.rglob("*.*")):
-        text = path.read_text(encoding="utf-8").replace(NAME_PLACEHOLDER, args.name)
-        new_path = folder / path.relative_to(template)
+
+def _copy_template(folder: Path, crop_name: str) -> None:
+    """Copy the template into a new folder, with the name of the crop in each file."""
+    from repose.common.ledger import write_atomically
+
+    for path in sorted(TEMPLATE_FOLDER.rglob("*.*")):
+        text = path.read_text(encoding="utf-8").replace(NAME_PLACEHOLDER, crop_name)
+        new_path = folder / path.relative_to(TEMPLATE_FOLDER)
         new_path.parent.mkdir(parents=True, exist_ok=True)
         write_atomically(new_path, methodcaller("write", text.encode()))
-
-    print(
-        f"{folder}: made. What to do next is in {folder / 'README.md'}; begin with "
-        f"{folder / 'sizes.csv'}."
-    )

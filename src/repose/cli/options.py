@@ -1,6 +1,8 @@
 """Options that several subcommands share."""
 
-from collections.abc import Iterable
+import argparse
+from collections.abc import Iterable, Iterator
+from pathlib import Path
 
 from repose.cli.registry import Option
 from repose.common.errors import InputError
@@ -37,6 +39,23 @@ OPTIMISM = Option(
     help="file of the subcommand optimism; with it predictions stand beside their optimism",
 )
 JSON = Option("--json", action="store_true", help="print as JSON")
+
+
+def _find_files_of_pairs(args: argparse.Namespace) -> Iterator[Path]:
+    """Yield the files of --input, whose values have the form NAME=PATH."""
+    for entry in args.input:
+        _name, _equals_sign, path = entry.partition("=")
+        yield Path(path)
+
+
+INPUT = Option(
+    "--input",
+    find_files=_find_files_of_pairs,
+    action="append",
+    default=[],
+    metavar="NAME=PATH",
+    help="a file that is shown",
+)
 
 
 def split_pairs(entries: Iterable[str], option: str) -> dict[str, str]:

@@ -14,53 +14,83 @@ if TYPE_CHECKING:
     from repose.config.pipeline import PipelineConfig
 
 DEFAULT_FOLDER = "own"
+REPORT_FILE = "report.html"
 
 
-def _load_own_study(args: argparse.Namespace) -> "Study":
+def _load_own_study(args: argparse.Namespace, runs_csv: str | None = None) -> "Study":
     """Load a study of the user's own simulator, and print warnings about it.
 
     Parameters
     ----------
     args : argparse.Namespace
-        The options. `config` is the file of the study. For the subcommand `ask`, `runs` is the
-        file of the runs so far, which the study also reads.
+        The options; `config` is the file of the study.
+    runs_csv : str, optional
+        The table of the runs so far, from which the study chooses the next ones.
+
+    Returns
+    -------
+    Study
 
     Raises
     ------
     InputError
         If the file is of a study with our simulator, or has other faults.
     """
-    from repose.calibrate.parameter_types import describe_wide_ranges
     from repose.calibrate.study import Study
-    from repose.calibrate.study_file import has_own_simulator, list_unread_keys
+
+    _require_own_simulator(args)
+    study = Study.own(args.config, runs_csv)
+    _warn_of_unread_keys_and_wide_ranges(args.config, study)
+    return study
+
+
+def _load_own_study_with_runs(args: argparse.Namespace) -> "Study":
+    """Load a study as `_load_own_study` does, with the runs in the table of --runs."""
+    return _load_own_study(args, args.runs)
+
+
+def _require_own_simulator(args: argparse.Namespace) -> None:
+    """Raise an InputError if the file of --config is of a study with our simulator.
+
+    The message names this file, or the option if the user gave no file.
+    """
+    from repose.calibrate.study_file import has_own_simulator
+
+    if has_own_simulator(places.find_file(args.config)):
+        return
+    has_file = was_given(args, "config")
+    raise InputError(
+        args.config if has_file else "command line",
+        key="simulator" if has_file else "--config",
+        value=None,
+        allowed="the name of your simulator, in a configuration as "
+        "`repose docs own_simulator` shows; `repose run` calls the program of a "
+        "section simulator",
+    )
+
+
+def _warn_of_unread_keys_and_wide_ranges(config_path: str, study: "Study") -> None:
+    """Warn of keys that the strategy does not use, and of ranges that are too wide.
+
+    Parameters
+    ----------
+    config_path : str
+        The file of the study.
+    study : Study
+        The study that was made from this file.
+    """
+    from repose.calibrate.parameter_types import describe_wide_ranges
+    from repose.calibrate.study_file import list_unread_keys
     from repose.common.reading import read_yaml
 
-    # The message names the file of the user, or the option if the user gave no file.
-    if not has_own_simulator(places.find_file(args.config)):
-        has_file = was_given(args, "config")
-        raise InputError(
-            args.config if has_file else "command line",
-            key="simulator" if has_file else "--config",
-            value=None,
-            allowed="the name of your simulator, in a configuration as "
-            "`repose docs own_simulator` shows; `repose run` calls the program of a "
-            "section simulator",
-        )
-
-    # Only the subcommand `ask` needs the runs so far, to choose the next ones.
-    runs_csv = args.runs if args.subcommand == "ask" else None
-    study = Study.own(args.config, runs_csv)
-
-    # Warn of keys that the strategy does not use, and of ranges that are too wide.
-    unread_keys = list_unread_keys(read_yaml(args.config))
+    unread_keys = list_unread_keys(read_yaml(config_path))
     if unread_keys:
         _warn(
-            f"{args.config}: the strategy {study.settings.strategy} does not read "
+            f"{config_path}: the strategy {study.settings.strategy} does not read "
             f"{', '.join(unread_keys)}"
         )
     for sentence in describe_wide_ranges(study.config["parameters"]):
-        _warn(f"{args.config}: {sentence}")
-    return study
+        _warn(f"{config_path}: {sentence}")
 
 
 def load_any_study(args: argparse.Namespace) -> "Study | PipelineConfig":
@@ -92,6 +122,7 @@ def tell(args: argparse.Namespace, study: "Study") -> None:
     $ repose tell new_runs.csv --config own.yaml --out own/runs.csv
     """
     from repose.calibrate.record import Record
+    from repose.calibrate.strategies.runs import OK
     from repose.common.tables import print_columns
 
     # Add the new runs, and show what was read of them.
@@ -104,21 +135,19 @@ def tell(args: argparse.Namespace, study: "Study") -> None:
     # Print the number of all runs in the record, and of those that failed.
     runs = record.data
     n_samples = runs["sample"].nunique()
-    line = f"{args.out}: {len(runs)} runs of {n_samples} samples"
-    n_failed = int((runs["status"] != "ok").sum())
-    if n_failed:
-        line += f", {n_failed} failed"
-    print(line)
+    n_failed = int((runs["status"] != OK).sum())
+    failed_text = f", {n_failed} failed" if n_failed else ""
+    print(f"{args.out}: {len(runs)} runs of {n_samples} samples{failed_text}")
 
 
 @subcommand(
     Option(
         "--runs",
         default=f"{DEFAULT_FOLDER}/runs.csv",
-        help="the record; where it is missing, the start",
+        help="the record of all runs; if it does not exist, the first runs are listed",
     ),
     out=f"{DEFAULT_FOLDER}/next.csv",
-    study=_load_own_study,
+    study=_load_own_study_with_runs,
 )
 def ask(args: argparse.Namespace, study: "Study") -> None:
     """Own simulator: list the runs to make next, or say that the answer is good enough.
@@ -128,42 +157,55 @@ def ask(args: argparse.Namespace, study: "Study") -> None:
     $ repose ask --runs own/runs.csv --config own.yaml --out own/next.csv
     """
     from repose.calibrate.strategies.base import Answer
-    from repose.calibrate.strategies.sequential.strategy import (
-        arrange_runs,
-        estimate_noise,
-    )
     from repose.common.files import write_table
 
     # If the record does not exist, this is the first call, or the name is misspelt.
     if was_given(args, "runs") and not Path(args.runs).exists():
         print(
-            f"repose: note: there is no record {args.runs}: these are the runs of the "
-            "start",
+            f"repose: note: there is no record {args.runs}, so these are the first runs of "
+            "the study",
             file=sys.stderr,
         )
 
-    # Write the runs to make next. `ask` also stores the proposal behind them in the study.
+    # `ask` returns the runs, and stores in the study why the strategy proposes them.
     next_runs = study.ask()
-    proposal = study.proposal
     write_table(args.out, next_runs)
 
-    # Print what the strategy has learned from the runs so far. Only the first proposal,
-    # made before any runs, has no notes.
-    if proposal.notes:
-        observed = arrange_runs(study.runs, study.parameters, study.targets)
-        warning = estimate_noise(study, observed).warning
-        if warning is not None:
-            _warn(warning)
-    if "probability" in proposal.notes:
+    _print_findings(study)
+    if isinstance(study.proposal, Answer):
+        print(f"{args.out}: the answer; no further runs: {study.proposal.why}")
+    else:
+        print(f"{args.out}: {len(next_runs)} runs to make next")
+
+
+def _print_findings(study: "Study") -> None:
+    """Print what the strategy has found out from the runs so far.
+
+    Before the first runs there is nothing to print.
+
+    Parameters
+    ----------
+    study : Study
+        The study, after a call of `Study.ask`.
+    """
+    from repose.calibrate.strategies.sequential.strategy import (
+        arrange_runs,
+        estimate_noise,
+    )
+
+    findings = study.proposal.notes
+    if not findings:
+        return
+    observed = arrange_runs(study.runs, study.parameters, study.targets)
+    warning = estimate_noise(study, observed).warning
+    if warning is not None:
+        _warn(warning)
+    if "probability" in findings:
         tolerance = study.settings.sequential.tolerance_percent
         print(
             f"{len(study.runs)} runs; the best point lies within {tolerance:g} % of all "
-            f"targets with probability {proposal.notes['probability']:.2f}"
+            f"targets with probability {findings['probability']:.2f}"
         )
-    if isinstance(proposal, Answer):
-        print(f"{args.out}: the answer. No more runs: {proposal.why}")
-    else:
-        print(f"{args.out}: {len(next_runs)} runs to make next")
 
 
 @subcommand(
@@ -190,14 +232,14 @@ def calibrate(args: argparse.Namespace, study: "Study") -> None:
     from repose.common.ledger import check_replaceable
     from repose.common.tables import print_columns
 
-    # Before minutes of work, check that no file of somebody else would be replaced.
+    # The calibration takes minutes. So check first that it will replace no file that the
+    # user has made.
     out = Path(args.out)
-    report_html = out / "report.html"
     file_names = (
         *calibration.TABLE_FILES,
         *calibration.RECORD_FILES,
         *strategy(study.settings.strategy).files,
-        report_html.name,
+        REPORT_FILE,
     )
     for file_name in file_names:
         check_replaceable(out / file_name)
@@ -223,5 +265,5 @@ def calibrate(args: argparse.Namespace, study: "Study") -> None:
     # Write the report last. An installation without graphics then has all other files.
     from repose.report.page import own
 
-    own.write(result, report_html)
-    print(f"Report: {report_html}")
+    own.write(result, out / REPORT_FILE)
+    print(f"Report: {out / REPORT_FILE}")

@@ -11,7 +11,8 @@ from repose.common.errors import InputError
 from repose.config.pipeline import PipelineConfig
 from repose.stages.parameter_sets import read_sample
 
-# Largest number of runs of a parameter set in one call. A study has at most 1000.
+# Largest number of runs of a parameter set in one call, far more than the 1000 that a
+# study may have.
 MOST_SEEDS = 10_000
 PARAMETER_SET = (
     Option(
@@ -75,7 +76,7 @@ STUDY_SEEDS = (
 
 
 def read_parameters(
-    entries: Sequence[str],
+    assignments: Sequence[str],
     samples: str | None,
     sample: int | None,
     study: PipelineConfig,
@@ -84,30 +85,28 @@ def read_parameters(
 
     Parameters
     ----------
-    entries : sequence of str
-        The NAME=VALUE entries of --set. Parameters without an entry take the centre of
-        their range.
+    assignments : sequence of str
+        The values of --set, each of the form NAME=VALUE. Parameters without a value take
+        the centre of their range.
     samples : str or None
         The table of --samples, which replaces --set.
     sample : int or None
-        The sample of the table, chosen by --sample.
+        The number of a sample in this table, chosen by --sample.
     study : PipelineConfig
-        The study.
+        The study, with the names and ranges of its parameters.
 
     Returns
     -------
-    dict
-        Values by name.
+    dict of str to float
+        The value of each parameter by its name.
 
     Raises
     ------
     InputError
         If options contradict each other, or a name or value is not allowed.
     """
-    # With --samples, read the parameters of one sample from the table.
-    texts = split_pairs(entries, "--set")
     if samples:
-        if texts or sample is None:
+        if assignments or sample is None:
             raise InputError(
                 "command line",
                 key="--samples",
@@ -122,20 +121,40 @@ def read_parameters(
             value=sample,
             allowed="together with --samples",
         )
+    return _read_assigned_parameters(assignments, study)
+
+
+def _read_assigned_parameters(
+    assignments: Sequence[str], study: PipelineConfig
+) -> dict[str, float]:
+    """Read the contact parameters of --set, and take the centre of all other ranges.
+
+    Parameters
+    ----------
+    assignments : sequence of str
+        The values of --set, each of the form NAME=VALUE.
+    study : PipelineConfig
+        The study.
+
+    Raises
+    ------
+    InputError
+        If the study has no parameter of a name, or a value is not allowed.
+    """
+    texts = split_pairs(assignments, "--set")
 
     # Check all names before reading the first value.
     names = study.parameters.names
     for name, text in texts.items():
-        labelled = ", ".join(f"{known} ({LABELS[known]})" for known in names)
         if name not in names:
+            known = ", ".join(f"{known} ({LABELS[known]})" for known in names)
             raise InputError(
                 "command line",
                 key=f"--set {name}",
                 value=text,
-                allowed=f"a parameter of {labelled}",
+                allowed=f"a parameter of {known}",
             )
 
-    # Begin with the centres of the ranges, and replace what the user gives.
     values = dict(study.parameters.centre)
     for name, text in texts.items():
         values[name] = check_value(name, text, "command line")
@@ -175,12 +194,12 @@ def _read_parameters_of_sample(
 
 
 def read_seeds(seeds: list[int] | None) -> list[int]:
-    """Read the seeds of --seed.
+    """Return the seeds of --seed, or seed 1 if the user gave none.
 
     Parameters
     ----------
     seeds : list of int or None
-        The values of the option; None without it, which means seed 1.
+        The values of the option; None if the user did not give it.
 
     Returns
     -------
@@ -189,9 +208,10 @@ def read_seeds(seeds: list[int] | None) -> list[int]:
     Raises
     ------
     InputError
-        Unless they are distinct whole numbers from 0.
+        If a seed is negative, or is given twice.
     """
-    seeds = seeds or [1]
+    if not seeds:
+        return [1]
     are_distinct = len(set(seeds)) == len(seeds)
     if min(seeds) < 0 or not are_distinct:
         raise InputError(
@@ -211,8 +231,9 @@ def choose_seeds(
     Parameters
     ----------
     args : argparse.Namespace
-        The options. --seed lists the seeds. --seeds is a number of seeds that are drawn
-        as in a study, from the stream of --purpose and for the sample of --sample.
+        The options. Either --seed lists the seeds, or --seeds says how many are drawn.
+        They are drawn as in a study, from the stream of --purpose and for the sample of
+        --sample.
     study_seed : int
         The seed of the study.
     apparatus : str, optional
@@ -236,6 +257,7 @@ def choose_seeds(
             value=args.seeds,
             allowed=f"from 1 to {MOST_SEEDS}, without --seed",
         )
+    # Without a sample the seeds are those of number 0, which no sample has.
     sample = args.sample or 0
     return streams.draw_run_seeds(
         study_seed, args.purpose, number=sample, count=args.seeds, apparatus=apparatus

@@ -3,24 +3,19 @@
 import argparse
 from typing import Any
 
-from repose.cli.options import split_pairs
+from repose.cli.options import INPUT, split_pairs
 from repose.cli.registry import Option, subcommand
 from repose.config.pipeline import PipelineConfig
 
-# Pictures of the film of a pour; each takes nearly a second to draw.
+# Numbers of pictures in a film, of a whole study and of a small run. Each picture takes
+# nearly a second to draw.
 FILM_FRAMES = 72
 SMALL_FILM_FRAMES = 20
 
 
 @subcommand(
     Option("name", help="name of the figure, such as figure13"),
-    Option(
-        "--input",
-        action="append",
-        default=[],
-        metavar="NAME=PATH",
-        help="a file that it shows",
-    ),
+    INPUT.with_changes(help="a file that the figure shows"),
     out="figure.png",
 )
 def figure(args: argparse.Namespace, study: PipelineConfig) -> None:
@@ -84,13 +79,7 @@ def film(args: argparse.Namespace, study: PipelineConfig) -> None:
         nargs="*",
         help="measured runs of the answer, one .json file for each bench test",
     ),
-    Option(
-        "--input",
-        action="append",
-        default=[],
-        metavar="NAME=PATH",
-        help="a file of the study",
-    ),
+    INPUT.with_changes(help="a file of the study"),
     Option(
         "--table",
         action="append",

@@ -266,10 +266,18 @@ def _choose_file_name(sample: int | None, apparatus: str) -> str:
     return "heap" if apparatus == "funnel" else apparatus
 
 
+def _list_pours_files(args: argparse.Namespace) -> list[Path]:
+    """List the files of saved runs; a folder stands for the files of all its samples."""
+    from repose.measure.saved_pours import POURS_ENDING
+
+    return list_job_files(args.pours, args.samples, POURS_ENDING)
+
+
 @subcommand(
     Option(
         "pours",
         nargs="+",
+        find_files=_list_pours_files,
         help="NAME.pours.json files of pour or heap, with NAME.npz in their folder; or a folder, of all --samples",
     ),
     SAMPLES.with_changes(help="the samples of a folder"),
@@ -290,12 +298,11 @@ def measure_runs(args: argparse.Namespace, study: PipelineConfig) -> None:
     $ repose stage measure_runs results/try/heap.pours.json --out results/try
     """
     from repose.bench import bench_of
-    from repose.measure.saved_pours import POURS_ENDING
     from repose.stages.job import measure_job
 
     # Measuring needs the grain and the walls, but no contact parameters.
     scene = _make_scene(args, study, {})
-    for path in list_job_files(args.pours, args.samples, POURS_ENDING):
+    for path in _list_pours_files(args):
         result = measure_job(scene, path, out_dir=args.out, keep_runs=args.keep_runs)
         template = bench_of(result).summary
         for run in result["runs"]:

@@ -2,7 +2,7 @@
 
 import argparse
 import textwrap
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from inspect import cleandoc
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple, TypeAlias
@@ -35,13 +35,23 @@ class Option:
         Its names, such as ``--out``. A positional argument has one name without dashes.
     recorded : bool, optional
         Whether the record of a result lists the files that the option names.
+    find_files : callable, optional
+        Finds the files that the option names, given all parsed options. It is needed only
+        if the values of the option are not simply the paths of these files.
     **keywords
         Arguments of `argparse.ArgumentParser.add_argument`.
     """
 
-    def __init__(self, *names: str, recorded: bool = True, **keywords: Any) -> None:
+    def __init__(
+        self,
+        *names: str,
+        recorded: bool = True,
+        find_files: Callable[[argparse.Namespace], Iterable[Path]] | None = None,
+        **keywords: Any,
+    ) -> None:
         self.names = names
         self.recorded = recorded
+        self.find_files = find_files
         self.keywords = keywords
 
     @property
@@ -58,14 +68,41 @@ class Option:
 
     def with_changes(self, **changes: Any) -> "Option":
         """Copy the option with some keywords changed."""
-        return Option(*self.names, recorded=self.recorded, **(self.keywords | changes))
+        return Option(
+            *self.names,
+            recorded=self.recorded,
+            find_files=self.find_files,
+            **(self.keywords | changes),
+        )
+
+    def list_files(self, args: argparse.Namespace) -> list[Path]:
+        """List the files and folders that the option names. They need not exist.
+
+        Parameters
+        ----------
+        args : argparse.Namespace
+            All parsed options of the subcommand.
+
+        Returns
+        -------
+        list of Path
+            Any text that the user gave for the option counts as a path. The list is empty
+            if the user gave none, or if the value is a number or a switch.
+        """
+        if self.find_files is not None:
+            return list(self.find_files(args))
+        value = getattr(args, self.attribute)
+        values = value if isinstance(value, list) else [value]
+        return [Path(text) for text in values if isinstance(text, str)]
 
 
+# The configuration that is used if the user names none.
+DEFAULT_CONFIG_FILE = str(places.list_default_configs()[-1])
 CONFIG = Option(
     "--configfile",
     "--config",
     dest="config",
-    default=str(places.list_default_configs()[-1]),
+    default=DEFAULT_CONFIG_FILE,
     help="YAML or JSON configuration (config/config.yaml)",
     recorded=False,
 )

@@ -1,7 +1,7 @@
 """Stages of a study with the user's own program: its runs, and their responses."""
 
 import argparse
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -80,10 +80,19 @@ def simulate(args: argparse.Namespace, study: PipelineConfig) -> None:
     print(_describe_ending(record))
 
 
+def _find_run_records(args: argparse.Namespace) -> Iterator[Path]:
+    """Yield the records of all runs in the folders that the option `runs` names."""
+    from repose.stages import simulated
+
+    for records in simulated.list_record_files(args.runs).values():
+        yield from records
+
+
 @subcommand(
     Option(
         "runs",
         nargs="+",
+        find_files=_find_run_records,
         metavar="FOLDER=COUNT",
         help="folder of a sample, with the number of its runs",
     ),

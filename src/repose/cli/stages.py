@@ -10,14 +10,9 @@ from typing import Any, Literal
 from repose.cli.registry import SUBCOMMANDS, list_config_files
 from repose.common import places, provenance
 from repose.common.lock import lock_folder_for_job
-from repose.stages.parameter_sets import list_job_files
 
-# Options that accept a folder in place of files. The folder stands for the files of all
-# samples with this ending. The keys are subcommand and option.
-FOLDER_OPTIONS = {
-    ("dataset", "jobs"): ".json",
-    ("measure_runs", "pours"): ".pours.json",
-}
+# The table of samples in the folder of a batch.
+DATASET_FILE = "dataset.csv"
 
 
 @contextmanager
@@ -33,7 +28,7 @@ def run_as_stage(
     Parameters
     ----------
     args : argparse.Namespace
-        The parsed options.
+        The parsed options of the subcommand, and its name as `subcommand`.
     runs : str, optional
         Whether the results are runs, as in `repose.common.provenance.record_stage`.
     """
@@ -111,52 +106,25 @@ def note_built_in_crop(*files: str) -> None:
 
 
 def find_input_files(args: argparse.Namespace) -> Iterator[Path]:
-    """Yield the existing input files that the recorded options of a subcommand name.
+    """Yield the existing input files of a subcommand, which its result depends on.
 
-    If an option names a folder, the input file is dataset.csv in this folder.
-    """
-    for option in SUBCOMMANDS[args.subcommand].options:
-        if not option.recorded:
-            continue
-        for name in _list_paths(args, option.attribute):
-            file = Path(name)
-            if file.is_dir():
-                file = file / "dataset.csv"
-            if file.is_file():
-                yield file
-
-
-def _list_paths(args: argparse.Namespace, option: str) -> list[str]:
-    """List the values of an option that may be paths of files.
+    They are the files that the values of the recorded options name. A folder of a batch
+    stands for the table of samples in it.
 
     Parameters
     ----------
     args : argparse.Namespace
-        The parsed options, and the name of the subcommand as `subcommand`.
-    option : str
-        The attribute of the option.
+        The parsed options of the subcommand, and its name as `subcommand`.
 
-    Returns
-    -------
-    list of str
-        Paths, and perhaps other texts. Empty if the user does not give the option, or if
-        its value is no text.
+    Yields
+    ------
+    Path
+        The path of a file.
     """
-    value = getattr(args, option)
-
-    # The value of a few options may be a folder, which stands for the files in it.
-    if (args.subcommand, option) in FOLDER_OPTIONS:
-        ending = FOLDER_OPTIONS[args.subcommand, option]
-        return [str(path) for path in list_job_files(value, args.samples, ending)]
-    if (args.subcommand, option) == ("measure_simulated", "runs"):
-        from repose.stages import simulated
-
-        records = simulated.list_record_files(value)
-        return [str(path) for paths in records.values() for path in paths]
-
-    # Any other option has one value or several. Those of --input have the form NAME=PATH.
-    values = value if isinstance(value, list) else [value]
-    texts = [text for text in values if isinstance(text, str)]
-    if option == "input":
-        return [text.partition("=")[2] for text in texts]
-    return texts
+    for option in SUBCOMMANDS[args.subcommand].options:
+        if not option.recorded:
+            continue
+        for path in option.list_files(args):
+            file = path / DATASET_FILE if path.is_dir() else path
+            if file.is_file():
+                yield file

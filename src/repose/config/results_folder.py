@@ -11,7 +11,7 @@ from collections import Counter
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
-from repose import bench as apparatus
+from repose import bench
 from repose.calibrate import strategies
 from repose.calibrate.seeds import UNNAMED
 from repose.calibrate.targets import OWN_BENCH
@@ -37,12 +37,16 @@ PROJECT_FOLDERS = (
 )
 # Folders in the folder of results whose files every job replaces.
 FOLDERS_WITHOUT_RESULTS = ("benchmarks", "logs")
-# Files that a run writes without a record of provenance, because they are no results.
+# Files that a run writes without a record of provenance, because they are no results: the
+# resolved configuration, and the times of all runs.
 FILES_WITHOUT_RECORD = ("config.json", "benchmarks/calls.csv")
 # Names of the wildcards in rules that stand for a number.
 NUMBER_WILDCARDS = ("sample", "job", "run", "seed", "batch")
 # A wildcard in braces, as {sample} or with its constraint {sample,\d+}.
 WILDCARD_PATTERN = re.compile(r"\{(\w+)(?:,(?:[^{}]|\{[^{}]*\})*)?\}")
+
+# The path of a folder, and the names of the files in it.
+FolderWithFiles = tuple[str, list[str]]
 
 
 def name_run_folder(test: str) -> str:
@@ -162,7 +166,7 @@ def make_output_pattern(outputs: Iterable[str]) -> re.Pattern[str]:
     # published, has no batches.
     names = [name for name in strategies.names() if name != "published"]
     wildcards = dict.fromkeys(NUMBER_WILDCARDS, r"\d+")
-    wildcards["runs"] = "|".join(map(name_run_folder, (*apparatus.names(), OWN_BENCH)))
+    wildcards["runs"] = "|".join(map(name_run_folder, (*bench.names(), OWN_BENCH)))
     wildcards["strategy"] = "|".join(names)
     patterns = [_make_path_pattern(path, wildcards) for path in dict.fromkeys(outputs)]
     return re.compile("|".join(patterns))
@@ -212,74 +216,104 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
     if not os.path.isdir(results_dir):
         return
 
-    # Refuse a folder that contains names of results, but in which no study has written.
     outputs = list(outputs)
     names = _list_names_of_results(results_dir, outputs)
-    unlisted_results = set(_find_unlisted_results(results_dir, names))
-    has_ledger = (Path(results_dir) / LEDGER).is_file()
-    is_folder_of_study = has_ledger or bool(unlisted_results)
-    if names and not is_folder_of_study:
-        raise InputError(
-            "configuration",
-            key="results_dir",
-            value=results_dir,
-            allowed=f"a new folder, or the folder of a study; there is {names[0]}, which no "
-            "study of repose wrote: move it away, or choose another folder",
-        )
+    results_without_ledger = set(_find_results_without_ledger(results_dir, names))
+    if names and not results_without_ledger:
+        _require_ledger(results_dir, name_of_result=names[0])
 
-    # Collect the faulty results by path, and the files that no study has written.
+    # Find the results that were changed.
+    folders = list(_walk_folders_of_results(results_dir, names))
     faults: dict[str, InputError] = {}
-    unknown_files = []
-    for folder, files in _walk_folders_of_results(results_dir, names):
-        faults |= _find_faulty_results(folder, results_dir, names=names)
-        listed_names = ledger.list_names(folder)
-        for name in files:
-            path = f"{folder}/{name}"
-            if name not in listed_names and path not in unlisted_results:
-                unknown_files.append(path)
+    for folder, _ in folders:
+        for path in _find_changed_results(folder, results_dir, names):
+            faults[str(path)] = _describe_changed_result(path, Path(folder))
 
-    # An unknown file is a fault if it has the name of a result, because a rule would
-    # replace it.
-    for path in _select_results_in_the_way(unknown_files, outputs):
-        faults[path] = _describe_foreign_file(path)
+    # Find what has the name of a result but is none. Other files of the user may stay.
+    foreign_files = [
+        file
+        for file in _find_unlisted_files(folders)
+        if file not in results_without_ledger
+    ]
+    paths_in_the_way = [
+        *_find_folders_named_as_results(folders),
+        *_select_files_to_be_replaced(foreign_files, outputs),
+    ]
+    for path_in_the_way in paths_in_the_way:
+        faults[path_in_the_way] = _describe_foreign_file(path_in_the_way)
     raise_together(faults[path] for path in sorted(faults))
 
 
-def _find_faulty_results(
-    folder: str, results_dir: str, *, names: Collection[str]
-) -> dict[str, InputError]:
-    """Find the listed results of a folder that were changed after a study wrote them.
+def _require_ledger(results_dir: str, name_of_result: str) -> None:
+    """Raise an InputError if no study has written in a folder.
+
+    Parameters
+    ----------
+    results_dir : str
+        The folder. None of its files has a record of provenance.
+    name_of_result : str
+        The name of a file or folder in it that has the name of a result.
+    """
+    if (Path(results_dir) / LEDGER).is_file():
+        return
+    raise InputError(
+        "configuration",
+        key="results_dir",
+        value=results_dir,
+        allowed=f"a new folder, or the folder of a study; there is {name_of_result}, which "
+        "no study of repose wrote: move it away, or choose another folder",
+    )
+
+
+def _find_changed_results(
+    folder: str, results_dir: str, names: Collection[str]
+) -> list[Path]:
+    """Find the listed results of a folder that were edited or damaged later.
 
     Parameters
     ----------
     folder : str
         A folder of results.
     results_dir : str
-        The top folder of the results. Other files may lie there beside them.
+        The top folder of the results. In this folder alone there may be other files,
+        which may be changed.
     names : collection of str
         Names of results in the top folder.
 
     Returns
     -------
-    dict of str to InputError
-        The fault by the path of the result.
+    list of Path
+        The paths of the results.
     """
-    # Find results that were edited or damaged.
-    faults: dict[str, InputError] = {}
-    for changed in ledger.find_changed_files(folder):
-        if folder != results_dir or changed.name in names:
-            faults[str(changed)] = _describe_changed_result(changed, Path(folder))
-
-    # Find folders that have the name of a result. Snakemake would mistake such a folder
-    # for the result.
-    for name in ledger.list_names(folder):
-        path = f"{folder}/{name}"
-        if os.path.isdir(path):
-            faults[path] = _describe_foreign_file(path)
-    return faults
+    changed_files = ledger.find_changed_files(folder)
+    if folder != results_dir:
+        return changed_files
+    return [path for path in changed_files if path.name in names]
 
 
-def _select_results_in_the_way(
+def _find_unlisted_files(folders: Iterable[FolderWithFiles]) -> Iterator[str]:
+    """Yield the paths of the files that the ledgers of their folders do not list."""
+    for folder, names in folders:
+        listed_names = ledger.list_names(folder)
+        for name in names:
+            if name not in listed_names:
+                yield f"{folder}/{name}"
+
+
+def _find_folders_named_as_results(
+    folders: Iterable[FolderWithFiles],
+) -> Iterator[str]:
+    """Yield the paths of folders that have the name of a result in a ledger.
+
+    Snakemake would mistake such a folder for the result.
+    """
+    for folder, _ in folders:
+        for name in ledger.list_names(folder):
+            if os.path.isdir(f"{folder}/{name}"):
+                yield f"{folder}/{name}"
+
+
+def _select_files_to_be_replaced(
     paths: Sequence[str], outputs: Iterable[str]
 ) -> list[str]:
     """Select the files that a rule would replace, except empty ones.
@@ -293,7 +327,7 @@ def _select_results_in_the_way(
     outputs : iterable of str
         Paths that rules write, with wildcards in braces.
     """
-    # The pattern is slow to make, and most folders contain only files of the study.
+    # The pattern is slow to make. Most studies do not need it.
     if not paths:
         return []
     is_output = make_output_pattern(outputs).fullmatch
@@ -317,7 +351,7 @@ def _list_names_of_results(results_dir: str, outputs: Iterable[str]) -> list[str
 
 def _walk_folders_of_results(
     results_dir: str, names: list[str]
-) -> Iterator[tuple[str, list[str]]]:
+) -> Iterator[FolderWithFiles]:
     """Yield the folder of results and the folders below it, each with its files.
 
     Parameters
@@ -332,7 +366,8 @@ def _walk_folders_of_results(
     folder : str
         The path of a folder.
     files : list of str
-        The names of its files.
+        The names of the files in it. For the folder of results these are `names`, which
+        include folders.
     """
     yield results_dir, names
     for name in names:
@@ -341,7 +376,7 @@ def _walk_folders_of_results(
             yield from _walk_folder(path)
 
 
-def _walk_folder(folder: str) -> Iterator[tuple[str, list[str]]]:
+def _walk_folder(folder: str) -> Iterator[FolderWithFiles]:
     """Yield a folder and the folders below it, each with the names of its files.
 
     If a folder cannot be listed, an OSError is raised.
@@ -355,10 +390,11 @@ def _walk_folder(folder: str) -> Iterator[tuple[str, list[str]]]:
         yield inner, files
 
 
-def _find_unlisted_results(results_dir: str, names: list[str]) -> Iterator[str]:
-    """Yield the results in folders that have lost their lists, by their records.
+def _find_results_without_ledger(results_dir: str, names: list[str]) -> Iterator[str]:
+    """Yield the results in folders whose ledger is missing.
 
-    Copies often leave out hidden files, and so the lists.
+    A copy of a folder often lacks hidden files, and so the ledger. Each result then still
+    has a record of provenance, by which it is recognised.
 
     Parameters
     ----------
@@ -370,7 +406,7 @@ def _find_unlisted_results(results_dir: str, names: list[str]) -> Iterator[str]:
     Yields
     ------
     str
-        The path of a file with a record of provenance, in a folder without a list.
+        The path of a file with a record of provenance, in a folder without a ledger.
     """
     for folder, files in _walk_folders_of_results(results_dir, names):
         if not (Path(folder) / LEDGER).is_file():
@@ -380,11 +416,11 @@ def _find_unlisted_results(results_dir: str, names: list[str]) -> Iterator[str]:
                     yield path
 
 
-def relist_results(results_dir: str, outputs: Iterable[str]) -> list[str]:
-    """List the results again in the ledgers of folders that have lost their ledgers.
+def restore_ledgers(results_dir: str, outputs: Iterable[str]) -> list[str]:
+    """Write new ledgers in the folders of results whose ledgers are missing.
 
-    Results are recognised by their records of provenance. The resolved configuration
-    and the times of the runs have no records and are listed as well.
+    Results are recognised by their records of provenance. The resolved configuration and
+    the table of processor times have no such records, but are listed as well.
 
     Parameters
     ----------
@@ -396,17 +432,18 @@ def relist_results(results_dir: str, outputs: Iterable[str]) -> list[str]:
     Returns
     -------
     list of str
-        The paths of the results that have a record and were listed again.
+        The paths of the results that were listed. The list is empty if no ledger was
+        missing.
     """
     names = _list_names_of_results(results_dir, outputs)
-    results = list(_find_unlisted_results(results_dir, names))
+    results = list(_find_results_without_ledger(results_dir, names))
     if not results:
         return []
 
-    # List the results, their sidecars, and the files without records.
-    records = [f"{path}{attached.SIDECAR_SUFFIX}" for path in results]
-    files_of_runs = [f"{results_dir}/{name}" for name in FILES_WITHOUT_RECORD]
-    for path in (*results, *records, *files_of_runs):
+    # The record of a result may be in a file beside it, its sidecar.
+    sidecars = [f"{path}{attached.SIDECAR_SUFFIX}" for path in results]
+    files_without_record = [f"{results_dir}/{name}" for name in FILES_WITHOUT_RECORD]
+    for path in (*results, *sidecars, *files_without_record):
         if os.path.isfile(path) and not os.path.islink(path):
             ledger.list_file(path)
     return results
@@ -415,21 +452,27 @@ def relist_results(results_dir: str, outputs: Iterable[str]) -> list[str]:
 def _describe_changed_result(path: Path, folder: Path) -> InputError:
     """Make the fault of a result that was changed after a study wrote it.
 
-    `folder` is that of the ledger that lists the result.
+    Parameters
+    ----------
+    path : Path
+        The result.
+    folder : Path
+        The folder whose ledger lists the result. If it is not the folder of the result,
+        the result is a file of a run of the user's own program.
     """
-    source = "repose"
-    removed = "this file, which is damaged or edited"
-    # A run of another program is made again where its record is missing.
+    author = "repose"
+    files_to_remove = "this file, which is damaged or edited"
+    # Without its record, a run of the user's own program is made again.
     if path.parent != folder:
         run = path.relative_to(folder).parts[0]
-        source = "its run"
-        removed = f"{removed}, and {folder / run}.json"
+        author = "its run"
+        files_to_remove += f", and {folder / run}.json"
     return InputError(
         path,
         key="content",
         value="something else",
-        allowed=f"a result as {source} wrote it; remove {removed}, and give the same command "
-        "again",
+        allowed=f"a result as {author} wrote it; remove {files_to_remove}, and give the same "
+        "command again",
     )
 
 

@@ -217,12 +217,12 @@ class WorkflowRun:
             If another run of the workflow uses the folder.
         """
         self._locks.enter_context(lock_folder(self.folder))
-        relisted = results_folder.relist_results(self.folder, outputs)
-        if relisted:
+        listed_results = results_folder.restore_ledgers(self.folder, outputs)
+        if listed_results:
             print(
                 f"repose: note: {self.folder} has lost its lists of written files "
                 f"({LEDGER}), perhaps because it was copied without hidden files; "
-                f"{len(relisted)} results were recognised by their records and listed again",
+                f"{len(listed_results)} results were recognised by their records and listed again",
                 file=sys.stderr,
             )
         self.write_configuration()

@@ -351,7 +351,7 @@ def test_a_record_that_is_not_there_is_noted_where_it_was_asked_for(tmp_path, co
     arguments = ["ask", "--config", tmp_path / "own.yaml"]
     arguments += ["--out", tmp_path / "next.csv"]
     mistyped = tmp_path / "nope.csv"
-    note = f"there is no record {mistyped}: these are the runs of the start"
+    note = f"there is no record {mistyped}, so these are the first runs of the study"
     assert note in command(*arguments, "--runs", mistyped).err
     assert "no record" not in command(*arguments).err
 
