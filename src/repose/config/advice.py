@@ -96,30 +96,17 @@ def give_funnel_hints(
     str
         A line of text.
     """
-    # Describe the rolling law, the stiffness of the grains, and their volume.
-    rolling_law = SceneSettings(config).simulation.rolling_law
-    if ROLLING_LAWS.entry(rolling_law).creeps:
-        yield (
-            f"rolling law: WARNING: with {rolling_law} grains creep under a torque, so "
-            f"runs may fail because {describe_status('not_at_rest')}"
-        )
+    yield from _warn_of_creep(config)
     yield f"stiffness: {_describe_stiffness(config, grain, longest_step_s)}"
     filling = compare_volumes(config, particle.volume_m3)
     state = "ok, " if filling.fits else ""
     yield f"volume: {state}{filling.sentence}"
-
-    # A pile that reaches the outlet blocks it.
-    funnel = _read_funnel_settings(config)
     height_mm = 1e3 * estimate_pile_height_m(config, grain)
-    outlet_mm = funnel.outlet_height_mm
-    if height_mm > outlet_mm:
-        yield (
-            f"funnel: WARNING: a pile of {format_significant(height_mm, 3)} mm reaches the outlet at "
-            f"{outlet_mm:g} mm and stops the flow"
-        )
+    yield from _warn_of_blocked_outlet(config, height_mm)
 
-    # Describe the number of grains that would fill the target pile.
-    n_grains = funnel.berries
+    # Describe the number of grains. If it does not suit the targets, name the number that
+    # does.
+    n_grains = _read_funnel_settings(config).berries
     beginning = "ok, the pile is"
     if not filling.fits:
         n_needed = count_needed_grains(config, particle.volume_m3)
@@ -140,6 +127,26 @@ def give_funnel_hints(
         config, grain_mm, height_mm=height_mm, poured=n_grains
     )
     yield from smaller_scene
+
+
+def _warn_of_creep(config: Config) -> Iterator[str]:
+    """Yield a warning if grains creep with the rolling law of the study."""
+    rolling_law = SceneSettings(config).simulation.rolling_law
+    if ROLLING_LAWS.entry(rolling_law).creeps:
+        yield (
+            f"rolling law: WARNING: with {rolling_law} grains creep under a torque, so "
+            f"runs may fail because {describe_status('not_at_rest')}"
+        )
+
+
+def _warn_of_blocked_outlet(config: Config, height_mm: float) -> Iterator[str]:
+    """Yield a warning if a pile of this height would reach the outlet of the funnel."""
+    outlet_mm = _read_funnel_settings(config).outlet_height_mm
+    if height_mm > outlet_mm:
+        yield (
+            f"funnel: WARNING: a pile of {format_significant(height_mm, 3)} mm reaches the outlet at "
+            f"{outlet_mm:g} mm and stops the flow"
+        )
 
 
 def _describe_number_of_grains(
@@ -199,6 +206,11 @@ def _describe_stiffness(
         The mean grain, as in berry.json.
     longest_step_s : callable
         Returns the longest time step [s] for a given mean grain.
+
+    Returns
+    -------
+    str
+        One or two sentences, which begin with ok if grains cannot be softer.
     """
     modulus_pa = grain["shear_modulus_pa"]
     sinking, softest_pa = compute_softening(config, grain)
@@ -260,7 +272,7 @@ def compute_softening(config: Config, grain: Grain) -> Softening:
     ) ** (2 / 3)
 
     # The mean over the depth of the pile is 3/5 of the value at its bottom.
-    sinking = 0.6 * approach_m / diameter_m
+    sinking = 3 / 5 * approach_m / diameter_m
 
     # Change the modulus until the pile sinks by the largest acceptable share.
     sinking_ratio = sinking / LARGEST_SINKING
@@ -302,11 +314,12 @@ def compare_volumes(config: Config, grain_m3: float) -> Filling:
     config : mapping
         The configuration.
     grain_m3 : float
-        Volume of a grain.
+        Volume of a grain [m3].
 
     Returns
     -------
     Filling
+        A description of both volumes, and whether they suit each other.
     """
     n_grains = _read_funnel_settings(config).berries
     height_mm, angle_deg = _find_pile_targets(config)
@@ -398,7 +411,7 @@ def count_needed_grains(config: Config, grain_m3: float) -> int:
     config : mapping
         The configuration.
     grain_m3 : float
-        Volume of a grain.
+        Volume of a grain [m3].
     """
     n_grains = _read_funnel_settings(config).berries
     height_mm, angle_deg = _find_pile_targets(config)

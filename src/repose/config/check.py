@@ -137,9 +137,8 @@ def describe_study(study: PipelineConfig) -> Iterator[str]:
     # Describe the time step, and the restitution that a hit has with it.
     limit = computed.find_longest_step(config, particle, grain)
     yield describe_time_step(study.settings.simulation.time_step_s, limit)
-    lowest_values = {}
-    for name, (low, _) in computed.find_ranges(config).items():
-        lowest_values[name] = low
+    ranges = computed.find_ranges(config)
+    lowest_values = {name: low for name, (low, _high) in ranges.items()}
     scene = study.scene(study.parameters.centre)
     yield from hits.describe_low_restitutions(scene, lowest_values)
 
@@ -413,6 +412,7 @@ def run_trials(
         A line of text.
     """
     parameter_sets = _choose_trial_sets(study)
+    n_runs = len(parameter_sets)
     for name in study.targets.apparatus:
         # Do not keep the user waiting for minutes.
         expected_s = cost.estimate_run_s(study.config, name, grain_step_s)
@@ -423,17 +423,24 @@ def run_trials(
         # Run and measure each set once, with the same seed.
         test = bench(name)
         runs = []
-        with show_message(f"three trial runs of {name}, about {3 * expected_s:.0f} s"):
+        total_s = n_runs * expected_s
+        with show_message(f"{n_runs} trial runs of {name}, about {total_s:.0f} s"):
             for parameters in parameter_sets:
                 run, _ = run_once(test, study.scene(parameters, seed=TRIAL_SEED))
                 runs.append(run)
 
-        # All trial runs have the same seed, so do not repeat it in each line.
-        for point, run in zip(TRIAL_SHARES, runs, strict=True):
-            sentence = describe_run(run, test.summary)
-            sentence = sentence.removeprefix(f"seed {TRIAL_SEED}: ")
-            yield f"{name}: {point}: {sentence}"
+        yield from _describe_trials(test, runs)
         yield from _warn_of_trials(study, test, runs)
+
+
+def _describe_trials(
+    test: BenchTest[Any], runs: Iterable[Mapping[str, Any]]
+) -> Iterator[str]:
+    """Yield a line about each trial run of a bench test, in the order of `TRIAL_SHARES`."""
+    for point, run in zip(TRIAL_SHARES, runs, strict=True):
+        # All trial runs have the same seed, so do not repeat it in each line.
+        sentence = describe_run(run, test.summary).removeprefix(f"seed {TRIAL_SEED}: ")
+        yield f"{test.name}: {point}: {sentence}"
 
 
 def _choose_trial_sets(study: PipelineConfig) -> list[dict[str, float]]:
@@ -525,28 +532,18 @@ def tabulate_costs(
         if reason is not None:
             reasons_against[name] = reason
 
-    # Write the header, in which each cell is the name of its column.
+    # In the header each cell is the name of its column.
     yield _align_costs({column: column for column in COST_COLUMNS})
 
-    # Write the rows: one for each budget, then one for each other strategy.
+    # Below it there is a row for each budget, and one for each other strategy.
     if "sequential" not in reasons_against:
-        section = settings.sequential
         for budget in budgets:
-            # The first entry is for learning: batches of runs, each with all seeds.
-            n_batches = math.ceil(budget / section.seeds)
-            pours = (
-                ("batches", n_batches, section.seeds),
-                CheckRuns("check", 1, section.checks),
-            )
-            yield _format_cost_row(
-                study, "sequential", pours=pours, grain_step_s=grain_step_s
-            )
+            pours = _list_pours_of_budget(study, budget)
+            yield _format_cost_row(study, "sequential", pours, grain_step_s)
     if "response_surface" not in reasons_against:
         most_pours = cost.list_strategy_pours(settings, "response_surface")
-        yield _format_cost_row(
-            study, "response_surface", pours=most_pours, grain_step_s=grain_step_s
-        )
-    yield _format_cost_row(study, "published", pours=None, grain_step_s=grain_step_s)
+        yield _format_cost_row(study, "response_surface", most_pours, grain_step_s)
+    yield _format_cost_row(study, "published", None, grain_step_s)
 
     # Explain the missing rows and the table.
     for name, reason in reasons_against.items():
@@ -554,6 +551,20 @@ def tabulate_costs(
     yield (
         "*: the configured strategy; response_surface: at most so many; minutes: as fast "
         "as this machine is now"
+    )
+
+
+def _list_pours_of_budget(study: PipelineConfig, budget: int) -> cost.Pours:
+    """List the runs of the sequential strategy with a budget of runs.
+
+    The strategy learns from batches of runs, each with all seeds. The runs of the final
+    check are not part of the budget.
+    """
+    section = study.settings.sequential
+    n_batches = math.ceil(budget / section.seeds)
+    return (
+        ("batches", n_batches, section.seeds),
+        CheckRuns("check", 1, section.checks),
     )
 
 
@@ -568,9 +579,9 @@ def _format_cost_row(
         The study.
     name : str
         The strategy.
-    pours : sequence or None
-        Its runs: purpose, number of parameter sets, seeds of each. None for the runs of
-        the article's method, which follow from the study.
+    pours : sequence of (str, int, int), or None
+        The runs of the strategy: purpose, number of parameter sets, seeds of each set.
+        None for the runs of the article's method, which follow from the study.
     grain_step_s : float
         Time for one step of one grain [s].
 

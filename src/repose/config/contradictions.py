@@ -21,6 +21,9 @@ from repose.calibrate.parameter_types import find_constraint_faults
 from repose.calibrate.strategies import obeying_strategies, strategy
 from repose.config.models import StudySettings, select_valid_sections
 
+# Rounding may put a product just below an integer: 0.7 * 90 is 62.99999. This number is
+# added before the decimals are cut off. It is larger than any such error.
+ROUNDING_MARGIN = 1e-9
 # Pairs of a dotted key and its allowed values.
 KeyFaults = Iterator[tuple[str, str]]
 
@@ -186,13 +189,12 @@ def _count_design_samples(settings: StudySettings, part: int) -> int:
     Parameters
     ----------
     settings : StudySettings
-        The sections `network` and `design` are read.
+        The study; its sections `network` and `design` are read.
     part : int
         0 for the training samples, 1 for those of the validation.
     """
-    # Rounding may put the product just below an integer, as 0.7 * 90 is 62.99999. Add a
-    # small number before cutting off the decimals.
-    return int(settings.network.split[part] * settings.design.samples + 1e-9)
+    n_samples = settings.network.split[part] * settings.design.samples
+    return int(n_samples + ROUNDING_MARGIN)
 
 
 def _find_contact_law_faults(settings: StudySettings) -> KeyFaults:
@@ -214,12 +216,10 @@ def _find_contact_law_faults(settings: StudySettings) -> KeyFaults:
             "fixed value",
         )
 
-    # A parameter of another law would have no effect, so it must be absent. Parameters
-    # that every study has are not in this table.
+    # A parameter of another law would have no effect, so it must be absent.
     for name, parameter in LAW_PARAMETERS.items():
-        if name not in entries:
-            continue
-        if contact_law in parameter.laws or rolling_law in parameter.laws:
+        has_law = contact_law in parameter.laws or rolling_law in parameter.laws
+        if name not in entries or has_law:
             continue
         laws = " or ".join(parameter.laws)
         # Only contact laws have parameters that must be given.
@@ -257,7 +257,7 @@ def _find_target_faults(
     Parameters
     ----------
     settings : StudySettings
-        The section `targets` is read.
+        The study; its section `targets` is read.
     config : mapping
         The whole configuration, which has a section for each bench test in use.
     """

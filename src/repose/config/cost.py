@@ -35,6 +35,12 @@ OTHER_WORK_S = 120.0
 TIMED_POUR_S = 1.5
 TIMED_GRAIN_STEPS = 1.0e7
 FEWEST_TIMED_GRAINS = 20
+# All grains are poured within this share of this time, so that most steps have all grains.
+TIMED_POURING_SHARE = 0.25
+# The pour lasts longer by the second over which the funnel measures the time of a step.
+MEASURED_END_S = 1.0
+# The last grain must appear this long before the end.
+TIMED_REST_WINDOW_S = 0.5
 # The pour is repeated and the shortest time is used, because other programs only make a
 # pour slower.
 N_TIMED_POURS = 3
@@ -145,14 +151,13 @@ def _find_largest_number_of_seeds(config: Config) -> int:
 
     A key with such a number is recognised by its ending, one of `SEED_KEY_ENDINGS`.
     """
-    seed_counts: list[int] = []
-    for section in config.values():
-        if not isinstance(section, Mapping):
-            continue
-        for key, value in section.items():
-            if key.endswith(SEED_KEY_ENDINGS):
-                seed_counts.append(value)
-    return max(seed_counts)
+    sections = [value for value in config.values() if isinstance(value, Mapping)]
+    return max(
+        value
+        for section in sections
+        for key, value in section.items()
+        if key.endswith(SEED_KEY_ENDINGS)
+    )
 
 
 def measure_grain_step_s(
@@ -171,7 +176,7 @@ def measure_grain_step_s(
     grain : mapping
         The mean grain, as in berry.json.
     particle : Particle
-        Its body.
+        The body of the mean grain.
 
     Returns
     -------
@@ -189,12 +194,11 @@ def measure_grain_step_s(
         min(settings.funnel.berries, round(TIMED_GRAIN_STEPS / n_steps)),
     )
 
-    # Pour all grains within the first quarter of the simulated time.
     small_funnel = settings.funnel.model_dump() | {
         "berries": n_grains,
-        "rate_per_s": 4 * n_grains / TIMED_POUR_S,
-        "duration_s": TIMED_POUR_S + 1.0,
-        "rest_window_s": 0.5,
+        "rate_per_s": n_grains / (TIMED_POURING_SHARE * TIMED_POUR_S),
+        "duration_s": TIMED_POUR_S + MEASURED_END_S,
+        "rest_window_s": TIMED_REST_WINDOW_S,
     }
     small_config = {**config, "funnel": small_funnel}
     parameters = contact_space(settings.parameters.entries).centre
@@ -260,40 +264,39 @@ def estimate_work(
     settings = select_valid_sections(config)
     target_tests = _list_tests_of_targets(settings)
 
-    # Compute the time of one run in each bench test. Include the drum, because it checks
-    # the answer of every study.
-    views_s = SECONDS_PER_VIEW * settings.measure.views
-    times_s = {"funnel": estimate_run_s(config, "funnel", grain_step_s) + views_s}
-    for test in (*target_tests, "drum"):
-        if test not in times_s and settings.get_bench_section(test) is not None:
-            times_s[test] = estimate_run_s(config, test, grain_step_s)
+    # Estimate the time of one run in each bench test. Include the drum, because it checks
+    # the answer of every study. In the funnel the pile is also measured in several views.
+    run_times_s = {}
+    for test in dict.fromkeys(("funnel", *target_tests, "drum")):
+        if settings.get_bench_section(test) is not None:
+            run_times_s[test] = estimate_run_s(config, test, grain_step_s)
+    run_times_s["funnel"] += SECONDS_PER_VIEW * settings.measure.views
 
     # Add up the runs. The article's method has further work besides the runs.
     if pours is None:
         pours = list_article_pours(settings)
-        total_s = _compute_article_time_s(settings, pours, times_s)
+        total_s = _compute_article_time_s(settings, pours, run_times_s)
     else:
-        total_s = _compute_strategy_time_s(
-            pours, [times_s[test] for test in target_tests]
-        )
-    return {"pours": pours, "pour_s": times_s["funnel"], "total_s": total_s}
+        target_times_s = [run_times_s[test] for test in target_tests]
+        total_s = _compute_strategy_time_s(pours, target_times_s)
+    return {"pours": pours, "pour_s": run_times_s["funnel"], "total_s": total_s}
 
 
-def _compute_strategy_time_s(pours: Pours, times_s: Iterable[float]) -> float:
+def _compute_strategy_time_s(pours: Pours, run_times_s: Iterable[float]) -> float:
     """Compute the time of the runs of a strategy on one core [s].
 
     Parameters
     ----------
     pours : sequence of (str, int, int)
-        Its runs: purpose, number of parameter sets, seeds of each set. A parameter set
-        is one job.
-    times_s : iterable of float
-        Time of a run in each bench test of the targets [s].
+        The runs of the strategy: purpose, number of parameter sets, seeds of each set. All
+        seeds of a parameter set are one job.
+    run_times_s : iterable of float
+        Time of one run in each bench test of the targets [s].
     """
     total_s = 0.0
-    for time_s in times_s:
-        for _, n_sets, n_seeds in pours:
-            total_s += n_sets * (JOB_START_S + n_seeds * time_s)
+    for run_s in run_times_s:
+        for _purpose, n_sets, n_seeds in pours:
+            total_s += n_sets * (JOB_START_S + n_seeds * run_s)
     return total_s
 
 
@@ -316,7 +319,7 @@ def count_runs(pours: Pours) -> int:
 
 
 def _compute_article_time_s(
-    settings: StudySettings, pours: Pours, times_s: Mapping[str, float]
+    settings: StudySettings, pours: Pours, run_times_s: Mapping[str, float]
 ) -> float:
     """Compute how long a study by the article's method takes on one core [s].
 
@@ -325,24 +328,24 @@ def _compute_article_time_s(
     settings : StudySettings
         The study.
     pours : sequence of (str, int, int)
-        Its runs in the funnel: purpose, number of parameter sets, seeds of each set.
-    times_s : mapping of str to float
+        The runs in the funnel: purpose, number of parameter sets, seeds of each set.
+    run_times_s : mapping of str to float
         Time of one run in each bench test [s].
     """
-    total_s = OTHER_WORK_S + _compute_strategy_time_s(pours, [times_s["funnel"]])
+    total_s = OTHER_WORK_S + _compute_strategy_time_s(pours, [run_times_s["funnel"]])
 
-    # The drum runs with the answer, whether or not one of the targets is its response.
+    # The drum runs with the answer, even if no target is a response of the drum. Each of
+    # its runs is a job.
     if settings.get_bench_section("drum") is not None:
-        total_s += settings.count_seeds("drum") * (JOB_START_S + times_s["drum"])
+        total_s += settings.count_seeds("drum") * (JOB_START_S + run_times_s["drum"])
 
     # All parameter sets run in every bench test of the targets. The funnel was counted
     # above.
-    n_sets = sum(sets for _, sets, _ in pours)
+    n_sets = sum(n_sets for _purpose, n_sets, _n_seeds in pours)
     for test in _list_tests_of_targets(settings):
-        if test == "funnel":
-            continue
-        job_s = JOB_START_S + settings.count_design_seeds(test) * times_s[test]
-        total_s += n_sets * job_s
+        if test != "funnel":
+            n_seeds = settings.count_design_seeds(test)
+            total_s += n_sets * (JOB_START_S + n_seeds * run_times_s[test])
     return total_s
 
 
@@ -371,7 +374,12 @@ STUDY_SUMMARIES = {
 def describe_costs(config: Config) -> dict[str, str]:
     """Describe the runs and the time of each study in `STUDY_SUMMARIES`.
 
-    Seconds to minutes of work with the surrogate alone are not counted.
+    Work with the surrogate alone takes seconds to minutes and is not counted.
+
+    Parameters
+    ----------
+    config : mapping
+        The configuration.
 
     Returns
     -------
@@ -381,27 +389,22 @@ def describe_costs(config: Config) -> dict[str, str]:
     """
     settings = select_valid_sections(config)
     calibration = estimate_work(config)
-    pour_s = calibration["pour_s"]
-
-    # Most studies reuse the runs of the calibration.
-    descriptions = dict.fromkeys(STUDY_SUMMARIES, "no pours besides the calibration")
-
-    # Describe the calibration.
     n_calibration = count_runs(calibration["pours"])
     minutes = calibration["total_s"] / 60
     test_names = {test.name for test in find_tests_in_use(config)}
     other_tests = "" if test_names == {"funnel"} else " and the other bench tests"
-    descriptions["calibration"] = (
-        f"{n_calibration} pours{other_tests}, about {minutes:.0f} min on one core"
-    )
 
-    # Describe the studies that make further runs.
+    # Three studies make runs. All others reuse the runs of the calibration.
     n_refined = settings.refine.pours + settings.refine.seeds
-    descriptions["refined"] = _describe_pours(n_refined, pour_s)
-
     n_published = _count_published_sets(settings) * settings.validation.seeds
-    descriptions["published_sets"] = _describe_pours(n_published, pour_s)
-    return descriptions
+    pour_s = calibration["pour_s"]
+    return dict.fromkeys(STUDY_SUMMARIES, "no pours besides the calibration") | {
+        "calibration": (
+            f"{n_calibration} pours{other_tests}, about {minutes:.0f} min on one core"
+        ),
+        "refined": _describe_pours(n_refined, pour_s),
+        "published_sets": _describe_pours(n_published, pour_s),
+    }
 
 
 def _describe_pours(n_pours: int, pour_s: float) -> str:

@@ -22,6 +22,11 @@ LOW_RESTITUTION = 0.3
 PHASES = (0.1, 0.3, 0.5, 0.7, 0.9)
 # Limit of time steps for a hit, so that the loop always ends.
 MOST_STEPS = 100_000
+# Duration of a hit by Hertz's law without damping, times the speed of the impact and over
+# the largest overlap.
+HERTZ_DURATION = 2.943
+# The largest overlap of this hit, if mass, speed and stiffness are 1.
+HERTZ_OVERLAP = (5 / 4) ** 0.4
 
 
 def compute_returned_restitution(
@@ -45,14 +50,14 @@ def compute_returned_restitution(
 
     Notes
     -----
-    Mass, speed and the stiffness k of F = k overlap^1.5 are 1. Hertz's hit lasts 2.943
-    times its largest overlap, (5/4)^0.4.
+    The hit is computed in units in which the mass, the speed and the stiffness k of the
+    force F = k overlap^1.5 are 1.
     """
     from repose.dem.laws.hertz_mindlin import damping_ratio
 
-    time_step = 2.943 * 1.25**0.4 / steps_per_contact
-    # The damping force of this law is 2 sqrt(5/6) beta sqrt(stiffness mass) speed, with
-    # the damping ratio beta.
+    time_step = HERTZ_DURATION * HERTZ_OVERLAP / steps_per_contact
+    # The damping force of this law is 2 sqrt(5/6) beta sqrt(stiffness mass) speed, where
+    # beta is the damping ratio and the stiffness is that of the tangent.
     damping = 2.0 * math.sqrt(5.0 / 6.0) * damping_ratio(restitution, tension)
     speeds = [
         _simulate_rebound_speed(
@@ -129,26 +134,27 @@ def describe_low_restitutions(
     from repose.dem.time_steps import FASTEST_IMPACT_M_S
 
     settings = scene.simulation
-    texts = []
+    descriptions = []
     for pair in PAIRS:
         name = f"e_{pair}"
         restitution = lowest_values[name]
         if restitution >= LOW_RESTITUTION:
             continue
-
-        # Simulate a hit with as many time steps as a contact of the study has.
         contact_s = _compute_contact_time_s(scene, pair, restitution)
         if contact_s is None:
-            return
-        steps_per_contact = contact_s / settings.time_step_s
-        effective = compute_returned_restitution(
-            restitution, settings.tension, steps_per_contact
+            continue
+
+        # Simulate a hit with as many time steps as a contact of the study has.
+        returned = compute_returned_restitution(
+            restitution,
+            settings.tension,
+            steps_per_contact=contact_s / settings.time_step_s,
         )
-        texts.append(f"{effective:.3f} where {name} is {restitution:g}")
-    if texts:
+        descriptions.append(f"{returned:.3f} where {name} is {restitution:g}")
+    if descriptions:
         yield (
             f"restitution: at this time step a hit at {FASTEST_IMPACT_M_S:g} m/s "
-            f"returns {' and '.join(texts)}"
+            f"returns {' and '.join(descriptions)}"
         )
 
 
@@ -180,21 +186,17 @@ def _compute_contact_time_s(
     if law not in HERTZ_LAWS or contact_time is None:
         return None
 
-    # A hit of two equal grains is equivalent to a hit of one grain with half the mass and
+    # A hit of two equal grains lasts as long as a hit of one grain with half the mass and
     # half the radius on a wall.
-    partner = "wall"
-    effective_share = 1.0
-    if pair == "gg":
-        partner = "berry"
-        effective_share = 0.5
+    other_body = "berry" if pair == "gg" else "wall"
+    effective_share = 0.5 if pair == "gg" else 1.0
     shape = scene.particle.dem_shape("berry")
     materials = materials_of(scene)
     parameters = {**scene.parameters, f"e_{pair}": restitution}
-    contact = contacts_of(parameters)["berry", partner]
     return contact_time(
         materials["berry"],
-        materials[partner],
-        contact,
+        materials[other_body],
+        contacts_of(parameters)["berry", other_body],
         effective_share * shape.mass_kg,
         effective_share * shape.smallest_radius_m,
         FASTEST_IMPACT_M_S,

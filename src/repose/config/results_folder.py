@@ -19,6 +19,7 @@ from repose.common import attached, ledger, places
 from repose.common.errors import InputError, raise_together
 from repose.common.ledger import LEDGER
 from repose.common.section import Contradictions, refuse
+from repose.config.loader import RESOLVED_FILE
 
 # Folders of the project into which no results may be written.
 PROJECT_FOLDERS = (
@@ -37,9 +38,10 @@ PROJECT_FOLDERS = (
 )
 # Folders in the folder of results whose files every job replaces.
 FOLDERS_WITHOUT_RESULTS = ("benchmarks", "logs")
-# Files that a run writes without a record of provenance, because they are no results: the
-# resolved configuration, and the times of all runs.
-FILES_WITHOUT_RECORD = ("config.json", "benchmarks/calls.csv")
+# Table of the times of all runs of the workflow in the folder of results.
+RUN_TIMES_FILE = "benchmarks/calls.csv"
+# Files that a run writes without a record of provenance, because they are no results.
+FILES_WITHOUT_RECORD = (RESOLVED_FILE, RUN_TIMES_FILE)
 # Names of the wildcards in rules that stand for a number.
 NUMBER_WILDCARDS = ("sample", "job", "run", "seed", "batch")
 # A wildcard in braces, as {sample} or with its constraint {sample,\d+}.

@@ -23,6 +23,7 @@ from repose.common.ledger import LEDGER
 from repose.common.lock import lock_folder
 from repose.config import dependencies, earlier_check, loader, results_folder
 from repose.config.pipeline import PipelineConfig
+from repose.config.results_folder import RUN_TIMES_FILE
 
 # Beginning of the line that a stage prints when it refuses its input.
 FAULT_PREFIX = "repose: error:"
@@ -71,7 +72,7 @@ def prepare_run(
         )
     merged = loader.merge_workflow_values(config, files, source)
 
-    # Reuse the result of an earlier check.
+    # Reuse the result of an earlier check, if there is one of this configuration.
     fingerprint = earlier_check.compute_fingerprint(merged.config)
     resolved = earlier_check.read_checked_config(merged.config, fingerprint)
     if resolved is not None:
@@ -91,7 +92,10 @@ def _make_relative_path(path: str) -> str:
 
 
 def has_pour_jobs(workflow: Any) -> bool:
-    """Return whether Snakemake is going to run a job that simulates a pile."""
+    """Return whether Snakemake is going to run a job that simulates a pile.
+
+    The names of the rules of such jobs end with ``pour``.
+    """
     return any(job.rule.name.endswith("pour") for job in workflow.dag.needrun_jobs())
 
 
@@ -137,15 +141,15 @@ def _find_kept_results(workflow: Any, folder: str) -> Iterator[str]:
 def _require_same_settings(study: PipelineConfig, paths: Iterable[str]) -> None:
     """Raise InputError for the first result that was made with other settings."""
     for path in sorted(paths):
-        mismatch = dependencies.find_difference(
+        difference = dependencies.find_difference(
             study.config, attached.read_record(path)
         )
-        if mismatch is not None:
+        if difference is not None:
             raise InputError(
                 path,
-                key=mismatch.key,
-                value=mismatch.recorded,
-                allowed=f"{mismatch.current}, as in this study: this run would keep the result, and mix "
+                key=difference.key,
+                value=difference.recorded,
+                allowed=f"{difference.current}, as in this study: this run would keep the result, and mix "
                 "results of two studies; add --forceall (pours of equal settings are "
                 "kept), take the earlier value, or choose another results_dir",
             )
@@ -166,10 +170,12 @@ def handle_sigterm_in_thread() -> None:
     handler = signal.getsignal(signal.SIGTERM)
     if not callable(handler):
         return
-    # Unlike other queues, this one allows a signal to interrupt `put` by another `put`.
+    # Signals wait in this queue. Unlike other queues, it allows a signal to interrupt
+    # `put` by another `put`.
     signal_numbers: SimpleQueue[int] = SimpleQueue()
 
     def call_handler() -> None:
+        """Call the handler for each signal in the queue; never returns."""
         while True:
             handler(signal_numbers.get(), None)
 
@@ -269,47 +275,67 @@ class WorkflowRun:
         import pandas as pd
 
         from repose.common.files import read_table, write_table
-        from repose.common.provenance import describe_machine
 
         processes = usage.list_processes_since(self.folder, self.start_s)
         if not processes:
             return
         usage.correct_benchmarks(self.folder, processes)
 
-        # Add a row to the table of earlier runs.
-        path = f"{self.folder}/benchmarks/calls.csv"
-        start = time.gmtime(self.start_s)
-        row = {
-            "began": time.strftime("%Y-%m-%dT%H:%M:%SZ", start),
-            "wall_s": round(time.time() - self.start_s, 1),
-            "cpu_s": round(_sum_processor_time_s(processes), 1),
-            "processor": describe_machine()["processor"],
-        }
+        # Add this run to the table of earlier runs.
+        path = f"{self.folder}/{RUN_TIMES_FILE}"
+        row = self._measure_times(processes)
         runs = pd.DataFrame([row])
         if os.path.exists(path):
             runs = pd.concat([read_table(path, row), runs])
 
         # Print the time of this run, and that of all runs.
-        text = f"time: {_format_total_times(runs[-1:])} on {row['processor']}"
+        this_run = runs[-1:]
+        text = f"time: {_format_total_times(this_run)} on {row['processor']}"
         if len(runs) > 1:
             text += f"; all {len(runs)} calls: {_format_total_times(runs)}"
-        with suppress(OSError):  # the terminal is closed
+        # Ignore the error if the terminal is closed.
+        with suppress(OSError):
             print(f"{text} ({path})", file=sys.stderr)
         write_table(path, runs)
 
+    def _measure_times(self, processes: Iterable[usage.Process]) -> dict[str, Any]:
+        """Measure the times of this run, as a row of the table of runs.
 
-def _sum_processor_time_s(processes: Iterable[usage.Process]) -> float:
+        Parameters
+        ----------
+        processes : iterable of usage.Process
+            The jobs of this run.
+
+        Returns
+        -------
+        dict
+            When the run began, its time by the clock and its processor time [s], and the
+            name of the processor.
+        """
+        from repose.common.provenance import describe_machine
+
+        start = time.gmtime(self.start_s)
+        return {
+            "began": time.strftime("%Y-%m-%dT%H:%M:%SZ", start),
+            "wall_s": round(time.time() - self.start_s, 1),
+            "cpu_s": round(_sum_processor_time_s(processes), 1),
+            "processor": describe_machine()["processor"],
+        }
+
+
+def _sum_processor_time_s(jobs: Iterable[usage.Process]) -> float:
     """Add up the processor time of this process and of all jobs of its run [s].
 
     A job that is a child of this process is already included in the time of this process.
+    Jobs on other machines are not.
     """
     this_process = str(os.getpid())
     this_host = os.uname().nodename
     cpu_s = usage.measure_processor_time_s()
-    for process in processes:
-        is_child = this_process in process.ancestors.split()
-        if process.host != this_host or not is_child:
-            cpu_s += process.cpu_s
+    for job in jobs:
+        is_child = job.host == this_host and this_process in job.ancestors.split()
+        if not is_child:
+            cpu_s += job.cpu_s
     return cpu_s
 
 
