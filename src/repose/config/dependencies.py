@@ -79,6 +79,10 @@ STAGE_KEYS: dict[str, tuple[str, ...]] = {
 }
 # Stands for the runs of all bench tests of the targets.
 RUNS_OF_TARGETS = "runs"
+# Stages that simulate or measure with our simulator, and those that measure the runs of
+# another program.
+STAGES_OF_RUNS = ("pour", "measure_runs", "heap", "drum", RUNS_OF_TARGETS)
+STAGES_OF_EXTERNAL_RUNS = ("measure_simulated", RUNS_OF_TARGETS)
 # For each stage, the stages whose results it reads directly.
 STAGE_SOURCES: dict[str, tuple[str, ...]] = {
     "dataset": (RUNS_OF_TARGETS,),
@@ -109,6 +113,7 @@ COMPARED_STAGES = {
 # Keys on which no result depends: the name of the study, its folder, and the format of
 # its figures.
 KEYS_WITHOUT_EFFECT = ("label", "results_dir", "figures")
+SIMULATOR_KEYS_WITHOUT_EFFECT = ("name", "memory_mb")
 
 
 def select_stage_settings(
@@ -164,31 +169,47 @@ def _select_settings_with_paths(
     dict
         Values by section or dotted key. Files appear as paths.
     """
-    # The runs of another program depend on its own section.
-    if is_external(config) and stage in (RUNS_OF_TARGETS, "measure_simulated"):
+    if stage in STAGES_OF_EXTERNAL_RUNS and is_external(config):
         return _select_external_run_settings(config)
-
-    # Stages that simulate or measure read the grain and the section of the bench test.
-    grain = {} if is_external(config) else select_sections(config, *STAGE_KEYS["shape"])
-    if stage == "pour":
-        return grain | select_simulation_settings(config, test)
-    if stage == "drum":
-        return grain | select_simulation_settings(config, "drum")
-    if stage in ("measure_runs", "heap"):
-        return grain | _select_run_settings(config, test)
-    if stage == RUNS_OF_TARGETS:
-        return grain | _select_target_run_settings(config)
-
-    # Any other stage has a list of keys, or may read any key.
+    if stage in STAGES_OF_RUNS:
+        return _select_settings_of_runs(config, stage, test)
     keys = _find_keys_of_stage(stage, strategy_name)
     if keys is None:
         return _select_all_settings(config)
 
-    # The stage also depends on the settings of the stages whose results it reads.
+    # A stage also depends on the settings of the stages whose results it reads.
     selected: dict[str, Any] = {}
     for source_stage in STAGE_SOURCES.get(stage, ()):
         selected |= _select_settings_with_paths(config, source_stage, test, None)
     return selected | select_sections(config, *keys)
+
+
+def _select_settings_of_runs(config: Config, stage: str, test: str) -> dict[str, Any]:
+    """Select the settings of a stage that simulates or measures with our simulator.
+
+    Parameters
+    ----------
+    config : mapping
+        A resolved configuration.
+    stage : str
+        One of `STAGES_OF_RUNS`.
+    test : str
+        Bench test of the runs.
+
+    Returns
+    -------
+    dict
+        Values by section or dotted key. Files appear as paths.
+    """
+    # All of them depend on the grain.
+    grain = select_sections(config, *STAGE_KEYS["shape"])
+    if stage == RUNS_OF_TARGETS:
+        return grain | _select_target_run_settings(config)
+    if stage == "pour":
+        return grain | select_simulation_settings(config, test)
+    if stage == "drum":
+        return grain | select_simulation_settings(config, "drum")
+    return grain | _select_run_settings(config, test)
 
 
 def _find_keys_of_stage(
@@ -294,7 +315,7 @@ def _select_simulator_settings(config: Config) -> dict[str, Any]:
     section = {
         key: value
         for key, value in config["simulator"].items()
-        if key not in ("name", "memory_mb")
+        if key not in SIMULATOR_KEYS_WITHOUT_EFFECT
     }
     if "template" in section:
         section["template"] = _hash_content(section["template"])
@@ -490,21 +511,20 @@ def find_difference(
 
     # Compare the settings.
     recorded = record["settings"]
-    current = convert_to_recorded_form(
-        select_stage_settings(
-            config,
-            record["verb"],
-            apparatus=record.get("apparatus"),
-            strategy_name=record.get("strategy"),
-        )
+    current_settings = select_stage_settings(
+        config,
+        record["verb"],
+        apparatus=record.get("apparatus"),
+        strategy_name=record.get("strategy"),
     )
+    current = convert_to_recorded_form(current_settings)
     if recorded != current:
         return _find_first_difference(recorded, current)
 
-    # Compare the engine. A result that depends on no run has none.
-    engine = engine_hash()
-    if compares_engine and record["engine"] not in (None, engine):
-        return Difference("engine", recorded=record["engine"], current=engine)
+    # Compare the engine. The record of a result that depends on no run has none.
+    recorded_engine = record["engine"]
+    if compares_engine and recorded_engine not in (None, engine_hash()):
+        return Difference("engine", recorded=recorded_engine, current=engine_hash())
     return None
 
 
@@ -596,8 +616,8 @@ def require_same_study(config: Config, inputs: Inputs, source: str) -> None:
         if difference is None:
             continue
 
-        # The key may name a file, whose content is compared by a hash. If there is no
-        # hash, the file is missing. The user has probably called the subcommand in another
+        # The key may name a file, of which the hashes are compared. If there is no hash,
+        # the file is missing. The user has probably called the subcommand in another
         # folder.
         named_file = get_value(config, difference.key)
         if difference.current is None and isinstance(named_file, str):
@@ -649,9 +669,9 @@ def find_own_dataset(config: Config) -> Path | None:
     Returns
     -------
     Path or None
-        The path of dataset.csv. None if the study has no table of all its piles. This is
-        also the case if the table, the piles or the grain come from other settings, or if
-        a pile is newer than the table.
+        The path of dataset.csv. None if the study has no table of all its piles, if the
+        table, the piles or the grain come from other settings, or if a pile is newer than
+        the table.
     """
     folder = Path(config["results_dir"])
     table = folder / "dataset.csv"
