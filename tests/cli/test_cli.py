@@ -21,9 +21,9 @@ from repose.__main__ import main
 from repose.bench.parameters import PARAMETERS
 from repose.cli import (
     STAGES,
-    USER_SUBCOMMANDS,
     SUBCOMMAND_GROUPS,
     SUBCOMMANDS,
+    USER_SUBCOMMANDS,
     make_parser,
     registry,
 )

@@ -15,7 +15,7 @@ from test_simulated_piles import cone_of_berries
 
 from repose.calibrate.strategies import strategy
 from repose.calibrate.study import Study
-from repose.cli import USER_SUBCOMMANDS, SUBCOMMANDS, make_parser
+from repose.cli import SUBCOMMANDS, USER_SUBCOMMANDS, make_parser
 from repose.config import dependencies, loader
 from repose.config.pipeline import PipelineConfig
 

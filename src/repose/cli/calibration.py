@@ -187,12 +187,13 @@ def published_sets(args: argparse.Namespace, study: PipelineConfig) -> None:
     """
     from repose.common import provenance
     from repose.config import dependencies
+    from repose.measure.saved_pours import POURS_ENDING
     from repose.stages import validate
 
-    # Refuse runs and measurements that another engine or scene has made. The runs of
-    # NAME.json are described in NAME.pours.json beside it.
+    # Refuse runs and measurements that another engine or scene has made. The runs that
+    # NAME.json measures are described in NAME.pours.json beside it.
     measurements = [Path(job) for job in args.jobs]
-    runs = [path.with_suffix(".pours.json") for path in measurements]
+    runs = [path.with_suffix(POURS_ENDING) for path in measurements]
     outdated_files = dependencies.find_outdated_files(
         study.config, [*measurements, *runs]
     )
@@ -204,8 +205,8 @@ def published_sets(args: argparse.Namespace, study: PipelineConfig) -> None:
             allowed=f"runs by this engine as {args.config} asks for",
         )
 
-    # Write into each row which engine and scene have simulated it. Other studies use the
-    # table only if both are equal to theirs.
+    # Each row says which engine and scene have simulated it. Other studies use the table
+    # only if their engine and their scene are the same.
     record = provenance.get_current_record() or {}
     simulator = {
         "engine": record.get("engine"),

@@ -13,6 +13,7 @@ N_CARDS = {"show": 1, "compare": 2, "check": 1}
 # it has too few runs or none.
 NOT_MET_STATUS = 3
 UNDECIDED_STATUS = 4
+# The options of `material_card` that name a file whose content stands in the card.
 FILE_OPTIONS = (
     "berry",
     "particle",
@@ -50,25 +51,27 @@ def card(args: argparse.Namespace) -> int:
     from repose.stages import card as card_file
     from repose.stages import card_text
 
-    # Read as many cards as the action needs.
     n_cards = N_CARDS[args.action]
     if len(args.cards) != n_cards:
-        key = f"card {args.action}"
         raise InputError(
-            "command line", key=key, value=args.cards, allowed=f"files: {n_cards}"
+            "command line",
+            key=f"card {args.action}",
+            value=args.cards,
+            allowed=f"files: {n_cards}",
         )
     cards = [card_file.read_card(path) for path in args.cards]
+
     if args.action == "compare":
         print(card_text.compare_cards(*cards))
         return 0
+    (only_card,) = cards
     if args.action == "show":
-        print(card_text.describe_card(cards[0]))
+        print(card_text.describe_card(only_card))
         return 0
 
-    # Check the card. The exit status says what the check finds.
-    (checked_card,) = cards
-    print(card_text.format_verdict(checked_card))
-    are_targets_met = card_text.get_verdict(checked_card).met
+    # The action is check. The exit status says whether the targets are met.
+    print(card_text.format_verdict(only_card))
+    are_targets_met = card_text.get_verdict(only_card).met
     if are_targets_met is None:
         return UNDECIDED_STATUS
     return 0 if are_targets_met else NOT_MET_STATUS

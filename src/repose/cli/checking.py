@@ -165,7 +165,7 @@ def _print_external_study(
     study : PipelineConfig
         The study.
     simulator : SimulatorSettings
-        Its section `simulator`.
+        The section `simulator` of the study.
     """
     from repose.config import check, cost, external_check
 
@@ -345,16 +345,14 @@ def _print_probabilities(result: "Plan") -> None:
         "success: probability that the answer lies within 1 % and 2 % of all targets, for "
         f"{result.campaigns}:"
     )
-    # A column of the table for each tolerance: the probability and its standard error.
-    header = [f"{percent:g} %" for percent in TOLERANCES]
-    print(f"{'pours':>7}", *(f"{title:>12}" for title in header))
+    # The table has a column for each tolerance: the probability and its standard error.
+    titles = [f"{percent:g} %" for percent in TOLERANCES]
+    print(f"{'pours':>7}", *(f"{title:>12}" for title in titles))
     for row in result.success.to_dict("records"):
         cells = []
         for percent in TOLERANCES:
             column = f"within_{percent:g}_percent"
-            probability = row[column]
-            standard_error = row[f"{column}_se"]
-            cells.append(f"{probability:.2f} ± {standard_error:.2f}")
+            cells.append(f"{row[column]:.2f} ± {row[f'{column}_se']:.2f}")
         print(f"{row['pours']:>7}", *(f"{cell:>12}" for cell in cells))
     print(
         "counted in simulated calibrations with known answers: `repose docs sequential`"

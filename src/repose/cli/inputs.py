@@ -1,6 +1,7 @@
 """Subcommands for the inputs of a study: the grain, its particle, the samples."""
 
 import argparse
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def _load_study_of_grain(args: argparse.Namespace) -> PipelineConfig | None:
-    """Load the study; return None if the subcommand builds a mesh, which needs no study."""
+    """Load the study; return None if a mesh is built, which needs no study."""
     return None if args.axes or args.stl else load_study(args)
 
 
@@ -106,6 +107,7 @@ def _build_mesh(args: argparse.Namespace) -> None:
     density = args.density
     if density is None:
         density = load_study(args).settings.berry.density_kg_m3
+    # The number of the shape says how full it is.
     mesh, shape_number = mesh_from_axes.make_grain_mesh(
         args.axes,
         args.mass_g,
@@ -119,8 +121,8 @@ def _build_mesh(args: argparse.Namespace) -> None:
     assert isinstance(stl, bytes)
     write_bytes(args.stl, stl)
 
-    # Print how full the shape is, by its share of the box around it and by its profile.
-    box_mm3 = args.axes[0] * args.axes[1] * args.axes[2]
+    # Print the share of the shape in the box around it, and its profile.
+    box_mm3 = math.prod(args.axes)
     inner_exponent, outer_exponent = mesh_from_axes.compute_profile_exponents(
         shape_number
     )

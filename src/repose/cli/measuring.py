@@ -5,7 +5,7 @@ import math
 import sys
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from repose.cli.options import BERRY, JSON
 from repose.cli.registry import CONFIG, Option, load_study, subcommand
@@ -25,6 +25,11 @@ if TYPE_CHECKING:
 
 # Smallest and largest size of a pixel [mm], from a microscope to a heap in a hall.
 PIXEL_SIZE_LIMITS_MM = (1e-3, 100.0)
+# Options of `measure` that only a photograph of a pile needs, and those that only a
+# photograph of a drum or a box needs. The scale of a drum or a box comes from points of
+# known distance.
+PILE_OPTIONS = ("lens", "mm_per_pixel", "length", "base_row")
+BED_OPTIONS = ("points",)
 ANGLE_LINE_HELP = "its line of the angle (default: over the whole side)"
 BENCH_HELP = "funnel or lifted_cylinder, which leave a pile, turning or drawdown"
 POINTS_HELP = (
@@ -36,6 +41,8 @@ SIZES_FILE = "sizes.csv"
 PARTICLE_TABLE_FILE = "piles.csv"
 # Table of runs with the responses of their piles.
 RESULTS_TABLE_FILE = "results.csv"
+# Table of the median profile of the bed in a turning drum.
+PROFILE_TABLE_FILE = "profile.csv"
 EXPECTED_PILE = "a pile with two flanks, seen from the side"
 
 
@@ -203,12 +210,8 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
     """
     import pandas as pd
 
-    from repose.common.errors import NoFlankError
     from repose.common.files import write_table
     from repose.common.section import AUTO
-    from repose.measure import particle_files
-    from repose.measure.particles import measure_particles
-    from repose.measure.settings import line_of
 
     _check_particle_options(args)
     runs = None if args.runs is None else _read_runs(args.runs, args.pictures)
@@ -217,56 +220,125 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
         # Without a study, the scale of the views depends on the size of the grains.
         settings = settings.model_copy(update={"mm_per_pixel": AUTO})
 
-    # Measure each file as a row of the table.
-    rows = []
-    for name in args.pictures:
-        particles = particle_files.read_particles(name, args.radius)
-        try:
-            pile = measure_particles(
-                particles,
-                settings,
-                unit=args.unit,
-                up=args.up,
-                base=args.base,
-                source=name,
-            )
-        except NoFlankError as error:
-            raise InputError(
-                name, key="pile", value=error.reason, allowed=EXPECTED_PILE
-            ) from error
-        rows.append(
-            {
-                "file": name,
-                "grains": pile.n_grains,
-                "particles": pile.n_particles,
-                "up": pile.up,
-                "base": pile.base,
-                **pile.result.record(),
-                **pile.other_responses,
-            }
-        )
+    # Each file gives a row of the table.
+    rows = [_measure_particle_file(path, settings, args) for path in args.pictures]
     table = pd.DataFrame(rows)
-    path = Path(args.out) / PARTICLE_TABLE_FILE
-    write_table(path, table)
+    table_path = Path(args.out) / PARTICLE_TABLE_FILE
+    write_table(table_path, table)
     if runs is not None:
-        piles = table.set_index(table["file"].map(_find_run_name))
-        for column, response in _find_photographed_piles()[args.bench].items():
-            runs[response] = runs.index.map(piles[column])
-        write_table(Path(args.out) / RESULTS_TABLE_FILE, runs)
+        results = _add_responses_to_runs(runs, table, args.bench)
+        write_table(Path(args.out) / RESULTS_TABLE_FILE, results)
 
-    # Print the table, or a line for each pile.
     if args.json:
         print(format_json(table.to_dict("records")))
-        return
+    else:
+        _print_particle_piles(rows, settings, args.unit)
+        print(f"angles by every line and more: {table_path}")
+
+
+def _measure_particle_file(
+    path: str, settings: "MeasureSettings", args: argparse.Namespace
+) -> dict[str, Any]:
+    """Measure the pile in a file of particles.
+
+    Parameters
+    ----------
+    path : str
+        The file.
+    settings : MeasureSettings
+        How a pile is measured.
+    args : argparse.Namespace
+        The options `radius`, `unit`, `up` and `base` say how to read the file.
+
+    Returns
+    -------
+    dict
+        A row of the table of piles.
+
+    Raises
+    ------
+    InputError
+        If the file cannot be read, or the pile has no flanks.
+    """
+    from repose.common.errors import NoFlankError
+    from repose.measure.particle_files import read_particles
+    from repose.measure.particles import measure_particles
+
+    try:
+        pile = measure_particles(
+            read_particles(path, args.radius),
+            settings,
+            unit=args.unit,
+            up=args.up,
+            base=args.base,
+            source=path,
+        )
+    except NoFlankError as error:
+        raise InputError(
+            path, key="pile", value=error.reason, allowed=EXPECTED_PILE
+        ) from error
+    return {
+        "file": path,
+        "grains": pile.n_grains,
+        "particles": pile.n_particles,
+        "up": pile.up,
+        "base": pile.base,
+        **pile.result.record(),
+        **pile.other_responses,
+    }
+
+
+def _add_responses_to_runs(
+    runs: "pd.DataFrame", piles: "pd.DataFrame", bench: str
+) -> "pd.DataFrame":
+    """Add the measured responses of the piles to a table of runs.
+
+    Parameters
+    ----------
+    runs : DataFrame
+        The table of runs, as from `_read_runs`: its index is the name of each run.
+    piles : DataFrame
+        The table of piles, a row for each file of particles.
+    bench : str
+        Name of the bench test, which has the names of the responses.
+
+    Returns
+    -------
+    DataFrame
+        A copy of the table of runs with a column for each response. Runs without a file
+        have no value there.
+    """
+    results = runs.copy()
+    piles_by_run = piles.set_index(piles["file"].map(_find_run_name))
+    for column, response in _find_photographed_piles()[bench].items():
+        results[response] = results.index.map(piles_by_run[column])
+    return results
+
+
+def _print_particle_piles(
+    rows: Iterable[Mapping[str, Any]], settings: "MeasureSettings", unit: str
+) -> None:
+    """Print a line for each pile that was measured in a file of particles.
+
+    Parameters
+    ----------
+    rows : iterable of mapping
+        The rows of the table of piles.
+    settings : MeasureSettings
+        How the piles were measured; they name the line of the angle.
+    unit : str
+        The unit of lengths in the files.
+    """
+    from repose.measure.settings import line_of
+
     for row in rows:
         angle = row["aor_deg"]
-        shown = "no angle" if angle is None else f"{angle:.2f} deg"
+        angle_text = "no angle" if angle is None else f"{angle:.2f} deg"
         print(
-            f"{row['file']}: {shown} ({line_of(settings)}), Height "
+            f"{row['file']}: {angle_text} ({line_of(settings)}), Height "
             f"{row['height_mm']:.2f} mm; {row['grains']} grains, up is {row['up']}, "
-            f"the plate at {format_significant(row['base'])} {args.unit}"
+            f"the plate at {format_significant(row['base'])} {unit}"
         )
-    print(f"angles by every line and more: {path}")
 
 
 def _find_run_name(path: str) -> str:
@@ -396,10 +468,7 @@ def _check_bench_options(args: argparse.Namespace, pile_tests: Iterable[str]) ->
             allowed=f"one of {', '.join(known)}",
         )
 
-    # The scale of a drum or a box comes from points of known distance.
-    unused_options: tuple[str, ...] = ("lens", "mm_per_pixel", "length", "base_row")
-    if args.bench in pile_tests:
-        unused_options = ("points",)
+    unused_options = BED_OPTIONS if args.bench in pile_tests else PILE_OPTIONS
     for name in unused_options:
         value = getattr(args, name)
         if value:
@@ -448,20 +517,20 @@ def _choose_overlay_paths(pictures: list[Path], out: str) -> list[Path]:
     Returns
     -------
     list of Path
-        A PNG for each picture, named after it.
+        The path of a PNG for each picture, with the same name.
 
     Raises
     ------
     InputError
         If two overlays have the same path, a picture is given twice, or an overlay would
-        replace a picture or a file of somebody else.
+        replace a picture or a file of the user.
     """
     from repose.common.ledger import check_replaceable
 
     overlays = [Path(out) / f"{path.stem}.png" for path in pictures]
     hashes = [hash_file(path) for path in pictures]
     for path, overlay, content_hash in zip(pictures, overlays, hashes, strict=True):
-        # Two pictures of one name, or of one content.
+        # No two pictures may have the same name or the same content.
         if overlays.count(overlay) != 1:
             raise InputError(
                 "command line",
@@ -477,7 +546,7 @@ def _choose_overlay_paths(pictures: list[Path], out: str) -> list[Path]:
                 allowed="each picture once: this is a copy",
             )
 
-        # An overlay must replace neither its picture nor a file of somebody else.
+        # An overlay must replace neither its picture nor another file of the user.
         check_replaceable(overlay)
         if overlay.resolve() == path.resolve():
             raise InputError(
@@ -601,8 +670,8 @@ def _measure_beds(
     Parameters
     ----------
     args : argparse.Namespace
-        The options of the subcommand `measure`. The study of --config has the sizes of the drum
-        or the box.
+        The options of the subcommand `measure`. The study of --config has the sizes of
+        the drum or the box.
     pictures : list of Path
         The photographs.
     overlays : list of Path
@@ -644,21 +713,21 @@ def _measure_beds(
         write_image(overlay, photographs.stack_views(result.views))
     _require_measured_bed(results, args.bench)
 
-    # Write and print the numbers.
+    # Write the tables. Unlike a number of a pile, each number of a bed has the same name as
+    # its response.
     out = Path(args.out)
-    measured = photographs.make_tables(results, args.bench)
-    # Here each measured number has the name of its response.
+    tables = photographs.make_tables(results, args.bench)
     responses = {name: name for name in photographs.RESPONSES[args.bench]}
-    write_tables(measured, settings, out=out, bench=args.bench, responses=responses)
+    write_tables(tables, settings, out=out, bench=args.bench, responses=responses)
     if args.bench == "turning":
         turning = scene.section("turning", TurningSettings)
-        write_table(
-            out / "profile.csv", photographs.find_median_profile(results, turning)
-        )
+        profile = photographs.find_median_profile(results, turning)
+        write_table(out / PROFILE_TABLE_FILE, profile)
+
     if args.json:
-        print(format_json(convert_to_records(measured)))
+        print(format_json(convert_to_records(tables)))
     else:
-        print(photographs.describe_results(results, measured, out))
+        print(photographs.describe_results(results, tables, out))
 
 
 def _require_measured_bed(results: Sequence["PhotographResult"], bench: str) -> None:
@@ -683,7 +752,17 @@ def _read_scale(args: argparse.Namespace) -> "Scale":
     """Read the scale of the photographs from the options.
 
     The options --mm-per-pixel and --length give the scale directly. Without them the
-    scale comes from the sheet of squares in each photograph.
+    scale is found later, from the sheet of squares in each photograph.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The options of the subcommand `measure`.
+
+    Returns
+    -------
+    Scale
+        The scale, or the size of the squares from which it is found.
 
     Raises
     ------
@@ -778,15 +857,25 @@ def _require_between(option: str, value: float, low: float, high: float) -> None
 def _make_measure_settings(args: argparse.Namespace) -> "MeasureSettings":
     """Make the settings of the measurement from the study of --config and the options.
 
-    Without a study these are the default settings. The height of a grain then comes from
-    the file sizes.csv in the working folder, if there is one.
+    Without a study these are the default settings. The height of a grain comes from
+    --grain-mm, from the study, or from measured sizes, in this order. Without a study the
+    measured sizes are those in sizes.csv in the working folder, if there is such a file.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The options `config` and `grain_mm`.
+
+    Returns
+    -------
+    MeasureSettings
     """
     from repose.measure.settings import MeasureSettings
 
     if args.grain_mm is not None:
         _require_between("--grain-mm", args.grain_mm, low=0.1, high=1000)
 
-    # Find the settings, and the table of the measured sizes if there is one.
+    # Find the settings, and the table of measured sizes if there is one.
     if args.config is None:
         settings = MeasureSettings.with_defaults()
         sizes_csv = SIZES_FILE if Path(SIZES_FILE).is_file() else None
@@ -797,8 +886,7 @@ def _make_measure_settings(args: argparse.Namespace) -> "MeasureSettings":
         sizes_csv = study.berry.sizes
         keeps_volume = study.berry.keeps_volume
 
-    # The height of a grain comes from the option. Without the option it comes from the
-    # study, or from the measured sizes.
+    # Set the height of a grain.
     if args.grain_mm is not None:
         return settings.model_copy(update={"berry_height_mm": args.grain_mm})
     if settings.berry_height_mm is None and sizes_csv is not None:

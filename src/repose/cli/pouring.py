@@ -40,12 +40,13 @@ POUR_OPTIONS = (*SIMULATION_OPTIONS, *STUDY_SEEDS, TRAJECTORY)
 KEEP_RUNS = Option(
     "--keep-runs",
     action="store_true",
-    help="keep each run in OUT/runs; a kept run with the same settings is not run again",
+    help="keep each run in OUT/runs; a run that was kept with the same settings is not "
+    "repeated",
 )
 MEASURE = Option(
     "--measure",
     action="store_true",
-    help="also measure the runs, and keep that for measure_runs --keep-runs",
+    help="also measure the runs, and store the result for measure_runs --keep-runs",
 )
 
 
@@ -89,12 +90,12 @@ def pour(args: argparse.Namespace, study: PipelineConfig) -> None:
 
     job = _make_job_arguments(args, study, args.apparatus)
     pours = run_job(**job, keep_runs=args.keep_runs)
-    print(pours)
+    print(pours)  # the path of the file that describes the runs
     if args.measure:
-        _keep_measurement(args, study, scene=job["scene"], pours=pours)
+        _measure_and_store(args, study, scene=job["scene"], pours=pours)
 
 
-def _keep_measurement(
+def _measure_and_store(
     args: argparse.Namespace, study: PipelineConfig, scene: "Scene", pours: Path
 ) -> None:
     """Measure saved runs and store the result, unless it is stored already.
@@ -147,10 +148,10 @@ def heap(args: argparse.Namespace, study: PipelineConfig) -> None:
     if not args.json:
         _print_runs(runs, job["test"].summary)
         return
-    # Print a single run alone, without the description of its job.
+    # If there is one run, print its numbers without the other entries of the job.
     if len(runs) == 1:
-        shared = {key: result[key] for key in ("parameters", "time_step_s")}
-        print(format_json(shared | runs[0]))
+        settings_of_job = {key: result[key] for key in ("parameters", "time_step_s")}
+        print(format_json(settings_of_job | runs[0]))
     else:
         print(format_json(result))
 
@@ -207,7 +208,7 @@ def _make_job_arguments(
     Returns
     -------
     dict
-        The arguments by name.
+        The arguments of `run_job` by name.
 
     Raises
     ------
@@ -286,7 +287,7 @@ def _list_pours_files(args: argparse.Namespace) -> list[Path]:
     ),
     *BERRY_AND_PARTICLE,
     KEEP_RUNS.with_changes(
-        help="keep each measurement with its runs, and take a kept one that is the same"
+        help="store each measurement with its runs, and do not repeat a stored one"
     ),
     runs="measured",
 )

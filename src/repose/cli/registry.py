@@ -32,7 +32,8 @@ class Option:
     Parameters
     ----------
     *names : str
-        Its names, such as ``--out``. A positional argument has one name without dashes.
+        The names of the option, such as ``--out``. A positional argument has one name
+        without dashes.
     recorded : bool, optional
         Whether the record of a result lists the files that the option names.
     find_files : callable, optional

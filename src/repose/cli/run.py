@@ -12,11 +12,12 @@ from pathlib import Path
 from typing import Any
 
 from repose.cli.interruption import Interruption
-from repose.cli.registry import Option, subcommand
+from repose.cli.registry import CONFIG_SUFFIXES, PROGRAM, Option, subcommand
 from repose.cli.stages import note_built_in_crop
 from repose.common import places
 from repose.common.errors import InputError, did_you_mean
 
+# Arguments of options that have several values and may be repeated.
 LIST_KEYWORDS: dict[str, Any] = {
     "nargs": "+",
     "action": "extend",
@@ -27,6 +28,8 @@ FILES_HELP = "each over the one before it; one of the program's own needs no cop
 # A program that a signal ended has this exit status plus the number of the signal.
 SIGNAL_STATUS = 128
 DRY_RUN_WORDS = {"-n", "--dry-run", "--dryrun"}
+# The options of `run` that snakemake also has. The last one takes exactly one value, see
+# `build_snakemake_arguments`.
 FORWARDED_OPTIONS = (
     "configfile",
     "config",
@@ -83,6 +86,7 @@ def run(args: argparse.Namespace) -> int:
             allowed="snakemake, which comes with: pip install 'repose-dem[workflow]'",
         ) from None
 
+    # A configuration of the program itself may be named without its folder.
     args.configfile = [str(places.find_file(path)) for path in args.configfile]
     _check_number("--cores", args.cores, "all")
     _check_number("--jobs", args.jobs, "unlimited")
@@ -115,9 +119,9 @@ def _check_number(option: str, text: str | None, word: str) -> None:
     option : str
         Name of the option.
     text : str or None
-        Its value; None if the user does not give the option.
+        The value of the option; None if the user did not give it.
     word : str
-        The word that snakemake accepts in place of a number, which is also allowed.
+        A word that snakemake accepts in place of a number.
     """
     if text is None:
         return
@@ -154,7 +158,7 @@ def _check_folder(args: argparse.Namespace) -> None:
 
 def _print_how_to_continue(words: list[str]) -> None:
     """Print the command that continues a run that a signal ended."""
-    command = shlex.join(["repose", *words])
+    command = shlex.join([PROGRAM, *words])
     # Ignore the error if the terminal is closed.
     with contextlib.suppress(OSError):
         print(
@@ -171,7 +175,7 @@ def _check_configuration_options(args: argparse.Namespace) -> None:
         read_yaml(path)
     for entry in args.config:
         key, sign, value = entry.partition("=")
-        if not sign and Path(entry).suffix in (".yaml", ".yml", ".json"):
+        if not sign and Path(entry).suffix in CONFIG_SUFFIXES:
             raise InputError(
                 "command line",
                 key="--config",
@@ -229,7 +233,8 @@ def _check_targets(words: list[str], arguments: list[str]) -> None:
     Parameters
     ----------
     words : list of str
-        The words after `repose run`, without the options of `run` itself.
+        The words after `repose run`, without the options of `run` itself: targets, and
+        options of snakemake.
     arguments : list of str
         Snakemake's command line.
 
@@ -315,8 +320,19 @@ def build_snakemake_arguments(args: argparse.Namespace) -> list[str]:
     """Build snakemake's command line from the options of `run`.
 
     By default snakemake runs the workflow and the profile of this program on all cores.
+
+    Parameters
+    ----------
+    args : argparse.Namespace
+        The options. `rest` has the words that are no options of `run`: the targets, and
+        further options of snakemake.
+
+    Returns
+    -------
+    list of str
+        The words of the command line after ``snakemake``.
     """
-    values = dict(vars(args))
+    values = dict(vars(args))  # a copy, by the name of the option
     values["snakefile"] = args.snakefile or str(
         places.find_program_folder() / "Snakefile"
     )
@@ -349,9 +365,9 @@ def call_snakemake(main: Callable[[list[str]], object], arguments: list[str]) ->
     Parameters
     ----------
     main : callable
-        `snakemake.cli.main`, which raises SystemExit at its end.
+        `snakemake.cli.main`, which raises SystemExit when it ends.
     arguments : list of str
-        Its command line.
+        The words of the command line after ``snakemake``.
 
     Returns
     -------

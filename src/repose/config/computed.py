@@ -133,8 +133,8 @@ def find_longest_step(
     ranges = find_ranges(config)
 
     # Make the parameter set that needs the shortest step. A low restitution means strong
-    # damping, which requires a short step. So use the lowest value of each parameter in
-    # the ranges and in the published sets, which are simulated, too.
+    # damping, which requires a short step. So use the lowest value of each parameter, in
+    # the ranges and in the published sets, which are also simulated.
     published_sets = read_parameter_sets(settings.validation.published)
     critical_set = {}
     for name in PARAMETERS:
@@ -208,8 +208,8 @@ def _choose_factory_diameter_mm(
 ) -> float:
     """Choose the diameter of the disc in which grains appear [mm].
 
-    The disc leaves a margin of half a grain inside the inlet, but has at least half the
-    diameter of the inlet.
+    The disc leaves a margin of half a grain on each side of the inlet, but has at least
+    half the diameter of the inlet.
     """
     inlet_mm = select_valid_sections(config).funnel.inlet_diameter_mm
     longest_axis_mm = max(list_axes_mm(grain))
@@ -230,7 +230,7 @@ def _estimate_duration_s(config: Config, grain: Grain, particle: "Particle") -> 
     grain : mapping
         The mean grain, as in berry.json.
     particle : Particle
-        Its body.
+        The body of the mean grain.
     """
     settings = select_valid_sections(config)
     funnel = settings.funnel
@@ -243,16 +243,18 @@ def _estimate_duration_s(config: Config, grain: Grain, particle: "Particle") -> 
         flow_per_s = min(flow_per_s, discharge_per_s)
     pour_s = funnel.berries / flow_per_s
 
-    # Add the time of its fall. Another rule refuses a negative height, so ignore it here.
+    # Compute the time of its fall. Another rule refuses a negative height, which counts as
+    # no height here.
     fall_m = max(funnel.funnel.inlet_height_m, 0.0)
     fall_s = math.sqrt(2 * fall_m / gravity_m_s2)
 
-    # Add the time until the pile rests.
+    # Compute the time until the pile rests.
     rest_s = round_to_digits(
         REST_TIME * _make_grain_scale(config, particle).time_s, digits=2
     )
-    duration_s = pour_s + fall_s + rest_s
+
     # Round the sum up to a tenth of a second.
+    duration_s = pour_s + fall_s + rest_s
     return math.ceil(10 * duration_s) / 10
 
 

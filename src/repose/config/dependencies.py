@@ -476,9 +476,9 @@ class Difference(NamedTuple):
     key : str
         Dotted key of the setting, or ``engine``.
     recorded : object
-        Its value in the record of the result.
+        The value in the record of the result.
     current : object
-        Its value in the study.
+        The value in the study.
     """
 
     key: str

@@ -63,8 +63,9 @@ def _list_named_paths(config: Config) -> list[Any]:
     list
         The values of the keys that should be paths.
     """
-    # Keys that name a file, and the tables in the folder of published results.
     paths = [get_value(config, key) for key in list_file_keys()]
+
+    # Other tables in the folder of the published solutions are read, too.
     published = get_value(config, "validation.published")
     if isinstance(published, str):
         paths += [*list_tables(published), find_sibling_table(published, "table1.csv")]

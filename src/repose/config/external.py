@@ -74,7 +74,7 @@ COPIED_KEYS = (
 
 
 class ExternalFile(StudyFile):
-    """The keys of the file of such a study, without those of further strategies."""
+    """The keys of a study file with a program, without sections of further strategies."""
 
     simulator: SimulatorSettings  # type: ignore[assignment]
     label: Label
@@ -106,7 +106,7 @@ class ExternalFile(StudyFile):
 
 
 class ExternalSettings(StudySettings):
-    """The typed sections of such a study.
+    """The typed sections of a study whose runs are made by another program.
 
     The sections of our simulator are missing. An access to one of them raises an
     AttributeError.
@@ -207,7 +207,7 @@ class ExternalConfig(PipelineConfig):
             if target.profile is not None:
                 definitions[target.response] = {"profile": target.profile.abscissae}
 
-        # Without this section the program measures its own piles.
+        # If the program measures its piles itself, there is no such section.
         if self.config["measure"] is None:
             return definitions
         import repose.bench  # noqa: F401  registers the responses of piles
@@ -330,41 +330,65 @@ def convert_to_short_form(merged: loader.MergedConfig) -> loader.MergedConfig:
     """
     # Only a study with our simulator has a list of targets.
     content = merged.config
-    targets = content.get("targets")
-    if not isinstance(targets, list):
+    if not isinstance(content.get("targets"), list):
         return merged
 
-    # Leave out the sections that only our simulator reads. Keep a mistyped key, which is
-    # refused later.
-    kept_names = set(make_file_model().model_fields)
-    dropped_names = set(make_settings_type().model_fields) - kept_names
-    short = {
-        name: value for name, value in content.items() if name not in dropped_names
-    }
-    files_by_key = dict(merged.origin.files_by_key)
-
-    # Map the targets by name. All of them belong to the file that has the list.
-    short["targets"] = _map_targets_by_name(targets)
-    for name, keys in short["targets"].items():
-        for key in keys:
-            files_by_key[f"targets.{name}.{key}"] = merged.origin.find_file("targets")
-
-    # Both forms have these keys. Their defaults differ, so add those of our simulator.
-    defaults = loader.read_file(places.find_file(places.METHOD_CONFIG))
-    for key in ("strategy", "surrogate"):
-        short.setdefault(key, defaults[key])
-
-    # Move the number of runs and the seed to the top.
-    for key, value in _find_moved_values(content).items():
-        short[key] = value
-        files_by_key[key] = merged.origin.find_file(MOVED_KEYS[key])
-    short.setdefault("seed", defaults["design"]["seed"])
-    if _has_bench_test_seeds(short["strategy"]):
-        short.setdefault("seeds", defaults["funnel"]["seeds"])
+    # Move the number of runs and the seed to the top, and map the targets by name.
+    moved_values = _find_moved_values(content)
+    targets = _map_targets_by_name(content["targets"])
+    short_form = _drop_sections_of_our_simulator(content)
+    short_form |= moved_values | {"targets": targets}
+    short_form |= _find_missing_defaults(short_form)
     design = content.get("design")
     if isinstance(design, Mapping):
-        short["design"] = {key: design[key] for key in design if key != "seed"}
-    return loader.MergedConfig(short, Origin(files_by_key, merged.origin.default_file))
+        short_form["design"] = {key: design[key] for key in design if key != "seed"}
+
+    # A key of the short form belongs to the file that has the key of the same meaning.
+    files_by_key = dict(merged.origin.files_by_key)
+    for key in moved_values:
+        files_by_key[key] = merged.origin.find_file(MOVED_KEYS[key])
+    file_of_targets = merged.origin.find_file("targets")
+    for name, target in targets.items():
+        for key in target:
+            files_by_key[f"targets.{name}.{key}"] = file_of_targets
+    origin = Origin(files_by_key, merged.origin.default_file)
+    return loader.MergedConfig(short_form, origin)
+
+
+def _drop_sections_of_our_simulator(content: Mapping[str, Any]) -> dict[str, Any]:
+    """Copy a configuration without the sections that only our simulator reads.
+
+    A mistyped key is kept, and refused later.
+    """
+    names_of_both = set(make_file_model().model_fields)
+    names_of_ours = set(make_settings_type().model_fields)
+    dropped_names = names_of_ours - names_of_both
+    return {name: value for name, value in content.items() if name not in dropped_names}
+
+
+def _find_missing_defaults(short_form: Mapping[str, Any]) -> dict[str, Any]:
+    """Find the defaults of keys whose defaults differ between the two forms.
+
+    Parameters
+    ----------
+    short_form : mapping
+        A study with our simulator, converted to the short form.
+
+    Returns
+    -------
+    dict
+        The defaults of a study with our simulator, for each of these keys that the study
+        lacks.
+    """
+    method = loader.read_file(places.find_file(places.METHOD_CONFIG))
+    defaults = {
+        "strategy": method["strategy"],
+        "surrogate": method["surrogate"],
+        "seed": method["design"]["seed"],
+    }
+    if _has_bench_test_seeds(short_form.get("strategy", defaults["strategy"])):
+        defaults["seeds"] = method["funnel"]["seeds"]
+    return {key: value for key, value in defaults.items() if key not in short_form}
 
 
 def _find_moved_values(content: Mapping[str, Any]) -> dict[str, Any]:
@@ -389,25 +413,36 @@ def _find_moved_values(content: Mapping[str, Any]) -> dict[str, Any]:
     return values
 
 
-def _map_targets_by_name(entries: Iterable[Any]) -> dict[Any, dict[str, Any]]:
+def _map_targets_by_name(targets: Iterable[Any]) -> dict[Any, dict[str, Any]]:
     """Convert a list of targets to a mapping by the names of their responses.
 
-    The unit of a response of our bench tests is added if the user does not give it. An
-    entry that is no mapping is left out, because a later check refuses it.
+    Parameters
+    ----------
+    targets : iterable
+        The list as the user wrote it. A target that is no mapping is left out, because a
+        later check refuses it.
+
+    Returns
+    -------
+    dict of str to dict
+        The keys of each target that the short form has. The unit is added if the response
+        is one of our bench tests and the user does not give the unit.
     """
     import repose.bench  # noqa: F401  registers the responses of piles
 
-    targets = {}
-    for entry in entries:
-        if not isinstance(entry, Mapping):
+    targets_by_name = {}
+    for target in targets:
+        if not isinstance(target, Mapping):
             continue
-        name = entry.get("response")
+        name = target.get("response")
+        short_target = {
+            key: target[key] for key in OwnTarget.model_fields if key in target
+        }
         response = find_response(str(name))
-        keys = {key: entry[key] for key in OwnTarget.model_fields if key in entry}
         if response is not None and response.unit:
-            keys = {"unit": response.unit} | keys
-        targets[name] = keys
-    return targets
+            short_target = {"unit": response.unit} | short_target
+        targets_by_name[name] = short_target
+    return targets_by_name
 
 
 def _has_bench_test_seeds(name: object) -> bool:
@@ -434,14 +469,8 @@ def list_unread_sections(content: Mapping[str, Any]) -> list[str]:
     for name, value in content.items():
         if name in known_names:
             continue
-        # A section may have keys that are moved to the top of the short form and read
-        # there.
-        keys_read = [
-            old_key.removeprefix(f"{name}.")
-            for old_key in MOVED_KEYS.values()
-            if get_value(content, old_key) is not None
-            and old_key.startswith(f"{name}.")
-        ]
+        # Some keys of the section may be used at the top of the short form.
+        keys_read = _list_moved_keys(content, name)
         if not keys_read:
             unread.append(name)
         elif len(keys_read) < len(value):
@@ -449,13 +478,23 @@ def list_unread_sections(content: Mapping[str, Any]) -> list[str]:
     return unread
 
 
+def _list_moved_keys(content: Mapping[str, Any], section: str) -> list[str]:
+    """List the keys of a section that the short form has at its top."""
+    return [
+        dotted_key.removeprefix(f"{section}.")
+        for dotted_key in MOVED_KEYS.values()
+        if dotted_key.startswith(f"{section}.")
+        and get_value(content, dotted_key) is not None
+    ]
+
+
 def _map_sections_to_models() -> dict[str, type[Section]]:
     """Map the names of sections in the resolved form to their models."""
     models: dict[str, type[Section]] = {}
     for name, field in ExternalSettings.model_fields.items():
-        kind = field.annotation
-        if isinstance(kind, type) and issubclass(kind, Section):
-            models[name] = kind
+        annotation = field.annotation
+        if isinstance(annotation, type) and issubclass(annotation, Section):
+            models[name] = annotation
 
     # The model of this section knows only contact parameters. The parameters of another
     # program may have any names.
@@ -480,7 +519,7 @@ def _convert_to_resolved_form(complete: Mapping[str, Any]) -> dict[str, Any]:
     Returns
     -------
     dict
-        A configuration as RESULTS/config.json holds it.
+        The configuration that is written to RESULTS/config.json.
     """
     # Copy the sections that both forms have.
     config: dict[str, Any] = {}
@@ -493,14 +532,7 @@ def _convert_to_resolved_form(complete: Mapping[str, Any]) -> dict[str, Any]:
     if "constraints" in complete:
         config["constraints"] = complete["constraints"]
 
-    # Make a list of the targets. If a target has no range, compute it from the scatter.
-    targets = []
-    for name, entry in complete["targets"].items():
-        numbers = (entry["value"], entry["sd"], entry["repetitions"])
-        target = {"response": name, "apparatus": OWN_BENCH, "unit": "", **entry}
-        target["range"] = list(entry.get("range", compute_target_range(*numbers)))
-        targets.append(target)
-    config["targets"] = targets
+    config["targets"] = _list_targets(complete["targets"])
 
     # Add the defaults of these sections.
     simulator = SimulatorSettings.model_validate(complete["simulator"])
@@ -527,3 +559,19 @@ def _convert_to_resolved_form(complete: Mapping[str, Any]) -> dict[str, Any]:
     }
     config["sensitivity"] = {**config["sensitivity"], "seed": complete["seed"]}
     return config
+
+
+def _list_targets(targets_by_name: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Convert the targets of the short form to a list, with all keys of each target.
+
+    The range of a target that has none is computed from the scatter.
+    """
+    targets = []
+    for name, target in targets_by_name.items():
+        computed_range = compute_target_range(
+            target["value"], target["sd"], target["repetitions"]
+        )
+        resolved = {"response": name, "apparatus": OWN_BENCH, "unit": "", **target}
+        resolved["range"] = list(target.get("range", computed_range))
+        targets.append(resolved)
+    return targets

@@ -82,7 +82,7 @@ def describe_strategy(study: PipelineConfig, files: Sequence[StrPath]) -> Iterat
     study : PipelineConfig
         The study.
     files : sequence of path
-        Its files.
+        The files of the study.
 
     Yields
     ------
@@ -125,7 +125,7 @@ def list_runs(settings: StudySettings) -> Pours:
     if not strategy(name).begins_with_design:
         return strategy_runs
 
-    # A program has no bench tests, so the number of runs has no name of one.
+    # The runs of a program belong to no bench test.
     return (*list_article_pours(settings, test=""), *strategy_runs)
 
 
@@ -165,7 +165,7 @@ def make_trial_run(
     study : PipelineConfig
         The study.
     simulator : SimulatorSettings
-        Its section `simulator`.
+        The section `simulator` of the study.
     cores : int
         Number of cores of the study, for the estimate of its time.
 

@@ -154,7 +154,7 @@ def _find_default(name: str, field: FieldInfo, table: Table) -> str:
     name : str
         The key.
     field : FieldInfo
-        Its field in the model of the section.
+        The field of the key in the model of the section.
     table : Table
         The table of the section.
 

@@ -144,9 +144,9 @@ class PipelineConfig:
         checks = ConfigChecks(dict(config), source)
         checks.check_and_compute(check_inputs)
         study = cls(checks.config, source)
-        # Keep these checks, because they may have made the grain already. A cached
-        # property has its value in `__dict__`, which is the only way to set it in a
-        # frozen class.
+        # Keep these checks, because they may have made the grain already. `_checks` is a
+        # cached property, which stores its value in `__dict__`. This is the only way to
+        # set it, because the class is frozen.
         study.__dict__["_checks"] = checks
         return study
 
@@ -232,7 +232,8 @@ class PipelineConfig:
         """
         from repose.bench import bench_tests
 
-        # List the responses of the bench tests, and what the targets select from them.
+        # Besides its own responses a bench test has those of the targets, such as the scores
+        # of a profile.
         definitions: dict[str, dict[str, Any]] = {}
         for test in bench_tests():
             if test.name not in self.targets.apparatus:
@@ -305,12 +306,12 @@ class PipelineConfig:
         Parameters
         ----------
         table : str
-            Name of its file, such as ``table3.csv``.
+            Name of the file, such as ``table3.csv``.
 
         Returns
         -------
         Path or None
-            Its path; None if there is no such table.
+            The path of the table; None if there is no such table.
         """
         return find_sibling_table(self.settings.validation.published, table)
 

@@ -2,7 +2,7 @@
 
 Snakemake removes the outputs of a rule before it makes them again, whoever wrote them.
 Therefore a study starts only in a new folder or in the folder of a study, and only if no
-file of somebody else has the name of a result.
+file of the user has the name of a result.
 """
 
 import os

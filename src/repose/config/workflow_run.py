@@ -356,12 +356,12 @@ def _estimate_process_start_s() -> float:
 
 
 def check_folder(study: PipelineConfig, outputs: Iterable[str]) -> None:
-    """Check that no file of somebody else has the name of a result of the study.
+    """Check that no file of the user has the name of a result of the study.
 
     Parameters
     ----------
     study : PipelineConfig
-        The study whose folder it is.
+        The study, whose folder of results is checked.
     outputs : iterable of str
         Paths that rules write, with their wildcards in braces.
 
