@@ -29,9 +29,9 @@ from repose.cli.registry import CONFIG_SUFFIXES, PROGRAM, SUBCOMMANDS, Subcomman
 from repose.cli.stages import run_as_stage
 from repose.common.errors import BAD_INPUT, InputError, print_fault
 
-# The subcommands that a person types, in the groups of the help. Those of the first group
-# are enough for a study. All other subcommands are stages, which the rules of the workflow
-# call.
+# The subcommands that a person types, in the groups of the help. Those of the first
+# group are enough for a study. All other subcommands are stages, which the rules of the
+# workflow call.
 FIRST_GROUP = "a study"
 SUBCOMMAND_GROUPS = {
     FIRST_GROUP: ("new", "check", "measure", "run", "card", "export", "marker"),
@@ -151,8 +151,8 @@ def _run_subcommand(subcommand: Subcommand, args: argparse.Namespace) -> int:
         The exit status of the program.
     """
     _check_out_path(args)
-    # Do not record the subcommand that starts a workflow, because each job of the workflow
-    # is recorded.
+    # Do not record the subcommand that starts a workflow, because each job of the
+    # workflow is recorded.
     context = (
         nullcontext()
         if subcommand.forwards_words

@@ -97,7 +97,8 @@ def card(args: argparse.Namespace) -> int:
     ),
     Option(
         "--table4",
-        help="table4.csv of the same subcommand: the piles by every definition of the angle",
+        help="table4.csv of the subcommand validate: the piles by every definition of the "
+        "angle",
     ),
     Option(
         "--posterior",

@@ -99,8 +99,7 @@ def export(args: argparse.Namespace) -> None:
             one_sphere=source.one_sphere,
         )
 
-    # With --names write a template, in which names stand for some numbers. Otherwise write
-    # a deck.
+    # In a template some numbers are replaced by names.
     if args.names:
         paths = write_template(
             make_job_with, values, names=args.names, program=args.to, folder=args.out

@@ -713,8 +713,7 @@ def _measure_beds(
         write_image(overlay, photographs.stack_views(result.views))
     _require_measured_bed(results, args.bench)
 
-    # Write the tables. Unlike a number of a pile, each number of a bed has the same name as
-    # its response.
+    # Write the tables. Each number that is measured in a bed has the name of its response.
     out = Path(args.out)
     tables = photographs.make_tables(results, args.bench)
     responses = {name: name for name in photographs.RESPONSES[args.bench]}
@@ -1016,7 +1015,7 @@ def silhouette(args: argparse.Namespace, study: PipelineConfig) -> None:
     out="measured.json",
 )
 def measure_silhouette(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """Measure the side view that the subcommand silhouette drew, as a photograph is measured.
+    """Measure a side view of the subcommand silhouette, as a photograph is measured.
 
     Examples
     --------

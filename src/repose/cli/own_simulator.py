@@ -162,8 +162,8 @@ def ask(args: argparse.Namespace, study: "Study") -> None:
     # If the record does not exist, this is the first call, or the name is misspelt.
     if was_given(args, "runs") and not Path(args.runs).exists():
         print(
-            f"repose: note: there is no record {args.runs}, so these are the first runs of "
-            "the study",
+            f"repose: note: there is no record {args.runs}, so these are the first runs "
+            "of the study",
             file=sys.stderr,
         )
 

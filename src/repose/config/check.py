@@ -436,7 +436,7 @@ def run_trials(
 def _describe_trials(
     test: BenchTest[Any], runs: Iterable[Mapping[str, Any]]
 ) -> Iterator[str]:
-    """Yield a line about each trial run of a bench test, in the order of `TRIAL_SHARES`."""
+    """Yield a line about each trial run; the runs have the order of `TRIAL_SHARES`."""
     for point, run in zip(TRIAL_SHARES, runs, strict=True):
         # All trial runs have the same seed, so do not repeat it in each line.
         sentence = describe_run(run, test.summary).removeprefix(f"seed {TRIAL_SEED}: ")

@@ -243,8 +243,8 @@ def _estimate_duration_s(config: Config, grain: Grain, particle: "Particle") -> 
         flow_per_s = min(flow_per_s, discharge_per_s)
     pour_s = funnel.berries / flow_per_s
 
-    # Compute the time of its fall. Another rule refuses a negative height, which counts as
-    # no height here.
+    # Compute the time of its fall. Another rule refuses a negative height, so count it as
+    # 0 here.
     fall_m = max(funnel.funnel.inlet_height_m, 0.0)
     fall_s = math.sqrt(2 * fall_m / gravity_m_s2)
 

@@ -35,7 +35,7 @@ OTHER_WORK_S = 120.0
 TIMED_POUR_S = 1.5
 TIMED_GRAIN_STEPS = 1.0e7
 FEWEST_TIMED_GRAINS = 20
-# All grains are poured within this share of this time, so that most steps have all grains.
+# All grains are poured within this share of the time, so that most steps have all grains.
 TIMED_POURING_SHARE = 0.25
 # The pour lasts longer by the second over which the funnel measures the time of a step.
 MEASURED_END_S = 1.0
@@ -288,8 +288,8 @@ def _compute_strategy_time_s(pours: Pours, run_times_s: Iterable[float]) -> floa
     Parameters
     ----------
     pours : sequence of (str, int, int)
-        The runs of the strategy: purpose, number of parameter sets, seeds of each set. All
-        seeds of a parameter set are one job.
+        The runs of the strategy: purpose, number of parameter sets, seeds of each set.
+        All seeds of a parameter set are one job.
     run_times_s : iterable of float
         Time of one run in each bench test of the targets [s].
     """

@@ -240,8 +240,8 @@ def _choose_default_files(
     list of path
         The default files; each overrides those before it.
     """
-    # Without files, the values are those of a whole study. If they define a crop, only the
-    # keys of the method may be missing.
+    # Without files, the values are those of a whole study. If they define a crop, only
+    # the keys of the method may be missing.
     if not user_files and _defines_crop(workflow_config):
         return [places.find_file(places.METHOD_CONFIG)]
     contents = [read(path) for path in user_files]

@@ -232,8 +232,8 @@ class PipelineConfig:
         """
         from repose.bench import bench_tests
 
-        # Besides its own responses a bench test has those of the targets, such as the scores
-        # of a profile.
+        # Besides its own responses a bench test has those of the targets, such as the
+        # scores of a profile.
         definitions: dict[str, dict[str, Any]] = {}
         for test in bench_tests():
             if test.name not in self.targets.apparatus:
