@@ -79,12 +79,17 @@ def export(args: argparse.Namespace) -> None:
     from repose.export.template import write_template
     from repose.stages.card_study import read_repose_card
 
+    # Read the study, the card, or both. Faults of the configuration are reported first.
+    study = None if args.config is None else load_study(args)
     _require_one_parameter_option(args)
     _check_numbers(args)
-
-    # Read the study, the card, or both.
     card = None if args.card is None else read_repose_card(args.card)
-    study = _load_study_to_export(args, card)
+    if study is None and card is None:
+        args.config = DEFAULT_CONFIG_FILE
+        study = load_study(args)
+    elif study is None:
+        study = _load_study_beside_card(args)
+
     source = _choose_export_source(args, study, card)
     values = _choose_parameter_values(args, study, card)
 
@@ -152,35 +157,6 @@ def _check_numbers(args: argparse.Namespace) -> None:
         )
 
 
-def _load_study_to_export(
-    args: argparse.Namespace, card: Card | None
-) -> PipelineConfig | None:
-    """Load the study of an export, if there is one.
-
-    It is the study of --config. Without this option it is the study in the folder of the
-    card. Without a card it is the default study.
-
-    Parameters
-    ----------
-    args : argparse.Namespace
-        The options. If `config` is None, this function sets it to the file of the study,
-        which later messages name.
-    card : mapping or None
-        The card of --card, if there is one.
-
-    Returns
-    -------
-    PipelineConfig or None
-        The study. None if a card has no valid study in its folder. The card alone is then
-        exported.
-    """
-    if args.config is None and card is not None:
-        return _load_study_beside_card(args)
-    if args.config is None:
-        args.config = DEFAULT_CONFIG_FILE
-    return load_study(args)
-
-
 def _load_study_beside_card(args: argparse.Namespace) -> PipelineConfig | None:
     """Load the study in the folder of a card.
 
@@ -191,7 +167,7 @@ def _load_study_beside_card(args: argparse.Namespace) -> PipelineConfig | None:
     ----------
     args : argparse.Namespace
         The options; `card` is the path of the card. This function sets `config` to the
-        file of the study.
+        file of the study, which messages name.
 
     Returns
     -------

@@ -107,7 +107,7 @@ def _build_mesh(args: argparse.Namespace) -> None:
     density = args.density
     if density is None:
         density = load_study(args).settings.berry.density_kg_m3
-    # The number of the shape says how full it is.
+    # A shape is the fuller, the larger its number is.
     mesh, shape_number = mesh_from_axes.make_grain_mesh(
         args.axes,
         args.mass_g,

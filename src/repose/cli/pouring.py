@@ -224,17 +224,9 @@ def _make_job_arguments(
     values = read_parameters(args.set, args.samples, sample=args.sample, study=study)
     seeds = choose_seeds(args, study.settings.design.seed, apparatus)
 
-    # Check the time between two frames of a trajectory.
     step_s = study.settings.simulation.time_step_s
     duration_s = test.duration_s(SceneSettings(study.config))
-    interval_s = args.trajectory
-    if interval_s is not None and not step_s <= interval_s <= duration_s:
-        raise InputError(
-            "command line",
-            key="--trajectory",
-            value=interval_s,
-            allowed=f"from {step_s:g} to {duration_s:g} s",
-        )
+    _check_interval(args.trajectory, step_s, duration_s)
 
     def make_display(seed: int) -> Any:
         """Make the display of the progress of the run with a seed."""
@@ -246,9 +238,28 @@ def _make_job_arguments(
         "name": _choose_file_name(args.sample, apparatus),
         "seeds": seeds,
         "out_dir": args.out,
-        "interval_s": interval_s,
+        "interval_s": args.trajectory,
         "progress": make_display,
     }
+
+
+def _check_interval(interval_s: float | None, step_s: float, duration_s: float) -> None:
+    """Raise an InputError if the time between two frames of a trajectory is not possible.
+
+    Parameters
+    ----------
+    interval_s : float or None
+        This time [s], from --trajectory; None if no trajectory is written.
+    step_s, duration_s : float
+        Time step and duration of the run, which are the limits [s].
+    """
+    if interval_s is not None and not step_s <= interval_s <= duration_s:
+        raise InputError(
+            "command line",
+            key="--trajectory",
+            value=interval_s,
+            allowed=f"from {step_s:g} to {duration_s:g} s",
+        )
 
 
 def _choose_file_name(sample: int | None, apparatus: str) -> str:

@@ -66,6 +66,11 @@ COST_COLUMNS = {
     "disk": 8,
 }
 
+# First line of `repose run --list`, with the name of the configuration.
+STUDY_LIST_HEADING = (
+    "repose run TARGET; without one, all of calibration. Studies of {}:"
+)
+
 ShowMessage = Callable[[str], AbstractContextManager[None]]
 
 
@@ -638,9 +643,7 @@ def list_studies(files: list[str]) -> str:
         if study.simulator is not None:
             return _list_studies_of_program(study)
         label = study.config.get("label")
-        cost_texts = cost.describe_costs(study.config)
-        for name in strategies.list_strategies_with_section():
-            cost_texts[name] = _describe_strategy_cost(study, name)
+        cost_texts = _describe_all_costs(study)
     except InputError:
         # A faulty configuration has no costs, but its studies can still be listed.
         names = ", ".join(files) or "config.yaml"
@@ -649,23 +652,31 @@ def list_studies(files: list[str]) -> str:
         )
         cost_texts = dict.fromkeys(cost.STUDY_SUMMARIES, unknown_cost)
 
-    lines = [f"repose run TARGET; without one, all of calibration. Studies of {label}:"]
-    for target, sentence in cost.STUDY_SUMMARIES.items():
-        lines.append(f"  {target:24} {sentence}")
-        lines.append(f"{'':27}{cost_texts[target]}")
+    lines = [STUDY_LIST_HEADING.format(label)]
+    for name, summary in cost.STUDY_SUMMARIES.items():
+        lines.append(f"  {name:24} {summary}")
+        lines.append(f"{'':27}{cost_texts[name]}")
     return "\n".join(lines)
 
 
+def _describe_all_costs(study: PipelineConfig) -> dict[str, str]:
+    """Map each study of `repose run`, and each strategy, to a description of its cost."""
+    cost_texts = cost.describe_costs(study.config)
+    for name in strategies.list_strategies_with_section():
+        cost_texts[name] = _describe_strategy_cost(study, name)
+    return cost_texts
+
+
 def _list_studies_of_program(study: PipelineConfig) -> str:
-    """List the targets of a study whose runs are made by another program."""
-    lines = [f"repose run TARGET; without one, all of calibration. Studies of {study}:"]
-    for target in (
+    """List the studies of a configuration whose runs are made by another program."""
+    lines = [STUDY_LIST_HEADING.format(study)]
+    for name in (
         "calibration",
         "uncertainty",
         *strategies.list_strategies_with_section(),
     ):
-        sentence = cost.STUDY_SUMMARIES.get(target, "Another way to calibrate.")
-        lines.append(f"  {target:24} {sentence}")
+        summary = cost.STUDY_SUMMARIES.get(name, "Another way to calibrate.")
+        lines.append(f"  {name:24} {summary}")
     return "\n".join(lines)
 
 

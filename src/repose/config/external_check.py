@@ -48,22 +48,7 @@ def describe_program(
     """
     program = simulate.find_program(simulator.command)
     yield f"{simulator.name}: {shlex.join(simulator.command)}; the program is {program}"
-
-    # The deck is the input file of the program, with the values of the parameters.
-    deck = f"no deck; the program reads {simulate.PARAMETERS_FILE}"
-    if simulator.template is not None:
-        deck = f"{simulate.deck_name(simulator.template)}, from {simulator.template}"
-    yield f"deck: {deck}"
-    if simulator.template is not None:
-        used_names = simulate.find_used_names(simulator)
-        for name, value in study.parameters.fixed.items():
-            if name not in used_names:
-                yield (
-                    f"{name} is fixed at {value:g}, and no name in the deck; the deck "
-                    "must hold the number that its program needs for it, as a deck of "
-                    "`repose export` does"
-                )
-
+    yield from _describe_deck(study, simulator)
     for sentence in describe_wide_ranges(study.config["parameters"]):
         yield f"ranges: WARNING: {sentence}"
     files = ", ".join(simulator.files_read)
@@ -72,6 +57,29 @@ def describe_program(
         f"a run: cores {simulator.cores}, memory {simulator.memory_mb} MB, at most "
         f"{simulator.time_limit_s:g} s"
     )
+
+
+def _describe_deck(
+    study: PipelineConfig, simulator: SimulatorSettings
+) -> Iterator[str]:
+    """Describe the deck, which is the input file with the values of the parameters.
+
+    If the program has a deck, a line follows for each fixed parameter that the deck does
+    not name.
+    """
+    if simulator.template is None:
+        yield f"deck: no deck; the program reads {simulate.PARAMETERS_FILE}"
+        return
+    deck = simulate.deck_name(simulator.template)
+    yield f"deck: {deck}, from {simulator.template}"
+    used_names = simulate.find_used_names(simulator)
+    for name, value in study.parameters.fixed.items():
+        if name not in used_names:
+            yield (
+                f"{name} is fixed at {value:g}, and no name in the deck; the deck "
+                "must hold the number that its program needs for it, as a deck of "
+                "`repose export` does"
+            )
 
 
 def describe_strategy(study: PipelineConfig, files: Sequence[StrPath]) -> Iterator[str]:
@@ -167,7 +175,7 @@ def make_trial_run(
     simulator : SimulatorSettings
         The section `simulator` of the study.
     cores : int
-        Number of cores of the study, for the estimate of its time.
+        Number of cores of the study, for the estimate of the time of all runs.
 
     Yields
     ------
@@ -179,9 +187,11 @@ def make_trial_run(
     InputError
         If the run failed. The folder of the run is not removed.
     """
-    # Run the program in a folder of its own.
+    # Run the program in a new folder, in which run 1 has a folder and a record.
     parameters = study.parameters.centre
     folder = Path(tempfile.mkdtemp(prefix="repose_try_"))
+    run_folder = folder / "1"
+    record_json = folder / "1.json"
     start_s = time.perf_counter()
     record = simulate.run_once(
         simulator,
@@ -195,7 +205,7 @@ def make_trial_run(
 
     # Read the responses of the run, or measure its pile.
     job = simulated.measure_sample(
-        [folder / "1.json"],
+        [record_json],
         folder / "measured.json",
         settings=simulator,
         responses=study.targets.names,
@@ -204,7 +214,7 @@ def make_trial_run(
     run: Mapping[str, Any] = job["runs"][0]
     if run["status"] != simulate.OK:
         raise InputError(
-            folder / "1",
+            run_folder,
             key="trial run",
             value=describe_failure(run["status"], run["reason"]),
             allowed=f"a run that ends well; {simulate.PRINTED_FILE} there has what the program "
@@ -217,7 +227,7 @@ def make_trial_run(
     )
     yield f"trial run, seed {record['seed']}, {elapsed_s:.1f} s, at {point}:"
     yield from _compare_with_targets(study.targets, run)
-    yield f"its files: {folder / '1'}"
+    yield f"its files: {run_folder}"
 
     # Estimate the time of the study from that of this run.
     n_runs = count_runs(list_runs(study.settings))

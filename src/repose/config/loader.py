@@ -324,7 +324,8 @@ def _find_single_value(
     source : str
         The file, or `default_source` if no file has an equal value.
     """
-    # A command line contains only texts, and Snakemake reads numbers such as 1e-5 as text.
+    # Snakemake may give a value as text: each value of a command line, and numbers such as
+    # 1e-5 in a file.
     parsed_value = value
     if default_source == COMMAND_LINE or EXPONENT_PATTERN.match(str(value)):
         parsed_value = _parse_texts(value)

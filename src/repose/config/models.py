@@ -463,7 +463,8 @@ def _make_cached_settings_type(
     """
     from repose.calibrate.strategies import strategy
 
-    # Map the name of each further section to its type and its default.
+    # Map the name of each further section to its type and its default. The default `...`
+    # means that the section must be there.
     sections: dict[str, Any] = {}
     for name in strategies:
         model = strategy(name).settings
