@@ -74,6 +74,13 @@ def read_file(path: StrPath) -> dict[str, Any]:
     return reading.read_yaml(path)
 
 
+def _make_caching_reader() -> ReadFunction:
+    """Make a function that reads each configuration file only once, by `read_file`."""
+    # The type of a cached function does not say which arguments it has.
+    reader: Any = functools.cache(read_file)
+    return reader
+
+
 def merge_with_defaults(
     files: Sequence[StrPath], overrides: Config | None = None
 ) -> MergedConfig:
@@ -99,7 +106,7 @@ def merge_with_defaults(
         If a file cannot be read.
     """
     # The files may be merged twice: alone, and over the defaults. Read each file once.
-    read: ReadFunction = functools.cache(read_file)
+    read = _make_caching_reader()
     paths = [places.find_file(path) for path in files]
     if paths:
         merged = _merge_files(paths, overrides, read)
@@ -191,7 +198,7 @@ def merge_workflow_values(
     -------
     MergedConfig
     """
-    read: ReadFunction = functools.cache(read_file)
+    read = _make_caching_reader()
     user_files = [places.find_file(path) for path in files]
     default_files = _choose_default_files(workflow_config, user_files, read)
 
@@ -563,10 +570,10 @@ def _merge_into(config: dict[str, Any], values: Config, prefix: str = "") -> Non
     """
     for key, value in values.items():
         dotted_key = f"{prefix}{key}"
-        old_value = config.get(key)
-        are_sections = isinstance(value, dict) and isinstance(old_value, dict)
-        if are_sections and dotted_key not in REPLACED_SECTIONS:
-            _merge_into(old_value, value, prefix=f"{dotted_key}.")
+        section = config.get(key)
+        is_merged = isinstance(value, dict) and dotted_key not in REPLACED_SECTIONS
+        if is_merged and isinstance(section, dict):
+            _merge_into(section, value, prefix=f"{dotted_key}.")
         else:
             config[key] = copy.deepcopy(value)
 
