@@ -8,7 +8,7 @@ import shlex
 import sys
 from pathlib import Path
 
-# Before numpy is loaded, as in a verb: the matrices are small.
+# Before numpy is loaded, as in a subcommand: the matrices are small.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 from repose.calibrate import strategies
@@ -40,7 +40,7 @@ from repose.dem.sources import source_hash
 from repose.report import figures
 from repose.calibrate.surrogates import surrogate_class
 
-# The verbs run under the Python that runs snakemake, whether its environment is activated or not.
+# The subcommands run under the Python that runs snakemake, whether its environment is activated or not.
 shell.prefix(f"export PATH={shlex.quote(os.path.dirname(sys.executable))}:$PATH; ")
 
 

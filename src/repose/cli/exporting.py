@@ -286,6 +286,11 @@ def _choose_export_source(
     card : mapping or None
         The card of --card, if there is one.
 
+    Returns
+    -------
+    _ExportSource
+        The configuration and the grain, which becomes spheres.
+
     Raises
     ------
     InputError
@@ -315,6 +320,11 @@ def _make_source_of_study(
         The options; --spheres gives the number of spheres.
     study : PipelineConfig
         The study.
+
+    Returns
+    -------
+    _ExportSource
+        The configuration and the grain: one sphere, or a clump of spheres.
     """
     from repose.cli.berries import load_grain_and_particle
 
@@ -362,6 +372,11 @@ def _replace_particle_by_clump(
         Spheres of the clump, at least 2.
     source : str
         File of the study, for messages.
+
+    Returns
+    -------
+    PipelineConfig
+        The copy, with the shorter of both time steps.
     """
     config = copy.deepcopy(study.config)
     config["berry"] |= {

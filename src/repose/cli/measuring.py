@@ -796,6 +796,11 @@ def _compute_scale_of_length(args: argparse.Namespace) -> "Scale":
         The options. `length` has the length in mm, then column and row of each end in
         pixels.
 
+    Returns
+    -------
+    Scale
+        The size of a pixel, the slope of the line, and its ends.
+
     Raises
     ------
     InputError

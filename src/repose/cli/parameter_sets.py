@@ -136,6 +136,11 @@ def _read_assigned_parameters(
     study : PipelineConfig
         The study.
 
+    Returns
+    -------
+    dict of str to float
+        The value of each parameter by its name.
+
     Raises
     ------
     InputError

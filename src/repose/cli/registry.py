@@ -87,8 +87,8 @@ class Option:
         Returns
         -------
         list of Path
-            Any text that the user gave for the option counts as a path. The list is empty
-            if the user gave none, or if the value is a number or a switch.
+            Any text counts as a path, and may also be a default. The list is empty if the
+            option has no value, or if its value is a number or a switch.
         """
         if self.find_files is not None:
             return list(self.find_files(args))

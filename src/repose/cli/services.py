@@ -88,6 +88,11 @@ def _flatten(section: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
         Values by key, which may be mappings.
     prefix : str, optional
         Dotted key of the section, with a trailing dot; empty for the outermost one.
+
+    Returns
+    -------
+    dict
+        The values by their dotted keys.
     """
     values: dict[str, Any] = {}
     for key, value in section.items():

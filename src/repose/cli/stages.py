@@ -52,6 +52,11 @@ def record_subcommand(
         The parsed options of the subcommand, and its name as `subcommand`.
     runs : str, optional
         Whether the results are runs, as in `repose.common.provenance.record_stage`.
+
+    Returns
+    -------
+    context manager
+        Files that are written in it get the record.
     """
     strategy = getattr(args, "strategy", None)
 

@@ -329,6 +329,11 @@ def _describe_spread(
         Standard deviation of the equivalent diameter over its mean.
     lost_share : float
         Share of the mean volume that a grain with the mean axes lacks.
+
+    Returns
+    -------
+    str
+        A line of text.
     """
     percent = format_significant(100 * spread, 2)
     text = f"sizes: WARNING: the equivalent diameter scatters by {percent} %"
@@ -483,6 +488,11 @@ def _warn_of_trials(
     runs : sequence of mapping
         The measured runs: ``status`` is ``ok`` or the reason of a failure, and each
         response has its name as key.
+
+    Yields
+    ------
+    str
+        A line of text.
     """
     good_runs = [run for run in runs if run["status"] == "ok"]
     if not good_runs:

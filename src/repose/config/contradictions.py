@@ -260,6 +260,11 @@ def _find_target_faults(
         The study; its section `targets` is read.
     config : mapping
         The whole configuration, which has a section for each bench test in use.
+
+    Yields
+    ------
+    tuple of str
+        The dotted key and its allowed values.
     """
     earlier_responses = set()
     for position, target in enumerate(settings.targets):

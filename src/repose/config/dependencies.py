@@ -446,6 +446,11 @@ def _hash_named_files(selected: dict[str, Any]) -> dict[str, Any]:
     selected : dict
         Values by section or dotted key. A file may be named by a dotted key, or inside a
         section.
+
+    Returns
+    -------
+    dict
+        The copy.
     """
     hashed = dict(selected)
     for dotted_key in list_file_keys():

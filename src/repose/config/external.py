@@ -140,6 +140,10 @@ class ExternalConfig(PipelineConfig):
         check_inputs : bool, optional
             Whether to check also the program, its template and its files.
 
+        Returns
+        -------
+        ExternalConfig
+
         Raises
         ------
         InputError

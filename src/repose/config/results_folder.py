@@ -184,6 +184,11 @@ def _make_path_pattern(path: str, wildcards: dict[str, str]) -> str:
     wildcards : dict of str to str
         Expressions of wildcards by name. Any other wildcard matches the name of one file
         or folder.
+
+    Returns
+    -------
+    str
+        The regular expression.
     """
     # Texts and names of wildcards alternate, beginning with a text.
     parts = re.split(WILDCARD_PATTERN, path)
