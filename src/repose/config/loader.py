@@ -418,16 +418,20 @@ def find_substitute_crop(*files: StrPath) -> Path | None:
     built_in_crop = places.find_program_folder() / places.DEFAULT_CONFIG
     paths = [places.find_file(path) for path in files]
 
-    # A file beside that of the built-in crop is a variant of this crop.
+    # Nothing is missing if the working folder has a configuration, or if the file is the
+    # resolved one of a study.
+    has_configuration = places.list_default_configs()[-1] != built_in_crop
+    if has_configuration or is_resolved(*paths):
+        return None
+
+    # A file beside that of the built-in crop is a variant of this crop, so the user wants
+    # this crop.
     for path in paths:
         if path != built_in_crop and path.parent == built_in_crop.parent:
             return None
 
-    # Nothing is missing if the folder has a configuration or the file is complete.
-    if places.list_default_configs()[-1] != built_in_crop or is_resolved(*paths):
-        return None
-
-    # The files include the built-in crop, or are merged over it because they define no crop.
+    # The files include the built-in crop, or are merged over it because they lack keys and
+    # define no crop.
     if built_in_crop in paths:
         return built_in_crop
     is_complete = paths and not _lacks_keys(_merge_files(paths).config)
@@ -443,7 +447,8 @@ def _defines_crop(config: Config) -> bool:
         return False
     if grain.get("sizes") or grain.get("stl"):
         return True
-    if all(grain.get(key) is None for key in CROP_KEYS):
+    has_no_key = all(grain.get(key) is None for key in CROP_KEYS)
+    if has_no_key:
         return False
 
     # A density that is a text comes from the command line. It changes one number of a crop
