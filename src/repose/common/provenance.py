@@ -44,7 +44,7 @@ class _Stage:
     Attributes
     ----------
     heading : dict
-        The first entries of its record: the verb, and what else names the stage.
+        The first entries of its record: the subcommand, and what else names the stage.
     inputs : list of (Path, mapping or None)
         Its input files with their records. A file may have none.
     settings_of : callable

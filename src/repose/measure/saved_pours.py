@@ -19,7 +19,7 @@ POURS_ENDING = ".pours.json"  # ending of the file, after the job's name
 REQUIRED_ARRAYS = ("position", "quaternion", "in_pile")
 N_COLUMNS = {"position": 3, "quaternion": 4}
 NUMBERS_PER_GRAIN = ("in_pile", "scale")
-EXPECTED_FILE = f"NAME{POURS_ENDING} as the verb pour writes it"
+EXPECTED_FILE = f"NAME{POURS_ENDING} as the subcommand pour writes it"
 
 Arrays = Mapping[str, np.ndarray]  # of a pour, by name
 
@@ -88,7 +88,7 @@ def _check_pour(pour: Any, path: str | PathLike) -> None:
 
 def read_positions(path: str | PathLike) -> dict[str, np.ndarray]:
     """Read all arrays of a job's .npz file, with the keys NAME_SEED."""
-    return read_npz(path, what="the .npz file that the verb pour wrote")
+    return read_npz(path, what="the .npz file that the subcommand pour wrote")
 
 
 def select_pour(

@@ -157,7 +157,7 @@ def _read_checks(check_csv: StrPath, targets: Targets) -> dict[str, dict[str, An
     InputError
         If a target has no row.
     """
-    table = read_cells(check_csv, CHECK_COLUMNS, "a table of the verb validate")
+    table = read_cells(check_csv, CHECK_COLUMNS, "a table of the subcommand validate")
     rows = {row["response"]: row for row in table.rows()}
     for name in targets.names:
         if name not in rows:
