@@ -96,17 +96,17 @@ class Study:
         label: str = "study",
         **sections: Any,
     ) -> None:
-        """Check and complete the settings, and save them next to the file of runs.
+        """Check the settings, add the defaults, and save the settings if there is a file.
 
-        The parameters are those of the class.
+        The docstring of the class describes the parameters, errors and warnings.
         """
         from repose.calibrate.parameter_types import describe_wide_ranges
-        from repose.calibrate.profile_targets import expand_own_profiles
         from repose.calibrate.study_file import complete_configuration
 
         _require_names("parameters", parameters)
         _require_names("targets", targets)
-        content: dict[str, Any] = _convert_to_plain(
+        # Arrange the arguments like the keys of a configuration file.
+        user_config: dict[str, Any] = _convert_to_plain(
             {
                 "simulator": simulator,
                 "label": label,
@@ -114,24 +114,30 @@ class Study:
                 "strategy": strategy,
                 "parameters": parameters,
                 **sections,
+                "targets": targets,
             }
         )
-        # Bring the targets into the form that a configuration file has, and replace
-        # each profile by a target for each of its scores.
-        entries = {
-            name: _complete_target(entry)
-            for name, entry in _convert_to_plain(targets).items()
-        }
-        content["targets"] = expand_own_profiles(entries, "study")
-        config = complete_configuration(content)
+        user_config["targets"] = _complete_targets(user_config["targets"])
+        config = complete_configuration(user_config)
+
+        # Settings with faults never reach this line, so they are never saved. The
+        # defaults are not saved.
         if file is not None:
-            _save_settings(content, file)
+            _save_settings(user_config, runs_csv=file)
         self._set_up(config, file)
         for sentence in describe_wide_ranges(config["parameters"]):
             warnings.warn(sentence, stacklevel=2)
 
     def _set_up(self, config: dict[str, Any], file: StrPath | None) -> None:
-        """Set the attributes from a result of `complete_configuration`."""
+        """Set all attributes of a new study.
+
+        Parameters
+        ----------
+        config : dict
+            Result of `complete_configuration`.
+        file : path or None
+            CSV file of the runs.
+        """
         from repose.calibrate.study_file import make_settings, make_targets
 
         self.config = config
@@ -178,7 +184,7 @@ class Study:
     def own(
         cls, content: StrPath | Mapping[str, Any], file: StrPath | None = None
     ) -> Self:
-        """Make the study of a configuration for the user's own simulator.
+        """Make a study from a configuration for the user's own simulator.
 
         Parameters
         ----------
@@ -186,8 +192,8 @@ class Study:
             The configuration that docs/own_simulator.md describes: a YAML or JSON file,
             or its keys and values.
         file : path, optional
-            The file of runs. Unlike `Study(..., file=...)`, this method does not write
-            the settings beside it.
+            CSV file of the runs. Unlike `Study(..., file=...)`, this method does not
+            save the settings beside it.
 
         Returns
         -------
@@ -206,7 +212,8 @@ class Study:
         else:
             convert_to_path("content", content)
             config = complete_configuration(read_yaml(content), content)
-        # The initialiser takes separate arguments, not a complete configuration.
+        # `__init__` cannot be used, because it takes separate arguments instead of a
+        # complete configuration.
         study = cls.__new__(cls)
         study._set_up(config, file)
         return study
@@ -220,7 +227,7 @@ class Study:
         config: dict[str, Any],
         file: StrPath | None = None,
     ) -> Self:
-        """Make a study of parameters, targets and settings that were checked.
+        """Make a study from parameters, targets and settings that are already checked.
 
         Parameters
         ----------
@@ -229,7 +236,7 @@ class Study:
         config : dict
             The configuration from which they come.
         file : path, optional
-            As in `Study(..., file=...)`; nothing is written beside it.
+            CSV file of the runs. The settings are not saved beside it.
 
         Returns
         -------
@@ -380,15 +387,20 @@ class Study:
         return self.answer()
 
     def _make_table(self, run: Mapping[str, Any], result: object) -> "pd.DataFrame":
-        """Combine a run of `ask` with its result in a table of one row for `tell`.
+        """Combine a run with its result in the table that `tell` expects.
 
         Parameters
         ----------
         run : mapping
-            A row of `ask`.
+            A row of the table that `ask` returned.
         result : object
             The value that the user's function returned: a mapping, or None for a failed
             run.
+
+        Returns
+        -------
+        pandas.DataFrame
+            A single row.
 
         Raises
         ------
@@ -398,14 +410,14 @@ class Study:
         Warns
         -----
         UserWarning
-            If a response is no valid number, so the run counts as failed.
+            If a response is not a valid number. The run then counts as failed.
         """
         import pandas as pd
 
         from repose.calibrate.strategies.runs import make_cells
 
         try:
-            content = {} if result is None else dict(result)  # type: ignore[call-overload]
+            responses = {} if result is None else dict(result)  # type: ignore[call-overload]
         except (TypeError, ValueError):
             names = ", ".join(self.targets.names)
             raise InputError(
@@ -414,7 +426,7 @@ class Study:
                 value=[result],
                 allowed=f"a function that returns a mapping with {names}",
             ) from None
-        cells, warning = make_cells(content, self.targets.names)
+        cells, warning = make_cells(responses, self.targets.names)
         if warning:
             warnings.warn(warning, stacklevel=3)
         return pd.DataFrame([{**cells, **run}])
@@ -461,9 +473,8 @@ def _choose_executor(
     Returns
     -------
     context manager
-        Its value is the executor, or None to simulate one run after another. At its
-        exit, it shuts down threads that were started here, but not the executor of the
-        user.
+        It yields the executor, or None to simulate one run after another. On exit it
+        shuts down threads that were started here, but not the executor of the user.
 
     Raises
     ------
@@ -540,7 +551,7 @@ def _simulate_runs(
 
 
 def _cancel(futures: Iterable[Future[Any]]) -> None:
-    """Cancel the runs that have not begun."""
+    """Cancel the runs that have not started."""
     for future in futures:
         future.cancel()
 
@@ -584,35 +595,67 @@ def _complete_target(entry: Any) -> Any:
     }
 
 
-def _find_settings_file(file: StrPath) -> Path:
-    """Return the file of the settings beside a file of runs."""
-    path = convert_to_path("file", file)
+def _complete_targets(targets: Mapping[str, Any]) -> dict[str, Any]:
+    """Bring targets into the form that they have in a configuration file.
+
+    Parameters
+    ----------
+    targets : mapping
+        The targets of the user by name, in plain types.
+
+    Returns
+    -------
+    dict
+        Each list of two or three numbers is replaced by a mapping, and each profile by
+        a target for each of its scores.
+
+    Raises
+    ------
+    InputError
+        If a profile has faults.
+    """
+    from repose.calibrate.profile_targets import expand_own_profiles
+
+    mappings = {name: _complete_target(entry) for name, entry in targets.items()}
+    completed: dict[str, Any] = expand_own_profiles(mappings, "study")
+    return completed
+
+
+def _find_settings_file(runs_csv: StrPath) -> Path:
+    """Return the path of the settings, which lie beside the file of the runs.
+
+    It has the same name with the ending .json. An InputError is raised if `runs_csv` is
+    in a folder that does not exist, or has another ending than .csv.
+    """
+    path = convert_to_path("file", runs_csv)
     if not path.parent.is_dir():
         raise InputError(
             source="study",
             key="file",
-            value=str(file),
+            value=str(runs_csv),
             allowed="a path in a folder that is there",
         )
     if path.suffix != ".csv":
         raise InputError(
             source="study",
             key="file",
-            value=str(file),
+            value=str(runs_csv),
             allowed="a path that ends in .csv",
         )
     return path.with_suffix(".json")
 
 
-def _save_settings(content: Mapping[str, Any], file: StrPath) -> None:
-    """Save the settings next to the file of runs, or compare them with the saved ones.
+def _save_settings(user_config: Mapping[str, Any], runs_csv: StrPath) -> None:
+    """Save the settings beside the file of the runs.
+
+    If settings are already saved there, they are compared instead, and not changed.
 
     Parameters
     ----------
-    content : mapping
-        The settings that the user gave.
-    file : path
-        The file of runs.
+    user_config : mapping
+        The settings of the user, without defaults.
+    runs_csv : path
+        The file of the runs.
 
     Raises
     ------
@@ -621,13 +664,13 @@ def _save_settings(content: Mapping[str, Any], file: StrPath) -> None:
     """
     from repose.common.reading import read_yaml
 
-    path = _find_settings_file(file)
+    path = _find_settings_file(runs_csv)
     if not path.exists():
-        write_json(path, content)
+        write_json(path, user_config)
         return
     saved_settings = read_yaml(path)
     # Compare the settings in the form that they would have in the file.
-    settings = json.loads(format_json(content))
+    settings = json.loads(format_json(user_config))
     for key in sorted({*saved_settings, *settings}):
         if saved_settings.get(key) != settings.get(key):
             raise InputError(

@@ -72,6 +72,11 @@ COMMON_KEYS = (
 N_WALKERS = 128
 N_STEPS = 400
 MAX_SIZE = 1e12
+# Smallest noise of a response, as a share of its value. Rounding errors would hide a
+# smaller one.
+MIN_NOISE_SHARE = 1e-9
+# Keys outside the sections that some strategies do not read.
+OPTIONAL_KEYS = ("seeds", "surrogate")
 
 Line = Annotated[str, Field(pattern=r"^[^\n]*\S[^\n]*$"), Allowed("text of one line")]
 Size = Annotated[float, Field(ge=0, le=MAX_SIZE)]
@@ -100,11 +105,13 @@ class OwnTarget(Section):
     def contradictions(self) -> Contradictions:
         """Find numbers of the target that are impossible or contradict each other.
 
+        Neither value nor aim may be 0 or outside the range, and the noise must not be
+        tiny.
+
         Yields
         ------
         pair of str
-            The key of the number, and what is allowed. The checks are about a value or
-            an aim that is 0 or outside the range, and about a tiny noise.
+            The key of the number, and what is allowed.
         """
         if self.value == 0 and self.profile is None:
             yield "value", "not 0: tolerances are in percent of it"
@@ -118,8 +125,7 @@ class OwnTarget(Section):
             low, high = self.range or default_range
             if self.aim == 0 or not low <= self.aim <= high:
                 yield "aim", f"a number in the range, {low:g} to {high:g}, but not 0"
-        # Rounding errors would hide a smaller noise.
-        smallest_noise = 1e-9 * abs(self.value)
+        smallest_noise = MIN_NOISE_SHARE * abs(self.value)
         if self.noise_sd is not None and self.noise_sd < smallest_noise:
             yield "noise_sd", f"at least {smallest_noise:g}"
 
@@ -155,7 +161,7 @@ class StudyFile(Section):
     seed: int = Field(ge=0, le=2**31 - 1)
     parameters: Annotated[
         dict[str, Parameter],  # type: ignore[valid-type]
-        Allowed("a section with a range for each make_parameter_type"),
+        Allowed("a section with a range for each parameter"),
     ]
     constraints: Constraints = ABSENT
     targets: Annotated[
@@ -286,7 +292,7 @@ def complete_configuration(
     Parameters
     ----------
     content : mapping
-        The keys that the user sets.
+        The keys that the user set, with their values.
     source : object, optional
         File that an error names. An Origin names the file of each key, because a
         configuration may consist of several files.
@@ -306,50 +312,67 @@ def complete_configuration(
     InputError
         If there are faults; the error lists all of them.
     """
-    from repose.calibrate.strategies import cost
-
     model = model or make_configuration_model()
     origin = source if isinstance(source, Origin) else str(source)
     config = _add_defaults(content, origin, model)
     config = faults.convert_whole_numbers(config, model)
     raise_together(faults.find_faults(config, origin, model).faults)
+
     # Each section with random numbers has the seed of the study.
     for name in SEEDED_SECTIONS:
         config[name] = config[name] | {"seed": config["seed"]}
-    if config["network"].get("split", AUTO) == AUTO:
-        config["network"] = config["network"] | {
-            "split": choose_split(config["surrogate"])
-        }
+    network = config["network"]
+    if network.get("split", AUTO) == AUTO:
+        config["network"] = network | {"split": choose_split(config["surrogate"])}
+    _check_strategy(config, origin)
+    return config
 
-    # Check the rules of the strategy. Leave out those of `sequential`, because its
-    # model already checks the budget, and `noise_sd` may replace repeated runs.
+
+def _check_strategy(config: Mapping[str, Any], source: str | Origin) -> None:
+    """Check that the strategy can run with the rest of the configuration.
+
+    Parameters
+    ----------
+    config : mapping
+        The complete configuration. Each section has no faults by itself.
+    source : str or Origin
+        File of the configuration, for an error.
+
+    Raises
+    ------
+    InputError
+        If the strategy does not obey constraints, or if its section contradicts the
+        number of parameters or targets.
+    """
+    from repose.calibrate.strategies import cost
+
     name = config["strategy"]
     if "constraints" in config and not strategy(name).obeys_constraints:
-        file = find_file_to_edit(origin, "strategy")
         raise YamlError(
-            source=file,
+            source=find_file_to_edit(source, "strategy"),
             key="strategy",
             value=name,
             allowed=obeying_strategies(),
         )
-    if name != "sequential":
-        section = make_settings(config).of_strategy(name)
-        contradictions = cost.find_contradictions(
-            name,
-            section,
-            free=count_free(config["parameters"]),
-            responses=len(config["targets"]),
+    # The general rules of `sequential` do not hold here: with the user's own simulator,
+    # the key `noise_sd` may replace repeated runs. `OwnSequential` checks the budget.
+    if name == "sequential":
+        return
+    contradictions = cost.find_contradictions(
+        name,
+        make_settings(config).of_strategy(name),
+        free=count_free(config["parameters"]),
+        responses=len(config["targets"]),
+    )
+    raise_together(
+        YamlError(
+            source=find_file_to_edit(source, key),
+            key=key,
+            value=get_value(config, key),
+            allowed=allowed,
         )
-        raise_together(
-            YamlError(
-                source=find_file_to_edit(origin, key),
-                key=key,
-                value=get_value(config, key),
-                allowed=allowed,
-            )
-            for key, allowed in contradictions
-        )
-    return config
+        for key, allowed in contradictions
+    )
 
 
 def _add_defaults(
@@ -357,13 +380,10 @@ def _add_defaults(
 ) -> dict[str, Any]:
     """Add the defaults to the keys of the user, without checking these keys.
 
-    The defaults are those of config/method.yaml. A study with the user's own simulator
-    has shorter sections `sequential` and `posterior` than this file.
-
     Parameters
     ----------
     content : mapping
-        The keys that the user sets.
+        The keys that the user set, with their values.
     source : str or Origin
         File of these keys, for an error.
     model : type of StudyFile
@@ -377,12 +397,10 @@ def _add_defaults(
     Raises
     ------
     InputError
-        If a name of a parameter or target is no text, or a profile has faults.
+        If a name of a parameter or target is not text, or a profile has faults.
     """
-    defaults: dict[str, Any] = read_yaml(places.find_file(places.METHOD_CONFIG))
-    sequential = defaults["sequential"]
-    posterior = defaults["posterior"]
-    seeds = _find_runs_of_a_sample(content, otherwise=sequential["seeds"])
+    method: dict[str, Any] = read_yaml(places.find_file(places.METHOD_CONFIG))
+    seeds = _find_runs_of_a_sample(content, otherwise=method["sequential"]["seeds"])
     config: dict[str, Any] = {
         "strategy": "sequential",
         "seeds": seeds,
@@ -393,40 +411,61 @@ def _add_defaults(
     config["targets"] = expand_own_profiles(
         config.get("targets"), find_file_to_edit(source, "targets")
     )
-    # Choose the defaults of the two shorter sections. A pour of the pipeline is a run
-    # here, so the budget has another key.
-    defaults["sequential"] = {
+
+    # Add the defaults section by section.
+    section_defaults = _choose_section_defaults(method, seeds)
+    for name in model.model_fields:
+        if not isinstance(section_defaults.get(name), Mapping):
+            continue
+        section = config.get(name, {})
+        # A value that is not a section remains unchanged. A later check refuses it.
+        if isinstance(section, Mapping):
+            section = {**section_defaults[name], **section}
+        config[name] = section
+    return config
+
+
+def _choose_section_defaults(method: Mapping[str, Any], seeds: int) -> dict[str, Any]:
+    """Choose the defaults of all sections of a study with the user's own simulator.
+
+    Parameters
+    ----------
+    method : mapping
+        The content of config/method.yaml. Its sections are the defaults, except for
+        `sequential` and `posterior`, which have fewer keys here.
+    seeds : int
+        Number of runs of a sample.
+
+    Returns
+    -------
+    dict
+        The defaults by name of the section.
+    """
+    sequential = method["sequential"]
+    posterior = method["posterior"]
+    own_sequential = {
         "start_samples": sequential["start_samples"],
         "seeds": seeds,
         "batch": sequential["batch"],
         "tolerance_percent": sequential["tolerance_percent"],
         "probability": sequential["probability"],
+        # The pipeline pours grains, but any other simulator makes runs.
         "most_runs": sequential["most_pours"],
     }
-    defaults["posterior"] = {
+    own_posterior = {
         "discrepancy_percent": posterior["discrepancy_percent"],
         "discrepancy_correlation": posterior["discrepancy_correlation"],
         "walkers": N_WALKERS,
         "steps": N_STEPS,
     }
-
-    # Put the keys of the user over the defaults, section by section.
-    for name in model.model_fields:
-        if not isinstance(defaults.get(name), Mapping):
-            continue
-        section = config.get(name, {})
-        # A value that is no section remains unchanged, because a later check refuses
-        # it.
-        if isinstance(section, Mapping):
-            section = {**defaults[name], **section}
-        config[name] = section
-    return config
+    return {**method, "sequential": own_sequential, "posterior": own_posterior}
 
 
 def _find_runs_of_a_sample(content: Mapping[str, Any], otherwise: int) -> int:
-    """Return the number of runs of a sample.
+    """Return the number of runs of a sample that the user set.
 
-    It is the key `seeds`, or else `sequential.seeds`, or else `otherwise`.
+    It is the value of the key `seeds`, or else of `sequential.seeds`. If neither is a
+    whole number, it is `otherwise`.
     """
     for key in ("seeds", "sequential.seeds"):
         seeds = get_value(content, key)
@@ -437,9 +476,6 @@ def _find_runs_of_a_sample(content: Mapping[str, Any], otherwise: int) -> int:
 
 def _refuse_unusable_names(config: Mapping[str, Any], source: str | Origin) -> None:
     """Refuse names of parameters and targets that cannot be columns of a table.
-
-    Such names are not text, because YAML reads an unquoted number or date as a number
-    or date, or they begin with #, which begins a comment in a table.
 
     Parameters
     ----------
@@ -460,27 +496,18 @@ def _refuse_unusable_names(config: Mapping[str, Any], source: str | Origin) -> N
             continue
         file = find_file_to_edit(source, section)
         for name in entries:
+            # Without quotes, YAML reads a number or date as such, and not as text.
             if not isinstance(name, str):
-                errors.append(
-                    YamlError(
-                        source=file,
-                        key=section,
-                        value=name,
-                        allowed="text as each name; put it in quotes",
-                    )
-                )
+                allowed = "text as each name; put it in quotes"
             elif name.startswith("#"):
-                errors.append(
-                    YamlError(
-                        source=file,
-                        key=section,
-                        value=name,
-                        allowed=(
-                            "names that do not begin with #, "
-                            "which begins a comment in tables"
-                        ),
-                    )
+                allowed = (
+                    "names that do not begin with #, which begins a comment in tables"
                 )
+            else:
+                continue
+            errors.append(
+                YamlError(source=file, key=section, value=name, allowed=allowed)
+            )
     raise_together(errors)
 
 
@@ -499,7 +526,7 @@ def choose_split(surrogate: str) -> list[float]:
 
 
 def make_settings(config: Mapping[str, Any]) -> CalibrationSettings:
-    """Return the typed sections of a complete configuration.
+    """Convert the sections of a complete configuration to typed settings.
 
     Parameters
     ----------
@@ -519,8 +546,8 @@ def make_settings(config: Mapping[str, Any]) -> CalibrationSettings:
         model = strategy(name).settings
         if model is not None and name not in StudyFile.model_fields:
             others[name] = model.model_validate(config[name])
-    # `complete_configuration` has already checked these two sections. Their bounds
-    # differ from those of the models, so construct the models without their checks.
+    # `complete_configuration` has checked `sequential` and `posterior` by the bounds of
+    # this module. Those of the following models are others, so skip their checks.
     own_sequential = SequentialSettings.model_construct(
         start_samples=sequential["start_samples"],
         seeds=sequential["seeds"],
@@ -603,52 +630,56 @@ def _read_target(name: str, entry: Mapping[str, Any]) -> Target:
 
 
 def list_unread_keys(content: Mapping[str, Any]) -> list[str]:
-    """List the keys of a configuration that have no effect with its strategy.
+    """List the keys of a configuration that its strategy does not read.
+
+    A user who sets such a key can be told that it has no effect.
 
     Parameters
     ----------
     content : mapping
-        The keys that the user set, which have been checked.
+        The keys that the user set, with their values. They have been checked.
 
     Returns
     -------
     list of str
         Keys such as `seeds` or `sequential.batch`, sorted.
     """
-    name = content.get("strategy", "sequential")
-    keys_read = _find_keys_read(name, content)
+    strategy_name = content.get("strategy", "sequential")
+    keys_read = _find_keys_read(strategy_name, content)
 
-    # Collect the keys that a strategy may ignore: two keys at the top level, and all
-    # keys of sections.
-    keys = [key for key in ("seeds", "surrogate") if key in content]
+    # Collect the keys that a strategy may ignore.
+    optional_keys = [key for key in OPTIONAL_KEYS if key in content]
     for section in make_configuration_model().model_fields:
         if isinstance(content.get(section), Mapping):
-            keys += [f"{section}.{key}" for key in content[section]]
+            optional_keys += [f"{section}.{key}" for key in content[section]]
 
     unread = []
-    for key in keys:
+    for key in optional_keys:
+        # A section among `keys_read` stands for all of its keys.
         section = key.partition(".")[0]
-        # The seed of the study replaces the seeds of the sections.
-        if key.endswith(".seed") or not keys_read & {key, section}:
+        is_read = key in keys_read or section in keys_read
+        # The seed of the study replaces the seed of each section.
+        is_replaced = key.endswith(".seed")
+        if is_replaced or not is_read:
             unread.append(key)
     return sorted(unread)
 
 
 def _find_keys_read(name: str, content: Mapping[str, Any]) -> set[str]:
-    """Find the sections and keys that a strategy and its answer read.
+    """Find the keys that a strategy and the analysis of its answer read.
 
     Parameters
     ----------
     name : str
         Name of the strategy.
     content : mapping
-        The keys that the user set.
+        The keys that the user set, with their values.
 
     Returns
     -------
     set of str
-        Names of sections, keys of the top level, and keys such as `sequential.seeds`.
-        If a section is named, all of its keys are read.
+        Keys such as `seeds` and `sequential.seeds`. The name of a section stands for
+        all of its keys.
     """
     strategy_of_study = strategy(name)
     keys = set(COMMON_KEYS)
@@ -669,13 +700,30 @@ def _find_keys_read(name: str, content: Mapping[str, Any]) -> set[str]:
     if strategy_of_study.begins_with_design and not is_network:
         keys.discard("network")
 
-    # The number of runs of a sample is set by `seeds` or by `sequential.seeds`, and
-    # only one of these keys is read.
-    if "sequential" in keys:
-        keys.add("seeds")
+    # Two keys set the number of runs of a sample, but only one of them is read.
+    if "sequential" in keys or "seeds" in keys:
+        keys.discard("seeds")
+        keys.add(_choose_key_of_seeds(name, content))
+    return keys
+
+
+def _choose_key_of_seeds(name: str, content: Mapping[str, Any]) -> str:
+    """Choose the key with the number of runs of a sample.
+
+    If the user set both keys, only the strategy `sequential` reads that of its section.
+
+    Parameters
+    ----------
+    name : str
+        Name of the strategy.
+    content : mapping
+        The keys that the user set, with their values.
+
+    Returns
+    -------
+    str
+        "seeds" or "sequential.seeds".
+    """
     has_section_key = get_value(content, "sequential.seeds") is not None
     prefers_section_key = name == "sequential" or "seeds" not in content
-    if "seeds" in keys and has_section_key and prefers_section_key:
-        keys.remove("seeds")
-        keys.add("sequential.seeds")
-    return keys
+    return "sequential.seeds" if has_section_key and prefers_section_key else "seeds"
