@@ -87,14 +87,15 @@ def summarise_runs(
     Parameters
     ----------
     runs : sequence of mapping
-        `status` and responses of each run.
+        The runs, each with its `status` and its responses.
     recorded : Recorded
-        Names of the numbers of the summary.
+        Names of the responses to average.
 
     Returns
     -------
     dict
-        `status`, `reason`, `n_seeds` (number of ok runs), then means and standard errors.
+        `status`, `reason` (why runs failed, and how deeply bodies overlap), `n_seeds`
+        (number of ok runs), and the mean and the standard error of each response.
 
     Raises
     ------
@@ -108,8 +109,8 @@ def summarise_runs(
     is_usable = len(ok) > 0 and 2 * len(ok) >= len(runs)
     # Begin with None for all keys. The numbers of an unusable sample stay None.
     summary: dict[str, Any] = dict.fromkeys(recorded.summary)
-    texts = [describe_failures(failed, len(runs)), describe_overlaps(runs)]
-    summary["reason"] = "; ".join(filter(None, texts))
+    remarks = [describe_failures(failed, len(runs)), describe_overlaps(runs)]
+    summary["reason"] = "; ".join(filter(None, remarks))
     summary["n_seeds"] = len(ok)
     if not is_usable:
         statuses = Counter(run["status"] for run in failed)
@@ -127,7 +128,10 @@ def summarise_runs(
 
 
 def mean_and_error(values: Sequence[float]) -> tuple[float | None, float | None]:
-    """Compute the mean of values and its standard error, sd / sqrt(n).
+    """Compute the mean of some values, and the standard error of the mean.
+
+    The standard error is the standard deviation divided by the root of the number of
+    values.
 
     Parameters
     ----------
@@ -135,10 +139,10 @@ def mean_and_error(values: Sequence[float]) -> tuple[float | None, float | None]
 
     Returns
     -------
-    float or None
-        The mean; None without values.
-    float or None
-        The standard error; None for fewer than two values.
+    mean : float or None
+        It is None if there are no values.
+    error : float or None
+        It is None if there are fewer than two values.
     """
     numbers = np.array(values, dtype=float)
     n = len(numbers)
@@ -151,56 +155,59 @@ def mean_and_error(values: Sequence[float]) -> tuple[float | None, float | None]
 
 
 def describe_failures(failed: Sequence[Mapping[str, Any]], total: int) -> str:
-    """Describe the failed runs by cause, as in ``2 of 8 runs jammed (no discharge)``.
-
-    The text is empty if no run failed.
+    """Describe how many runs failed with each status, and why.
 
     Parameters
     ----------
     failed : sequence of mapping
-        The runs that failed: `status`, and `reason` if it is known.
+        The runs that failed, each with its `status`, and its `reason` if that is known.
     total : int
         Number of all runs.
+
+    Returns
+    -------
+    str
+        Text such as ``2 of 8 runs jammed (no discharge)``. It begins with the most
+        common status, and is empty if no run failed.
     """
-    causes = []
+    descriptions = []
     for status, count in Counter(run["status"] for run in failed).most_common():
-        # Each reason once, in the order of the runs.
-        reasons: list[str] = []
-        for run in failed:
-            if run["status"] != status:
-                continue
-            run_reason = run.get("reason")
-            if run_reason and run_reason not in reasons:
-                reasons.append(run_reason)
-        cause = f"{count} of {total} runs {status}"
-        if reasons:
-            cause += f" ({'; '.join(reasons)})"
-        causes.append(cause)
-    return "; ".join(causes)
+        reasons = [run.get("reason") for run in failed if run["status"] == status]
+        # List each reason once, in the order of the runs.
+        different_reasons = list(dict.fromkeys(filter(None, reasons)))
+        description = f"{count} of {total} runs {status}"
+        if different_reasons:
+            description += f" ({'; '.join(different_reasons)})"
+        descriptions.append(description)
+    return "; ".join(descriptions)
 
 
 def describe_run(run: Mapping[str, Any], template: str) -> str:
-    """Describe a run in a line: its responses, or why it failed.
+    """Describe the responses of a run, or why it failed.
 
     Parameters
     ----------
     run : mapping
-        `seed`, `status`, and responses or `reason`.
+        The run with its `seed`, its `status`, and its responses or its `reason`.
     template : str
         Text with a placeholder for each response, which `str.format` fills.
+
+    Returns
+    -------
+    str
+        A single line.
     """
     if run["status"] != "ok":
         failure = describe_failure(run["status"], run["reason"])
         return f"seed {run['seed']}: {failure}"
-    warning = ""
-    if overlaps := describe_overlaps([run]):
-        warning = f"; WARNING: {overlaps}"
+    overlaps = describe_overlaps([run])
+    warning = f"; WARNING: {overlaps}" if overlaps else ""
     try:
         responses = template.format(**run)
     except (KeyError, TypeError):
-        # The template may name a response that was not measured, because it is no
+        # The template names a response that was not measured, because it is not a
         # target.
-        return f"seed {run['seed']}: ok{warning}"
+        responses = "ok"
     return f"seed {run['seed']}: {responses}{warning}"
 
 

@@ -76,21 +76,24 @@ def make_anova_table(model: Model) -> pd.DataFrame:
             "model",
             total - residual,
             df=len(model.terms),
-            error=model.variance,
-            df_error=model.df,
+            error_mean_square=model.variance,
+            error_df=model.df,
         )
     ]
-    # With the coefficient b of a term and the element c of the diagonal of (X'X)^-1,
-    # the partial sum of squares is b^2 / c.
-    partial = model.coefficients**2 / np.diag(model.inverse)[1:]
-    for label, sum_of_squares in zip(model.labels, partial.tolist(), strict=True):
+    # Let b be the coefficient of a term, and c its element on the diagonal of (X'X)^-1.
+    # Then the partial sum of squares is b^2 / c. The first element on the diagonal is
+    # that of the constant, which is not a term.
+    partial_squares = model.coefficients**2 / np.diag(model.inverse)[1:]
+    for label, sum_of_squares in zip(
+        model.labels, partial_squares.tolist(), strict=True
+    ):
         rows.append(
             _make_tested_row(
                 label,
                 sum_of_squares,
                 df=1,
-                error=model.variance,
-                df_error=model.df,
+                error_mean_square=model.variance,
+                error_df=model.df,
             )
         )
     rows.append(_make_row("residual", residual, model.df))
@@ -103,8 +106,8 @@ def make_anova_table(model: Model) -> pd.DataFrame:
                 "lack of fit",
                 residual - pure.sum_of_squares,
                 df=model.df - pure.df,
-                error=_compute_mean_square(pure.sum_of_squares, pure.df),
-                df_error=pure.df,
+                error_mean_square=_compute_mean_square(pure.sum_of_squares, pure.df),
+                error_df=pure.df,
             )
         )
         rows.append(_make_row("pure error", pure.sum_of_squares, pure.df))
@@ -130,29 +133,28 @@ def compute_statistics(model: Model) -> dict[str, float]:
         standard error. If the error has no degrees of freedom, the statistics that need
         it are NaN.
     """
-    n = len(model.response)
-    residual = model.residual_squares
+    n_runs = len(model.response)
+    residual_squares = model.residual_squares
     # The sum of squares about the mean is that of the model plus that of the residuals.
-    model_squares = (
-        make_anova_table(model).set_index("source").loc["model", "sum_of_squares"]
-    )
-    total = model_squares + residual
+    anova = make_anova_table(model).set_index("source")
+    total_squares = anova.loc["model", "sum_of_squares"] + residual_squares
     mean = float(model.response.mean())
     sigma = math.sqrt(model.variance)
     press = _compute_press(model)
     predictions = model.matrix @ model.all_coefficients
-    # The mean variance of the predictions is sigma^2 p / n, with p coefficients.
+    # The mean variance of the predictions is sigma^2 p / n, for n runs and p
+    # coefficients.
     n_coefficients = model.matrix.shape[1]
-    mean_error = sigma * math.sqrt(n_coefficients / n)
-    mean_residual_square = _compute_mean_square(residual, model.df)
+    mean_error = sigma * math.sqrt(n_coefficients / n_runs)
+    mean_residual_square = _compute_mean_square(residual_squares, model.df)
     return {
         "std_dev": sigma,
         "mean": mean,
         "cv_percent": 100 * _divide(sigma, mean),
         "press": press,
-        "r2": 1 - _divide(residual, total),
-        "adjusted_r2": 1 - _divide(mean_residual_square, total / (n - 1)),
-        "predicted_r2": 1 - _divide(press, total),
+        "r2": 1 - _divide(residual_squares, total_squares),
+        "adjusted_r2": 1 - _divide(mean_residual_square, total_squares / (n_runs - 1)),
+        "predicted_r2": 1 - _divide(press, total_squares),
         "adequate_precision": _divide(float(np.ptp(predictions)), mean_error),
     }
 
@@ -171,7 +173,7 @@ def _compute_press(model: Model) -> float:
 
 
 def list_effects(model: Model) -> pd.DataFrame:
-    """List the terms for the Pareto chart, the largest contribution first.
+    """List the effects of the terms for the Pareto chart.
 
     Parameters
     ----------
@@ -180,9 +182,10 @@ def list_effects(model: Model) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        `term`, `coefficient` in coded units, `standard_error`, `t` (the standardised
-        effect, without sign), `p`, and `contribution_percent`: the term's partial sum
-        of squares over the total.
+        A row for each term, the largest contribution first: `term`, `coefficient` in
+        coded units, `standard_error`, `t` (the coefficient divided by its standard
+        error, without sign), `p`, and `contribution_percent` (the partial sum of squares
+        in percent of the total).
     """
     table = make_anova_table(model).set_index("source")
     # The first standard error is that of the constant, which is not an effect.
@@ -232,14 +235,21 @@ def _divide(numerator: float, denominator: float) -> float:
 
 
 def _make_row(source: str, sum_of_squares: float, df: int) -> _Row:
-    """Make a row without a test."""
+    """Make a row of the ANOVA table without a test."""
     return _Row(source, sum_of_squares, df, _compute_mean_square(sum_of_squares, df))
 
 
 def _make_tested_row(
-    source: str, sum_of_squares: float, df: int, error: float, df_error: int
+    source: str,
+    sum_of_squares: float,
+    *,
+    df: int,
+    error_mean_square: float,
+    error_df: int,
 ) -> _Row:
-    """Make a row of the table, with an F test.
+    """Make a row of the ANOVA table with an F test.
+
+    F is the mean square of the row divided by that of the error.
 
     Parameters
     ----------
@@ -247,17 +257,22 @@ def _make_tested_row(
         Name of the row.
     sum_of_squares : float
     df : int
-        Degrees of freedom of the sum.
-    error : float
-        Mean square against which the row is tested.
-    df_error : int
-        Degrees of freedom of this mean square.
+        Degrees of freedom of the sum of squares.
+    error_mean_square : float
+        Mean square of the error: of the residuals, or of the pure error.
+    error_df : int
+        Degrees of freedom of the error.
+
+    Returns
+    -------
+    _Row
+        F and p are NaN if they cannot be computed.
     """
     from scipy import stats
 
     row = _make_row(source, sum_of_squares, df)
-    f = _divide(row.mean_square, error)
+    f = _divide(row.mean_square, error_mean_square)
     p = math.nan
-    if df and df_error and math.isfinite(f):
-        p = float(stats.f.sf(f, df, df_error))
+    if df and error_df and math.isfinite(f):
+        p = float(stats.f.sf(f, df, error_df))
     return row._replace(f=f, p=p)

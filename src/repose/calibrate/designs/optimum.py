@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from repose.calibrate.designs.coding import make_full_factorial
 from repose.calibrate.designs.model import Model
-from repose.calibrate.designs.region import Region
+from repose.calibrate.designs.region import SLSQP_OPTIONS, Region
 
 # Deviations from the targets, in their scales.
 MET_DEVIATION = 1e-6  # below this a target counts as met
@@ -16,6 +16,9 @@ MET_DEVIATION = 1e-6  # below this a target counts as met
 NEARLY_MET_DEVIATION = 1e-3
 # A minimum starts such a search if its sum of squared deviations is below this.
 GOOD_START_SQUARE = 1e-6
+# Tolerance of SciPy for a sum of squared deviations. It is below the square of
+# `MET_DEVIATION`, so that a search does not end before the targets are met.
+SQUARE_TOLERANCE = 1e-14
 
 
 class Optimum(NamedTuple):
@@ -53,9 +56,10 @@ def compute_desirability(
     with np.errstate(divide="ignore", invalid="ignore"):
         below = (predicted - low) / (aims - low)
         above = (high - predicted) / (high - aims)
-    share = np.where(predicted < aims, below, above)
-    share = np.where(predicted == aims, 1.0, share)
-    return np.clip(share, 0.0, 1.0).prod(axis=1) ** (1.0 / len(aims))
+    desirability = np.where(predicted < aims, below, above)
+    desirability = np.where(predicted == aims, 1.0, desirability)
+    # Take the geometric mean over the responses.
+    return np.clip(desirability, 0.0, 1.0).prod(axis=1) ** (1.0 / len(aims))
 
 
 class _Deviations:
@@ -109,7 +113,7 @@ def find_optimum(
         One for each response.
     aims : array (responses,)
     scale : array (responses,)
-        The aim over the root of its weight.
+        Each aim divided by the square root of its weight.
     low, high : array (responses,)
         Ranges of the responses, for the desirability.
     region : Region or None
@@ -126,18 +130,21 @@ def find_optimum(
     minima = _find_minima(deviations, bounds, region)
     best = min(minima, key=deviations.sum_of_squares)
 
-    # If the targets can be met, move towards the centre along the points that meet them.
+    # If the targets can be met, search for the point nearest to the centre that meets
+    # them. A search that ends without meeting them does not count.
     if deviations.largest(best) < NEARLY_MET_DEVIATION:
-        central = [
+        central_points = [
             _find_most_central(deviations, point, bounds=bounds, region=region)
             for point in minima
             if deviations.sum_of_squares(point) < GOOD_START_SQUARE
         ]
-        exact = [
-            point for point in central if deviations.largest(point) < MET_DEVIATION
+        points_that_meet = [
+            point
+            for point in central_points
+            if deviations.largest(point) < MET_DEVIATION
         ]
-        if exact:
-            best = min(exact, key=_compute_squared_length)
+        if points_that_meet:
+            best = min(points_that_meet, key=_compute_squared_length)
 
     predicted = deviations(best) + aims
     is_met = bool(np.abs((predicted - aims) / deviations.scale).max() < MET_DEVIATION)
@@ -152,10 +159,10 @@ def find_optimum(
 def _find_minima(
     deviations: _Deviations, bounds: list[tuple[float, float]], region: Region | None
 ) -> list[np.ndarray]:
-    """Minimise the sum of the squared deviations from several starts.
+    """Find local minima of the sum of the squared deviations.
 
-    The starts are the centre of the cube, the points half way to each corner, and the
-    middles of the faces. Forbidden starts are moved to the edge of the region.
+    A search begins at the centre of the cube, at the points half way to each corner,
+    and at the middle of each face. Forbidden starts are moved to the edge of the region.
 
     Parameters
     ----------
@@ -168,7 +175,7 @@ def _find_minima(
     Returns
     -------
     list of numpy.ndarray, (k,)
-        The minimum that each search found. All are in the region.
+        The minimum that each search found, moved into the region if necessary.
     """
     from scipy import optimize
 
@@ -180,13 +187,17 @@ def _find_minima(
     )
     # L-BFGS-B is the method of the published results, but it allows no constraints.
     # With constraints, use SLSQP instead.
-    options: dict[str, Any] = {"method": "L-BFGS-B"}
+    method: dict[str, Any] = {"method": "L-BFGS-B"}
     if region is not None:
         starts = np.array([region.pull_inside(start) for start in starts])
-        options = {"method": "SLSQP", "constraints": _make_scipy_constraints(region)}
+        method = {"method": "SLSQP", "constraints": _make_scipy_constraints(region)}
     minima = [
         optimize.minimize(
-            deviations.sum_of_squares, start, bounds=bounds, tol=1e-14, **options
+            deviations.sum_of_squares,
+            start,
+            bounds=bounds,
+            tol=SQUARE_TOLERANCE,
+            **method,
         ).x
         for start in starts
     ]
@@ -217,7 +228,7 @@ def _find_most_central(
         ],
         bounds=bounds,
         method="SLSQP",
-        options={"ftol": 1e-12, "maxiter": 200},
+        options=SLSQP_OPTIONS,
     ).x
     return _pull_inside([found], region)[0]
 

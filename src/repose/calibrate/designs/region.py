@@ -13,6 +13,9 @@ SEED = 1  # of their sequence
 CONSTRAINT_MARGIN = 1e-9
 # Halvings of the way from a forbidden point to an allowed one.
 N_HALVINGS = 60
+# Options of SciPy for a search for the point nearest to another one. The tolerance is a
+# squared distance, of points that agree to six decimals.
+SLSQP_OPTIONS = {"ftol": 1e-12, "maxiter": 200}
 
 
 class Region:
@@ -111,6 +114,6 @@ class Region:
             constraints={"type": "ineq", "fun": self.compute_slack},
             bounds=[(-1.0, 1.0)] * self.factors,
             method="SLSQP",
-            options={"ftol": 1e-12, "maxiter": 200},
+            options=SLSQP_OPTIONS,
         )
         return self.pull_inside(found.x)

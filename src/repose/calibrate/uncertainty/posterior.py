@@ -44,6 +44,8 @@ from repose.common.files import StrPath, read_table, write_json, write_table
 from repose.common.numbers import format_significant
 
 CREDIBLE_PROBABILITY = 0.95
+# Probability on each side of a credible interval.
+TAIL_PROBABILITY = (1 - CREDIBLE_PROBABILITY) / 2
 # Runs beyond the first of a sample that a correlation needs, in addition to one for
 # each response of a bench test.
 SPARE_FREEDOM = 2
@@ -187,7 +189,7 @@ def _find_measured_correlation(
         If the correlation is to be estimated, but the runs are too few.
     """
     stated_correlation = settings.measured_correlation
-    # A word in place of a number asks for the estimate.
+    # The word "simulated" in place of a number asks for the estimate.
     if isinstance(stated_correlation, str):
         simulated = noise.estimate_within_correlation(runs, targets)
         _check_freedom(targets, simulated.pairs)
@@ -470,9 +472,9 @@ def _read_references(
     Returns
     -------
     dict
-        Tables with `low` and `high`, whose index has the parameters. The table `miga`
-        has the ranges of the solutions of the search, and the table `published` has the
-        published intervals. The latter is missing if there is no file for it.
+        Tables with the columns `low` and `high`, and a row for each parameter. The key
+        "miga" has the ranges of the solutions of the search. The key "published" has
+        the published intervals, and is missing if there is no file for them.
     """
     references = {}
     if files.table3 is not None:
@@ -490,7 +492,7 @@ def _compute_curve(
     runs: pd.DataFrame,
     measurement: Measurement,
 ) -> pd.DataFrame:
-    """Compute the information over the size of the discrepancy.
+    """Compute how much the data say about the parameters, by size of the discrepancy.
 
     Parameters
     ----------
@@ -520,14 +522,17 @@ def _compute_curve(
 
 
 def state_determination(row: Mapping[str, Any]) -> str:
-    """State in a sentence how well a parameter is determined.
-
-    The sentence depends on the information in the data, in bits. It has no full stop.
+    """State how well the data determine a parameter.
 
     Parameters
     ----------
     row : mapping
         Row of the parameter in posterior.csv.
+
+    Returns
+    -------
+    str
+        A sentence without its full stop.
     """
     name = row["parameter"]
     bits = row["information_bits"]
@@ -539,12 +544,12 @@ def state_determination(row: Mapping[str, Any]) -> str:
         return f"{name} is not determined: {width}"
     # With little information, only say in which half of the prior the parameter lies.
     if bits < DETERMINED_BITS:
-        below = row["below_centre"]
-        above = 1 - below
-        half = "high" if above >= below else "low"
+        low_probability = row["below_centre"]
+        high_probability = 1 - low_probability
+        half = "high" if high_probability >= low_probability else "low"
         return (
             f"{name} is weakly determined, in the {half} half with probability "
-            f"{max(above, below):.2f}: {width}"
+            f"{max(high_probability, low_probability):.2f}: {width}"
         )
     # If there is much information in spite of a wide interval, the draws form several
     # groups.
@@ -554,7 +559,10 @@ def state_determination(row: Mapping[str, Any]) -> str:
 
 
 def describe_posterior(summary: Mapping[str, Any]) -> str:
-    """Describe statements, fit and convergence in lines of text.
+    """Describe the posterior in lines of text, which a run prints.
+
+    The lines are the statements about the parameters, the information, the misfit, and
+    warnings about extrapolation and convergence.
 
     Parameters
     ----------
@@ -597,19 +605,24 @@ def _tabulate_parameters(
     convergence: Convergence,
     references: Mapping[str, pd.DataFrame],
 ) -> pd.DataFrame:
-    """Make posterior.csv, a row for each free parameter.
+    """Make the table of the free parameters, which is written to posterior.csv.
 
     Parameters
     ----------
     space : ParameterSpace
     unit : array (n, d)
-        Draws in the unit cube.
+        Draws from the posterior, as points of the unit cube.
     convergence : Convergence
     references : mapping
         See `infer_posterior`. A table may lack parameters of this study, because
         published tables only have the six parameters of the paper.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each free parameter.
     """
-    quantiles = space.marginal_cdf(unit)
+    prior_quantiles = space.marginal_cdf(unit)
     prior_widths = _compute_prior_widths(space)
     rows = []
     for k, name in enumerate(space.free):
@@ -620,17 +633,18 @@ def _tabulate_parameters(
             "high": space.high[k],
             **_describe_distribution(values, space, name, prior_widths[k]),
             "information_bits": compute_information_bits(
-                quantiles[:, k], convergence.effective_draws[k]
+                prior_quantiles[:, k], convergence.effective_draws[k]
             ),
-            "below_centre": float((quantiles[:, k] < 0.5).mean()),
+            "below_centre": float((prior_quantiles[:, k] < 0.5).mean()),
         }
+        # The fields of `Convergence` are columns of the table.
         for column, numbers in convergence._asdict().items():
             row[column] = numbers[k]
         for reference, intervals in references.items():
             if name in intervals.index:
                 low, high = map(float, intervals.loc[name, ["low", "high"]])
                 row |= _assess_reference(
-                    reference, space, k, values, Interval(low, high)
+                    reference, space, name, values, Interval(low, high)
                 )
         row["statement"] = state_determination(row)
         rows.append(row)
@@ -640,9 +654,22 @@ def _tabulate_parameters(
 def _describe_distribution(
     values: np.ndarray, space: ParameterSpace, name: str, prior_width: float
 ) -> dict[str, float]:
-    """Describe the distribution of draws (n,) of a parameter.
+    """Describe the posterior distribution of a parameter.
 
-    `prior_width` is the width of the central interval of its prior, along its scale.
+    Parameters
+    ----------
+    values : array (n,)
+        Draws of the parameter.
+    space : ParameterSpace
+    name : str
+        Name of the parameter.
+    prior_width : float
+        Width of the central interval of its prior, along its scale.
+
+    Returns
+    -------
+    dict
+        Columns of posterior.csv.
     """
     interval = _find_credible_interval(values)
     low, high = space.coordinates(name, np.array(interval)).tolist()
@@ -657,7 +684,10 @@ def _describe_distribution(
 
 
 def _compute_prior_widths(space: ParameterSpace) -> np.ndarray:
-    """Compute the widths of the priors' central 95 % intervals.
+    """Compute the width of the central 95 % interval of each parameter's prior.
+
+    A width is measured along the scale of the parameter. On a logarithmic scale, it is
+    the difference between the logarithms of both ends.
 
     Parameters
     ----------
@@ -666,52 +696,54 @@ def _compute_prior_widths(space: ParameterSpace) -> np.ndarray:
     Returns
     -------
     array (d,)
-        Widths along the scales of the free parameters.
+        The width for each free parameter.
     """
-    # Constraints change the priors of all parameters, so use quantiles of allowed sets.
+    probabilities_of_ends = np.array([TAIL_PROBABILITY, 1 - TAIL_PROBABILITY])
+    # Constraints exclude some parameter sets, and so change the distribution of each
+    # parameter. Then the ends are quantiles of the parameter sets that are allowed.
     if space.constraints:
-        probabilities = [(1 - CREDIBLE_PROBABILITY) / 2, (1 + CREDIBLE_PROBABILITY) / 2]
-        values = space.marginal_quantiles(np.array(probabilities))
-        low, high = to_coordinates(values, space.free, space.scale)
-        return high - low
+        ends = space.marginal_quantiles(probabilities_of_ends)
+        lows, highs = to_coordinates(ends, space.free, space.scale)
+        return highs - lows
 
-    # The interval of a uniform prior is this share of the range.
-    range_low, range_high = space.coordinate_ends
-    widths = CREDIBLE_PROBABILITY * (range_high - range_low)
-    # The interval of a normal prior follows from its quantiles.
-    tail = np.full(space.dimensions, (1 - CREDIBLE_PROBABILITY) / 2)
-    quantiles = space.from_prior(np.array([tail, 1 - tail]))
-    for name in space.prior:
-        k = space.free.index(name)
-        values = space.values_at(name, quantiles[:, k])
-        low, high = space.coordinates(name, values)
-        widths[k] = high - low
-    return widths
+    # Both ends of each parameter as points of the unit cube, (2, d).
+    unit = np.repeat(probabilities_of_ends[:, None], space.dimensions, axis=1)
+    unit = space.from_prior(unit)
+    range_lows, range_highs = space.coordinate_ends
+    widths = []
+    for k, name in enumerate(space.free):
+        if name in space.prior:
+            ends_of_parameter = space.values_at(name, unit[:, k])
+            low, high = space.coordinates(name, ends_of_parameter)
+            widths.append(high - low)
+        else:
+            # Without a prior, the parameter is uniform along its scale.
+            widths.append(CREDIBLE_PROBABILITY * (range_highs[k] - range_lows[k]))
+    return np.array(widths)
 
 
 def _find_credible_interval(values: np.ndarray) -> Interval:
     """Find the central interval of draws (n,) with probability `CREDIBLE_PROBABILITY`."""
-    tail = (1 - CREDIBLE_PROBABILITY) / 2
-    low, high = np.quantile(values, [tail, 1 - tail]).tolist()
+    low, high = np.quantile(values, [TAIL_PROBABILITY, 1 - TAIL_PROBABILITY]).tolist()
     return Interval(low, high)
 
 
 def _assess_reference(
-    name: str,
+    reference: str,
     space: ParameterSpace,
-    k: int,
+    parameter: str,
     values: np.ndarray,
     interval: Interval,
 ) -> dict[str, float]:
-    """Compute the probability of a reference interval of free parameter k.
+    """Compute how probably a parameter lies in a reference interval.
 
     Parameters
     ----------
-    name : str
-        Name of the reference, with which the columns begin.
+    reference : str
+        Name of the reference, with which the names of the columns begin.
     space : ParameterSpace
-    k : int
-        Number of the parameter among the free ones.
+    parameter : str
+        Name of a free parameter.
     values : array (n,)
         Draws of the parameter from the posterior.
     interval : Interval
@@ -723,23 +755,31 @@ def _assess_reference(
         The ends of the interval, its probability according to the draws, and its
         probability according to the prior.
     """
-    # The prior has no probability outside the range, so clip the interval to the range.
-    parameter = space.free[k]
-    clipped = np.clip(interval, space.low[k], space.high[k])
-    if parameter in space.prior:
-        # Compute the probability from the prior's distribution function.
-        ends = np.zeros((2, space.dimensions))
-        ends[:, k] = space.shares(parameter, clipped)
-        prior_probability = float(np.diff(space.prior_cdf(ends)[:, k])[0])
-    else:
-        # The probability of a uniform prior is the share of the range, along its scale.
-        range_low, range_high = space.coordinate_ends
-        low, high = space.coordinates(parameter, clipped).tolist()
-        prior_probability = (high - low) / float(range_high[k] - range_low[k])
     is_inside = (values >= interval.low) & (values <= interval.high)
     return {
-        f"{name}_low": interval.low,
-        f"{name}_high": interval.high,
-        f"{name}_probability": float(is_inside.mean()),
-        f"{name}_prior_probability": prior_probability,
+        f"{reference}_low": interval.low,
+        f"{reference}_high": interval.high,
+        f"{reference}_probability": float(is_inside.mean()),
+        f"{reference}_prior_probability": _compute_prior_probability(
+            space, parameter, interval
+        ),
     }
+
+
+def _compute_prior_probability(
+    space: ParameterSpace, parameter: str, interval: Interval
+) -> float:
+    """Compute the prior probability that a free parameter lies in an interval."""
+    # The prior has no probability outside the range, so clip the interval to the range.
+    k = space.free.index(parameter)
+    clipped = np.clip(interval, space.low[k], space.high[k])
+    if parameter in space.prior:
+        # Only the column of this parameter counts, so the others can be 0.
+        ends = np.zeros((2, space.dimensions))
+        ends[:, k] = space.shares(parameter, clipped)
+        cumulative_at_ends = space.prior_cdf(ends)[:, k]
+        return float(np.diff(cumulative_at_ends)[0])
+    # Without a prior, the parameter is uniform along its scale.
+    range_lows, range_highs = space.coordinate_ends
+    low, high = space.coordinates(parameter, clipped).tolist()
+    return (high - low) / float(range_highs[k] - range_lows[k])
