@@ -157,8 +157,12 @@ class Check:
     def make_card_entry(self) -> dict[str, Any]:
         """Make the entry of this check for the list `tests` of the material card.
 
-        The caller adds the definition of the response and its bench test. If the
-        surrogate's prediction or its optimism is unknown, the entry has no key for it.
+        The caller adds the definition of the response and its bench test.
+
+        Returns
+        -------
+        dict
+            The keys `whole`, `predicted` and `optimism` are left out if they are unknown.
         """
         entry: dict[str, Any] = {
             "response": self.response,
@@ -235,7 +239,7 @@ class Check:
         return self.probability_after(self.runs)
 
     def probability_after(self, runs: int) -> float | None:
-        """Compute the probability as it would be after some number of runs.
+        """Compute the probability that the mean lies in the range after more runs.
 
         The mean and the scatter are assumed to stay those of the runs made so far.
 
@@ -285,8 +289,7 @@ class Check:
             return f"{self.response} unknown"
         difference = self.simulated - self.measured
         percent_per_unit = 100 / self._hundred_percent
-        # Adding 0.0 turns -0.0, a possible result of rounding, into 0.0.
-        percent = round(percent_per_unit * difference, 1) + 0.0
+        percent = _round_percent(percent_per_unit * difference)
         error_text = ""
         if self.standard_error is not None:
             error_text = f" +- {percent_per_unit * self.standard_error:.1f}"
@@ -317,22 +320,21 @@ class Check:
         label = self.label
         if known_response(self.response) is not None:
             label = label[0].upper() + label[1:]
-        line = f"; line: {self.line}" if self.line else ""
+        line_remark = f"; line: {self.line}" if self.line else ""
+        measured = f"measured {format_significant(self.measured)}"
 
         # Write the simulated mean, or else the predicted one.
         value = self.simulated
-        kind = ""
+        prefix = ""
         if value is None:
             value = self.predicted
-            kind = "predicted "
+            prefix = "predicted "
         if value is None:
-            return f"{label} without a number (measured {format_significant(self.measured)}{line})"
-        # Adding 0.0 turns -0.0, a possible result of rounding, into 0.0.
-        percent = 100 * (value - self.measured) / self._hundred_percent
-        percent = round(percent, 1) + 0.0
-        number = f"{kind}{format_with_error(value, self.standard_error)} {self.unit}".rstrip()
-        measured = f"measured {format_significant(self.measured)}, {percent:+.1f} %"
-        return f"{label} {number} ({measured}{line})"
+            return f"{label} without a number ({measured}{line_remark})"
+        number = f"{format_with_error(value, self.standard_error)} {self.unit}".rstrip()
+        percent = _round_percent(100 * (value - self.measured) / self._hundred_percent)
+        difference = f"{percent:+.1f} %"
+        return f"{label} {prefix}{number} ({measured}, {difference}{line_remark})"
 
     @property
     def _hundred_percent(self) -> float:
@@ -543,7 +545,7 @@ class Result:
 
     def __str__(self) -> str:
         """Describe the result in several lines, which a run prints at its end."""
-        lines = [self.headline, *self._list_parameters()]
+        lines = [self.headline, *self._describe_parameters()]
         predictions = [
             check.prediction_clause for check in self.checks if check.prediction_clause
         ]
@@ -559,7 +561,7 @@ class Result:
         )
         if self.why:
             lines.append(f"No more batches: {self.why}.")
-        # Tell what would settle or change the verdict.
+        # Propose what may settle or change the verdict.
         if self.verdict is Verdict.UNDECIDED:
             lines.append("What helps: a larger validation.representative_seeds.")
         elif self.verdict is not Verdict.MET:
@@ -567,8 +569,8 @@ class Result:
             lines.append(f"What helps: {remedy}{self.advice}.")
         return "\n".join(lines)
 
-    def _list_parameters(self) -> list[str]:
-        """List the parameters of the answer in lines, and name those at a bound."""
+    def _describe_parameters(self) -> list[str]:
+        """Describe the parameters of the answer in lines, and name those at a bound."""
         if self.feasible:
             lines = ["The calibrated parameters:"]
         else:
@@ -615,7 +617,7 @@ def format_verdict_line(
     small_run: bool = False,
     status: str = "",
 ) -> str:
-    """Write the verdict with its numbers, and the reason unless the targets are met.
+    """Format the verdict with its numbers, and the reason unless the targets are met.
 
     Parameters
     ----------
@@ -629,6 +631,11 @@ def format_verdict_line(
         warning.
     status : str, optional
         Wording of the verdict after "targets"; by default that of `verdict`.
+
+    Returns
+    -------
+    str
+        A single line.
     """
     numbers = ", ".join(check.mean_text for check in checks)
     line = f"targets {status or verdict}. {numbers}."
@@ -640,14 +647,17 @@ def format_verdict_line(
 def describe_undecided(probability: float | None, checks: Sequence[Check]) -> str:
     """Describe how many further runs would settle an undecided verdict.
 
-    The result is a sentence without its full stop.
-
     Parameters
     ----------
     probability : float or None
         Probability that all means lie inside their ranges; None if it is unknown.
     checks : sequence of Check
         One for each target.
+
+    Returns
+    -------
+    str
+        A sentence without its full stop.
     """
     if probability is None:
         return "Fewer than two runs gave a number, so that their mean has no error"
@@ -699,6 +709,12 @@ def _probability_after(checks: Iterable[Check], further_runs: int) -> float | No
             return None
         probability *= inside
     return probability
+
+
+def _round_percent(percent: float) -> float:
+    """Round a percentage to one decimal; the result is never -0.0."""
+    # Rounding a small negative number gives -0.0. Adding 0.0 turns it into 0.0.
+    return round(percent, 1) + 0.0
 
 
 def describe_optimism(optimism: float, error: float | None) -> str:

@@ -54,7 +54,7 @@ def find_near_bounds(
     near = []
     for k, name in enumerate(space.free):
         slopes = _compute_slopes(surrogate, point, space, name)
-        # No response depends on a parameter without slopes. It has no error.
+        # If no response depends on the parameter, its error is infinite.
         if not (slopes > 0).any():
             continue
         standard_error = _estimate_parameter_error(response_errors, slopes)
@@ -63,15 +63,15 @@ def find_near_bounds(
         low = lows[k]
         high = highs[k]
         coordinate = float(space.coordinates(name, np.array(float(answer[name]))))
-        is_lower = coordinate - low <= high - coordinate
-        distance = coordinate - low if is_lower else high - coordinate
+        distance = min(coordinate - low, high - coordinate)
+        is_lower_nearer = coordinate - low <= high - coordinate
         is_determined = standard_error <= MAX_RELATIVE_ERROR * (high - low)
         if is_determined and distance <= standard_error:
             near.append(
                 _describe_parameter(
                     name,
                     value=float(answer[name]),
-                    bound=float(space.low[k] if is_lower else space.high[k]),
+                    bound=float(space.low[k] if is_lower_nearer else space.high[k]),
                     standard_error=standard_error,
                     scale=space.scale.get(name, LINEAR),
                 )
@@ -124,7 +124,7 @@ def _compute_slopes(
     high = highs[free_index]
     width = high - low
 
-    # Find one coordinate below the answer and one above it, inside the range.
+    # Choose one coordinate below the answer and one above it, inside the range.
     column = space.names.index(name)
     coordinate = float(space.coordinates(name, np.array(point[0, column])))
     two_coordinates = np.clip(

@@ -104,9 +104,8 @@ class Calibration(NamedTuple):
             space, self.solutions, self._posterior_tables
         )
         intervals = {}
-        # The interval of the draws need not contain the answer, so widen it if
-        # necessary.
         for name, (low, high) in interval_ends.items():
+            # The credible interval need not contain the answer, so widen it.
             value = self.parameters[name]
             interval = cards.widen_to_value(space, name, value, low, high)
             intervals[name] = {"value": value, **interval}
@@ -121,8 +120,8 @@ class Calibration(NamedTuple):
     def card(self) -> dict[str, Any]:
         """Content of the material card, which `save` writes to a file."""
         settings = self.study.settings
-        # For the user's own simulator, the definitions of the responses are known, but
-        # not the bench tests.
+        # A simulator of the user's own has definitions of the responses, but no bench
+        # tests.
         tests = {}
         for name in self.study.targets.names:
             definition: dict[str, Any] = {
@@ -161,7 +160,7 @@ class Calibration(NamedTuple):
         Parameters
         ----------
         out_dir : path
-            The folder, which is made if it does not exist.
+            The folder. It is created if it does not exist.
 
         Raises
         ------
@@ -173,18 +172,18 @@ class Calibration(NamedTuple):
             raise InputError(
                 source=out, key="file", value="there already", allowed="a folder"
             )
-        # The tables and records are in the order of the names of their files.
+        # Write tables and records in the order in which their files are listed.
         tables = (
             self.samples,
             self.solutions,
             self.posterior.parameters,
             self.posterior.draws,
         )
-        for name, table in zip(TABLE_FILES, tables, strict=True):
-            write_table(out / name, table)
+        for file_name, table in zip(TABLE_FILES, tables, strict=True):
+            write_table(out / file_name, table)
         records = (self.posterior.summary, self.summary, self.card)
-        for name, content in zip(RECORD_FILES, records, strict=True):
-            write_json(out / name, content)
+        for file_name, record in zip(RECORD_FILES, records, strict=True):
+            write_json(out / file_name, record)
         answers.write_notes(self.answer.notes, self.files_of_strategy, out)
 
     def as_answer(self) -> Result:
@@ -307,16 +306,16 @@ def calibrate(
         announce("fit the model of the responses", runs)
         answer = strategy(settings.strategy).answer(study, runs)
 
-    # Estimate the noise of a single run, and model the means of the runs.
+    # Estimate the noise of a single run. If the strategy has no model, fit one to the
+    # means of the samples.
     observed = arrange_runs(runs, space, targets)
     noise = estimate_noise(study, observed)
-    # Without a model from the strategy, fit one over the whole ranges.
     model = answer.model or SpaceKriging(Kriging(observed, noise.covariance), space)
     samples = _average_samples(study, runs)
     support = Support.from_space(space.values(observed.unit), space)
 
-    # Draw the posterior. The correlation of the responses can only be estimated from
-    # replicates. Without replicates it has no degrees of freedom.
+    # Draw from the posterior. The correlation of the responses can only be estimated
+    # from replicates. Without replicates it has no degrees of freedom.
     has_replicates = REPLICATES in noise.sources.values()
     freedom = observed.freedom if has_replicates else 0
     inference_settings = adapt_posterior_settings(
@@ -333,7 +332,7 @@ def calibrate(
         references={},
     )
 
-    # Describe the answer and the way to it.
+    # Describe the answer, the runs, and the steps that led to the answer.
     feasible, message = answers.judge_answer(answer, targets)
     summary = {
         **_summarise_answer(study, answer, feasible, message),

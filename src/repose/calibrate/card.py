@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 
 # Descriptions of the intervals, as values of the card's key `interval`.
 POSTERIOR_INTERVAL: Final = "central 95 % of the posterior"
+# Version of the format of the card.
+CARD_VERSION = 1
 SOLUTION_RANGE: Final = "range of the parameter sets found"
 # Share of the width of a range. An answer that is nearer to an end than this counts as
 # lying at the bound.
@@ -43,14 +45,15 @@ def assemble_card(
     posterior: "PosteriorTables | None" = None,
     labels: Mapping[str, str] | None = None,
 ) -> dict[str, Any]:
-    """Assemble a card from its parts.
+    """Assemble a material card from its parts.
 
     Parameters
     ----------
     about : mapping
         Entries of the card about the simulator or the grain.
     tests : mapping
-        Definition and bench test of each response, by name.
+        For each response by name, the entries of the card that define the response and
+        its bench test.
     answer : Result
         Parameters and verdict.
     space : ParameterSpace
@@ -71,36 +74,17 @@ def assemble_card(
     parameter_sets = solutions
     if posterior is not None:
         _, parameter_sets = posterior
-    # Correlate the parameters along their scales, so on a logarithmic scale correlate
-    # the logarithms. A parameter that is the same in all sets has no correlation. The
-    # card has 0 for it.
-    coordinates = parameter_sets[list(space.free)]
-    for name in space.scale:
-        logarithms = space.coordinates(name, coordinates[name])
-        coordinates = coordinates.assign(**{name: logarithms})
-    correlations = coordinates.corr().fillna(0.0).round(4)
-
-    # Describe each parameter with its interval.
     intervals = find_intervals(space, solutions, posterior)
-    parameters = {}
-    for name in space.names:
-        value = answer.parameters[name]
-        low, high = intervals[name]
-        parameters[name] = {
-            "meaning": (labels or {}).get(name, name),
-            "value": value,
-            **widen_to_value(space, name, value, low, high),
-            "given": _describe_origin(name, space),
-        }
-        if name in space.scale:
-            parameters[name]["scale"] = space.scale[name]
-
-    # Put the parts together; 1 is the version of the card.
-    card: dict[str, Any] = {"card": 1, "material": answer.label, **about}
+    card: dict[str, Any] = {"card": CARD_VERSION, "material": answer.label, **about}
     card |= {
-        "parameters": parameters,
+        "parameters": {
+            name: _describe_parameter(
+                name, answer.parameters[name], intervals[name], space, labels or {}
+            )
+            for name in space.names
+        },
         "interval": SOLUTION_RANGE if posterior is None else POSTERIOR_INTERVAL,
-        "correlations": correlations.to_dict("index"),
+        "correlations": _correlate_parameters(parameter_sets, space),
         "tests": [
             check.make_card_entry() | dict(tests[check.response])
             for check in answer.checks
@@ -122,15 +106,74 @@ def assemble_card(
     return card
 
 
+def _describe_parameter(
+    name: str,
+    value: float,
+    interval: IntervalEnds,
+    space: ParameterSpace,
+    labels: Mapping[str, str],
+) -> dict[str, Any]:
+    """Make the entry of the card for a parameter.
+
+    Parameters
+    ----------
+    name : str
+        Name of the parameter.
+    value : float
+        Its value in the answer.
+    interval : pair
+        Ends of its interval, which need not contain the answer.
+    space : ParameterSpace
+    labels : mapping
+        Meanings of parameters by name. A parameter without one has its name as meaning.
+    """
+    low, high = interval
+    entry = {
+        "meaning": labels.get(name, name),
+        "value": value,
+        **widen_to_value(space, name, value, low, high),
+        "given": _describe_origin(name, space),
+    }
+    if name in space.scale:
+        entry["scale"] = space.scale[name]
+    return entry
+
+
+def _correlate_parameters(
+    parameter_sets: "pd.DataFrame", space: ParameterSpace
+) -> dict[str, dict[str, float]]:
+    """Compute the correlations of the free parameters along their scales.
+
+    Parameters
+    ----------
+    parameter_sets : pandas.DataFrame
+        A column for each parameter.
+    space : ParameterSpace
+
+    Returns
+    -------
+    dict
+        The correlation by the names of both parameters. It is 0 for a parameter that
+        does not vary.
+    """
+    coordinates = parameter_sets[list(space.free)]
+    for name in space.scale:
+        coordinates_of_parameter = space.coordinates(name, coordinates[name])
+        coordinates = coordinates.assign(**{name: coordinates_of_parameter})
+    correlations = coordinates.corr().fillna(0.0).round(4)
+    by_name: dict[str, dict[str, float]] = correlations.to_dict("index")
+    return by_name
+
+
 def find_intervals(
     space: ParameterSpace,
     solutions: "pd.DataFrame",
     posterior: "PosteriorTables | None",
 ) -> dict[str, IntervalEnds]:
-    """Find the ends of the interval of each parameter.
+    """Find the interval of each parameter.
 
-    They are the ends of the credible interval. Without a posterior, they are the
-    smallest and the largest value among the solutions.
+    It is the credible interval of the posterior. Without a posterior, it reaches from
+    the smallest to the largest value among the solutions.
 
     Parameters
     ----------
@@ -171,10 +214,9 @@ def widen_to_value(
     low: float | None,
     high: float | None,
 ) -> dict[str, Any]:
-    """Describe the interval of a parameter, widened so that it contains the answer.
+    """Describe the interval of a parameter, and widen it to contain the answer.
 
-    The interval of draws or solutions need not contain the answer. If the answer lies at
-    a bound of the searched range, the interval stays as it is.
+    If the answer lies at a bound of the searched range, the interval is not widened.
 
     Parameters
     ----------

@@ -39,9 +39,9 @@ def compute_target_probabilities(
     Returns
     -------
     dict
-        A probability for each target, and one for `all` together. If a bench test has
-        fewer than two good runs, the probabilities of its targets, of the targets of
-        all later bench tests and of `all` are None.
+        A probability for each target, and one for the key `all`, that they are all met.
+        If a bench test has fewer than two good runs, the probabilities of its targets,
+        of the targets of all later bench tests and of `all` are None.
     """
     random = np.random.default_rng(SEED)
     probabilities: dict[str, float | None] = dict.fromkeys((*targets.names, "all"))
@@ -57,7 +57,8 @@ def compute_target_probabilities(
         for run in runs.get(bench, ()):
             if run["status"] == "ok":
                 rows.append([run[target.name] for target in targets_of_bench])
-        # A single run does not show the scatter, so `all` is unknown, too.
+        # A single run does not show the scatter. The remaining probabilities, among
+        # them that of `all`, stay None.
         if len(rows) < 2:
             return probabilities
 

@@ -14,6 +14,7 @@ from repose.common.errors import did_you_mean
 
 CONSTRAINT_FORM = "two parameters with <= or >= between, each perhaps with a factor, as"
 CONSTRAINT_EXAMPLE = "mur_gg <= 0.5 * mus_gg"
+EXPECTED_FORM = f"{CONSTRAINT_FORM} {CONSTRAINT_EXAMPLE!r}"
 SIGNS = ("<=", ">=")
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _PRODUCT = re.compile(rf"(?P<factor>{_NUMBER})\s*\*\s*(?P<name>.*\S)")
@@ -51,24 +52,26 @@ class Constraint(NamedTuple):
         names : sequence of str
             Names of all parameters of the study.
 
+        Returns
+        -------
+        Constraint
+
         Raises
         ------
         ValueError
-            If the text is no constraint. The message describes the expected form.
+            If the text is not a constraint. The message describes the expected form.
         """
-        expected_form = f"{CONSTRAINT_FORM} {CONSTRAINT_EXAMPLE!r}"
         if not isinstance(text, str):
-            raise ValueError(expected_form)
+            raise ValueError(EXPECTED_FORM)
         # A constraint has exactly one sign.
         signs = [sign for sign in SIGNS if sign in text]
         if len(signs) != 1 or text.count(signs[0]) != 1:
-            raise ValueError(expected_form)
-        left, right = (_parse_term(side, names) for side in text.split(signs[0]))
+            raise ValueError(EXPECTED_FORM)
+        (sign,) = signs
+        left, right = (_parse_term(side, names) for side in text.split(sign))
         if left.name == right.name:
-            raise ValueError(
-                f"{CONSTRAINT_FORM} {CONSTRAINT_EXAMPLE!r}; both sides have {left.name}"
-            )
-        if signs[0] == "<=":
+            raise ValueError(f"{EXPECTED_FORM}; both sides have {left.name}")
+        if sign == "<=":
             return cls(text=text, smaller=left, larger=right)
         return cls(text=text, smaller=right, larger=left)
 
@@ -105,27 +108,29 @@ class Constraint(NamedTuple):
 def _parse_term(side: str, names: Sequence[str]) -> Term:
     """Parse one side of a constraint: a parameter, or a factor times a parameter.
 
+    Parameters
+    ----------
+    side : str
+        Text of the side, such as ``0.5 * mus_gg``.
+    names : sequence of str
+        Names of all parameters.
+
     Raises
     ------
     ValueError
         If it is neither. The message describes the expected form.
     """
     name = side.strip()
-    factor = 1.0
-    # A name may contain signs of a product, so look for the whole text first.
+    # The name of a parameter may itself look like a product, as in ``2 * a``.
     if name in names:
-        return Term(factor=factor, name=name)
-    match = _PRODUCT.fullmatch(name)
-    if match:
-        name = match["name"]
-        factor = float(match["factor"])
+        return Term(factor=1.0, name=name)
+    factor = 1.0
+    if product := _PRODUCT.fullmatch(name):
+        name = product["name"]
+        factor = float(product["factor"])
     if name not in names:
         hint = did_you_mean(name, names) or f"; parameters: {', '.join(names)}"
-        raise ValueError(
-            f"{CONSTRAINT_FORM} {CONSTRAINT_EXAMPLE!r}; {name!r} is no parameter{hint}"
-        )
+        raise ValueError(f"{EXPECTED_FORM}; {name!r} is no parameter{hint}")
     if factor == 0 or not math.isfinite(factor):
-        raise ValueError(
-            f"{CONSTRAINT_FORM} {CONSTRAINT_EXAMPLE!r}, with factors that are not 0"
-        )
+        raise ValueError(f"{EXPECTED_FORM}, with factors that are not 0")
     return Term(factor=factor, name=name)

@@ -36,6 +36,9 @@ CONSTRAINT_MARGIN = 1e-6
 # Smallest standard error by which a deviation is divided, to avoid a division by 0.
 MIN_ERROR = 1e-12
 
+Loss = Callable[[np.ndarray], np.ndarray]
+"""Function of points (n, d) of the unit cube that returns losses (n,)."""
+
 
 def compute_expected_loss(
     surrogate: Surrogate, X: np.ndarray, targets: Targets
@@ -73,7 +76,7 @@ def minimise_expected_loss(
 ) -> dict[str, Any]:
     """Find the parameter set of least expected loss.
 
-    Priors of the parameters decide between sets of equal loss.
+    Among sets of equal loss, that nearest to the means of the priors is chosen.
 
     Parameters
     ----------
@@ -89,27 +92,48 @@ def minimise_expected_loss(
         The parameters and the predicted responses by name, and the entries of
         `assess_by_errors`.
     """
+    best = _minimise(_make_loss(surrogate, space, targets), space)
+    X = space.values(best[None])
+    parameters = dict(zip(space.names, X[0].tolist(), strict=True))
+    responses = surrogate.predict(X)[0].tolist()
+    predicted = dict(zip(targets.predicted, responses, strict=True))
+    assessment = assess_by_errors(surrogate, parameters, targets, space.names)
+    return parameters | predicted | assessment
+
+
+def _minimise(loss: Loss, space: ParameterSpace) -> np.ndarray:
+    """Find the allowed point of least loss, by local searches from several starts.
+
+    Parameters
+    ----------
+    loss : callable
+        Function of points (n, d) of the unit cube that returns losses (n,).
+    space : ParameterSpace
+        The parameters with their constraints.
+
+    Returns
+    -------
+    numpy.ndarray, (d,)
+        A point of the unit cube.
+    """
     from scipy.optimize import minimize
     from scipy.stats import qmc
 
-    loss = _make_loss(surrogate, space, targets)
-
     # Start the local searches from the best points of a space-filling sequence.
     sequence = qmc.Sobol(space.dimensions, scramble=False)
-    points = take_allowed_points(sequence, N_CANDIDATES, space, follows_prior=False)
-    starts = points[np.argsort(loss(points))[:N_DESCENTS]]
+    candidates = take_allowed_points(sequence, N_CANDIDATES, space, follows_prior=False)
+    starts = candidates[np.argsort(loss(candidates))[:N_DESCENTS]]
     # Leave room for the steps of finite differences at both bounds.
     bounds = [(DIFFERENCE_STEP, 1 - DIFFERENCE_STEP)] * space.dimensions
     # L-BFGS-B is the method of the published results, but it allows no constraints.
     # With constraints, use SLSQP instead.
-    options: dict[str, Any] = {"method": "L-BFGS-B"}
+    method: dict[str, Any] = {"method": "L-BFGS-B"}
     if space.constraints:
         obeys_constraints = {
             "type": "ineq",
             "fun": lambda point: -_compute_excesses(space, point),
         }
-        options = {"method": "SLSQP", "constraints": [obeys_constraints]}
-    # Descend from each start.
+        method = {"method": "SLSQP", "constraints": [obeys_constraints]}
     minima = [
         minimize(
             _compute_loss_and_gradient,
@@ -117,28 +141,20 @@ def minimise_expected_loss(
             args=(loss,),
             jac=True,
             bounds=bounds,
-            **options,
+            **method,
         )
         for start in starts
     ]
-    end_points = np.array([minimum.x for minimum in minima])
+    points = np.array([minimum.x for minimum in minima])
     losses = np.array([minimum.fun for minimum in minima])
-    if space.constraints:
-        # A local search may violate a constraint by its tolerance, so give such points
-        # an infinite loss. All of them may do so. The starts obey the constraints, so
-        # add them to have at least one allowed point.
-        end_points = np.vstack([end_points, starts])
-        losses = np.concatenate([losses, loss(starts)])
-        losses = np.where(space.is_allowed(end_points), losses, np.inf)
-    best = end_points[losses.argmin()]
 
-    # Describe the best point.
-    X = space.values(best[None])
-    parameters = dict(zip(space.names, X[0].tolist(), strict=True))
-    responses = surrogate.predict(X)[0].tolist()
-    predicted = dict(zip(targets.predicted, responses, strict=True))
-    assessment = assess_by_errors(surrogate, parameters, targets, space.names)
-    return parameters | predicted | assessment
+    # A local search may violate a constraint by its tolerance, so give such points an
+    # infinite loss. This may concern all of them. Add the starts, which are allowed.
+    if space.constraints:
+        points = np.vstack([points, starts])
+        losses = np.concatenate([losses, loss(starts)])
+        losses = np.where(space.is_allowed(points), losses, np.inf)
+    return points[losses.argmin()]
 
 
 def _compute_excesses(space: ParameterSpace, point: np.ndarray) -> np.ndarray:
@@ -151,9 +167,7 @@ def _compute_excesses(space: ParameterSpace, point: np.ndarray) -> np.ndarray:
     return np.array(excesses) + CONSTRAINT_MARGIN * np.abs(values).max()
 
 
-def _make_loss(
-    surrogate: Surrogate, space: ParameterSpace, targets: Targets
-) -> Callable[[np.ndarray], np.ndarray]:
+def _make_loss(surrogate: Surrogate, space: ParameterSpace, targets: Targets) -> Loss:
     """Make the function to minimise: the expected loss plus the cost of the priors.
 
     Returns
@@ -173,7 +187,7 @@ def _make_loss(
 
 
 def _compute_loss_and_gradient(
-    point: np.ndarray, loss: Callable[[np.ndarray], np.ndarray]
+    point: np.ndarray, loss: Loss
 ) -> tuple[float, np.ndarray]:
     """Return the loss at a point (d,) and its gradient by central differences."""
     steps = DIFFERENCE_STEP * np.eye(len(point))
@@ -189,7 +203,7 @@ def assess_by_errors(
     targets: Targets,
     names: Sequence[str],
 ) -> dict[str, Any]:
-    """Assess a parameter set by the errors of the surrogate.
+    """Assess a parameter set by its prediction and the error of the prediction.
 
     Parameters
     ----------
@@ -199,7 +213,7 @@ def assess_by_errors(
         The parameter set by name.
     targets : Targets
     names : sequence of str
-        Names of the inputs. They are used if the surrogate has no names of its own.
+        Names of the inputs, if the surrogate does not name them itself.
 
     Returns
     -------
@@ -224,9 +238,10 @@ def assess_by_errors(
     one_percent = targets.whole / 100
     probabilities = {}
     for percent in REPORTED_PERCENTS:
-        low = aim - percent * one_percent
-        high = aim + percent * one_percent
-        probability = compute_box_probability(mean, covariance, low, high)
+        tolerance = percent * one_percent
+        probability = compute_box_probability(
+            mean, covariance, aim - tolerance, aim + tolerance
+        )
         probabilities[f"{percent:g} %"] = float(probability[0])
     return {
         "predicted_se": dict(zip(targets.names, error.tolist(), strict=True)),

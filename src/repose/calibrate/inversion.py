@@ -162,8 +162,8 @@ def _search_parameters(
 
     Outside the region of the samples a surrogate extrapolates. Any set may then seem to
     meet the targets, even if none does. So the first search only counts if it finds a
-    set near samples inside the ranges. Otherwise a second search looks for the sets
-    nearest to the targets, and stays in the region of the samples.
+    set that is near samples and meets the targets. Otherwise a second search looks for
+    the sets nearest to the targets, and stays in the region of the samples.
 
     Parameters
     ----------
@@ -176,11 +176,17 @@ def _search_parameters(
         The cost of the priors.
     support : Support or None
         Region of the samples.
+
+    Returns
+    -------
+    _SearchResult
+        Its evaluations are those of all searches.
     """
     largest_preference = preference.largest if preference else 0.0
     objective = Objective(targets, largest_preference)
 
-    def search_in(region: Support | None) -> SearchResult:
+    def search_with(objective: Objective, region: Support | None) -> SearchResult:
+        """Search the given region of the samples; None means the whole ranges."""
         return search_points(
             respond,
             objective,
@@ -190,24 +196,24 @@ def _search_parameters(
             violation=_make_violation_function(space, region),
         )
 
-    found = search_in(None)
+    region = None
+    found = search_with(objective, region)
     evaluations = _count_evaluations(found)
     nearest_to_ranges = found.archive.points[0]
     _, violations = objective(respond(found.archive.points))
     feasible = found.archive.points[violations == 0]
-    region = None
     if not _is_near_samples(feasible, space, support).any():
         # No set near samples lies inside the ranges, so search for the sets nearest to
         # the targets instead of those nearest to the ranges.
         objective = Objective(targets, constrained=False)
         region = support
-        found = search_in(region)
+        found = search_with(objective, region)
         evaluations += _count_evaluations(found)
         # If the constraints exclude the whole region of the samples, nothing was found.
         # Then search the whole ranges of the parameters.
         if len(found.archive.points) == 0:
             region = None
-            found = search_in(region)
+            found = search_with(objective, region)
             evaluations += _count_evaluations(found)
     return _SearchResult(
         points=found.archive.points,
@@ -304,7 +310,7 @@ def _count_rows(violations: np.ndarray, most: int) -> int:
 def restrict_to_free_parameters(
     surrogate: Surrogate, space: ParameterSpace
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """Turn the surrogate into a function of only the free parameters.
+    """Make a function that predicts the responses from the free parameters alone.
 
     Parameters
     ----------
@@ -346,7 +352,7 @@ def make_interval_table(solutions: pd.DataFrame, space: ParameterSpace) -> pd.Da
     Parameters
     ----------
     solutions : pandas.DataFrame
-        Parameter sets, one per row.
+        A row for each parameter set.
     space : ParameterSpace
 
     Returns
@@ -375,6 +381,9 @@ def describe_result(
 ) -> str:
     """Describe the result of the search in a sentence.
 
+    The sentence compares the prediction for the representative solution with the ranges
+    and the aims of the targets.
+
     Parameters
     ----------
     responses : numpy.ndarray, (k,)
@@ -384,6 +393,10 @@ def describe_result(
         Number of feasible solutions.
     distance : float
         Smallest distance between two feasible solutions, in normalised parameters.
+
+    Returns
+    -------
+    str
     """
 
     def format_numbers(numbers: Iterable[float]) -> str:
@@ -426,6 +439,11 @@ def _make_summary(
     settings : MigaSettings
     counts : mapping
         Numbers of points by the keys of the summary, such as `n_solutions`.
+
+    Returns
+    -------
+    dict
+        Plain values by key.
     """
     best = table.iloc[0]
     responses = best[list(targets.predicted)].to_numpy(float)
@@ -435,9 +453,11 @@ def _make_summary(
     representative = {}
     for name in (*space.names, *targets.predicted, "objective"):
         representative[name] = float(best[name])
-    text = describe_result(responses, targets, counts["n_solutions"], settings.distance)
+    message = describe_result(
+        responses, targets, counts["n_solutions"], settings.distance
+    )
     if "warning" in table and best["warning"]:
-        text += f" Beyond the samples: {best['warning']}."
+        message += f" Beyond the samples: {best['warning']}."
     return {
         "feasible": counts["n_solutions"] > 0,
         **counts,
@@ -445,7 +465,7 @@ def _make_summary(
         "representative": representative,
         "box_distance": dict(zip(targets.names, range_distances, strict=True)),
         "target_distance": dict(zip(targets.names, aim_distances, strict=True)),
-        "message": text,
+        "message": message,
     }
 
 

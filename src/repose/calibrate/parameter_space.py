@@ -69,7 +69,7 @@ class ParameterSpace:
         limits: Limits | None = None,
         constraints: Sequence[str] | None = None,
     ) -> "ParameterSpace":
-        """Read the section `parameters` of a configuration that was checked.
+        """Make the space from the section `parameters` of a checked configuration.
 
         Parameters
         ----------
@@ -80,8 +80,8 @@ class ParameterSpace:
             The parameters to read, in this order. By default (None) these are all of
             the section.
         limits : mapping, optional
-            Lowest and highest possible value by name. They limit the range that follows
-            from a prior. Parameters that are not named have no limits.
+            Lowest and highest possible value by name. A range that follows from a prior
+            is cut to them. A parameter that is not named has no limits.
         constraints : sequence of str, optional
             The key `constraints` of the configuration. An item is a text such as
             "mur <= 0.5 * mus".
@@ -109,17 +109,16 @@ class ParameterSpace:
                 mean = float(entry["prior"]["mean"])
                 sd = float(entry["prior"]["sd"])
                 prior[name] = (mean, sd)
-        low = np.array([ends[0] for ends in ranges.values()])
-        high = np.array([ends[1] for ends in ranges.values()])
-        return cls(
-            tuple(ranges),
-            low,
-            high,
+        space = cls(
+            free=tuple(ranges),
+            low=np.array([low for low, _ in ranges.values()]),
+            high=np.array([high for _, high in ranges.values()]),
             fixed=fixed,
             prior=prior,
             names=tuple(names),
             scale=scale,
-        ).with_constraints(constraints)
+        )
+        return space.with_constraints(constraints)
 
     def with_constraints(self, texts: Sequence[str] | None) -> "ParameterSpace":
         """Return a copy with the constraints of the key `constraints`.
@@ -253,7 +252,12 @@ class ParameterSpace:
         return total
 
     def excesses(self, unit: np.ndarray) -> np.ndarray:
-        """Compute by how much points (n, d) of the unit cube exceed each constraint.
+        """Compute by how much points of the unit cube exceed each constraint.
+
+        Parameters
+        ----------
+        unit : numpy.ndarray, (n, d)
+            Points of the unit cube.
 
         Returns
         -------
@@ -305,10 +309,8 @@ class ParameterSpace:
     def log_prior(self, unit: np.ndarray) -> np.ndarray:
         """Compute the logarithm of the prior density at points of the unit cube.
 
-        The constant of normalisation is left out, so without priors the result is 0. A
-        prior is a normal density of the value. On a logarithmic scale, the coordinate
-        is the logarithm of the value, and its density is that of the value times the
-        value.
+        The constant of normalisation is left out, so a parameter without a prior adds 0.
+        A prior is a normal density of the value of the parameter.
 
         Parameters
         ----------
@@ -326,6 +328,8 @@ class ParameterSpace:
         for name, (mean, sd) in self.prior.items():
             value = self.values_at(name, unit[:, self.free.index(name)])
             total -= 0.5 * ((value - mean) / sd) ** 2
+            # The coordinate is then log(value). As d value = value d log(value), its
+            # density is the density of the value times the value.
             if self.scale.get(name) == LOG:
                 total += np.log(value)
         return total
@@ -350,11 +354,11 @@ class ParameterSpace:
         return share
 
     def marginal_cdf(self, unit: np.ndarray) -> np.ndarray:
-        """Compute the distribution function of each parameter among the allowed sets.
+        """Compute the prior distribution function of each parameter, with constraints.
 
-        Without constraints, it is `prior_cdf`. With constraints, it is estimated from
-        many draws of the prior that obey the constraints: the share of the draws with a
-        smaller value.
+        At a point, it is the probability that a parameter is smaller, among the
+        parameter sets that obey the constraints. It is estimated as the share of many
+        draws from the prior. Without constraints, it is the result of `prior_cdf`.
 
         Parameters
         ----------
@@ -366,17 +370,21 @@ class ParameterSpace:
         numpy.ndarray, (n, d)
             Numbers from 0 to 1.
         """
-        shares = self.prior_cdf(unit)
+        unconstrained = self.prior_cdf(unit)
         if not self.constraints:
-            return shares
-        drawn_shares = np.sort(self.prior_cdf(self._allowed_prior), axis=0)
-        ranks = (np.arange(len(drawn_shares)) + 0.5) / len(drawn_shares)
-        # Interpolate between the draws. The ends of the range keep the shares 0 and 1.
-        for k in range(self.dimensions):
-            shares[:, k] = np.interp(
-                shares[:, k], [0.0, *drawn_shares[:, k], 1.0], [0.0, *ranks, 1.0]
+            return unconstrained
+        draws = np.sort(self.prior_cdf(self._allowed_prior), axis=0)
+        share_of_smaller_draws = (np.arange(len(draws)) + 0.5) / len(draws)
+        # Interpolate between the draws. At the ends of the range the result is 0 and 1.
+        columns = [
+            np.interp(
+                unconstrained[:, k],
+                [0.0, *draws[:, k], 1.0],
+                [0.0, *share_of_smaller_draws, 1.0],
             )
-        return shares
+            for k in range(self.dimensions)
+        ]
+        return np.column_stack(columns)
 
     def marginal_quantiles(self, shares: np.ndarray) -> np.ndarray:
         """Compute the quantiles (n, d) of the allowed prior at probabilities (n,)."""
@@ -408,22 +416,22 @@ def get_scale(entry: Any) -> str:
 def find_range(
     name: str, entry: Any, limits: Limits | None = None
 ) -> tuple[float, float]:
-    """Return the lowest and the highest value of a parameter.
+    """Find the range of a parameter from its entry in the section `parameters`.
 
     Parameters
     ----------
     name : str
         Name of the parameter.
     entry : pair or mapping
-        Its entry in the section `parameters`.
+        The entry.
     limits : mapping, optional
-        Lowest and highest possible value by name. They limit the range that follows
-        from a prior.
+        Lowest and highest possible value by name. A range that follows from a prior is
+        cut to them.
 
     Returns
     -------
     pair of float
-        A fixed parameter has its value twice.
+        Lowest and highest value. For a fixed parameter, both are its value.
     """
     if not isinstance(entry, Mapping):
         return float(entry[0]), float(entry[1])
@@ -432,7 +440,7 @@ def find_range(
     if "range" in entry:
         return float(entry["range"][0]), float(entry["range"][1])
 
-    # The entry is a prior without a range. Use the values that are at all probable.
+    # The entry is a prior without a range, so choose the range from the prior.
     mean = entry["prior"]["mean"]
     half_width = PRIOR_HALF_WIDTH_SDS * entry["prior"]["sd"]
     lowest, highest = (limits or {}).get(name, (-math.inf, math.inf))

@@ -24,6 +24,11 @@ ENTRY_KEYS = ("fixed", "prior", "range", "scale")
 MIN_ALLOWED_SHARE = 0.05
 # A range with more decades is too wide for a linear scale.
 MAX_LINEAR_DECADES = 2.0
+# Smallest width of a range, as a share of its larger end. A narrower one would be lost
+# in rounding errors.
+MIN_RELATIVE_WIDTH = 1e-9
+# Smallest width of a range whose ends are about 0, where a share means nothing.
+MIN_WIDTH = 1e-30
 
 
 class _ParameterBounds:
@@ -69,16 +74,17 @@ class _ParameterBounds:
         """
         if not isinstance(value, list | tuple) or len(value) != 2:
             return False
-        first, last = value
-        if not (self._is_within_bounds(first) and self._is_within_bounds(last)):
+        low, high = value
+        if not (self._is_within_bounds(low) and self._is_within_bounds(high)):
             return False
-        return bool(last - first > max(1e-30, 1e-9 * max(abs(first), abs(last))))
+        smallest_width = MIN_RELATIVE_WIDTH * max(abs(low), abs(high))
+        return bool(high - low > max(MIN_WIDTH, smallest_width))
 
     def _find_faults(self, entry: Mapping[str, Any]) -> Contradictions:
         """Find the faults of an entry that is a section.
 
         A valid entry has the key `fixed` alone, a range with a scale, or a prior with
-        or without a range.
+        or without a range and a scale.
 
         Parameters
         ----------
@@ -91,8 +97,8 @@ class _ParameterBounds:
             The wrong key, and what is allowed. The key is empty if the entry as a whole
             is wrong.
         """
-        unknown = [str(key) for key in entry if key not in ENTRY_KEYS]
-        for key in unknown:
+        unknown_keys = [str(key) for key in entry if key not in ENTRY_KEYS]
+        for key in unknown_keys:
             hint = (
                 did_you_mean(key, ENTRY_KEYS) or f"; keys here: {', '.join(ENTRY_KEYS)}"
             )
@@ -114,16 +120,17 @@ class _ParameterBounds:
             )
             return
 
-        # Otherwise, the entry must be a prior, or a range with a scale.
+        # Otherwise, the entry must be a prior, or a range with a scale. If it has unknown
+        # keys, these have been reported already, and explain why it is incomplete.
         prior = entry.get("prior")
-        has_good_range = "range" not in entry or self._is_range(entry["range"])
+        has_no_bad_range = "range" not in entry or self._is_range(entry["range"])
         is_complete = prior is not None or {"range", "scale"} <= set(entry)
-        if not unknown and not (is_complete and has_good_range):
+        if not unknown_keys and not (is_complete and has_no_bad_range):
             yield "", self.allowed
             return
         if prior is not None:
             yield from self._find_prior_faults(prior)
-        if has_good_range:
+        if has_no_bad_range:
             yield from self._find_scale_faults(entry)
 
     def _find_scale_faults(self, entry: Mapping[str, Any]) -> Contradictions:
@@ -182,9 +189,10 @@ def make_parameter_type(low: float, high: float) -> Any:
 
 
 def find_far_priors(parameters: Mapping[str, Any]) -> Contradictions:
-    """Find parameters whose range lies outside the bulk of their prior.
+    """Find parameters whose range is far from their prior.
 
-    The bulk reaches `PRIOR_HALF_WIDTH_SDS` standard deviations to each side of the mean.
+    A range is far if no value in it is within `PRIOR_HALF_WIDTH_SDS` standard deviations
+    of the mean of the prior.
 
     Parameters
     ----------
@@ -201,14 +209,14 @@ def find_far_priors(parameters: Mapping[str, Any]) -> Contradictions:
             continue
         mean = entry["prior"]["mean"]
         half_width = PRIOR_HALF_WIDTH_SDS * entry["prior"]["sd"]
-        low = mean - half_width
-        high = mean + half_width
+        prior_low = mean - half_width
+        prior_high = mean + half_width
         range_low, range_high = entry["range"]
-        if high < range_low or low > range_high:
+        if prior_high < range_low or prior_low > range_high:
             yield (
                 name,
-                f"a range that meets {low:g} to {high:g}, {PRIOR_HALF_WIDTH_SDS:g} sd about "
-                "the mean of its prior",
+                f"a range that meets {prior_low:g} to {prior_high:g}, "
+                f"{PRIOR_HALF_WIDTH_SDS:g} sd about the mean of its prior",
             )
 
 
@@ -252,7 +260,7 @@ def find_constraint_faults(
 ) -> Contradictions:
     """Find the faults of the key `constraints`.
 
-    The constraints are checked together only if each of them is valid.
+    Each constraint is checked first. If all are valid, they are checked together.
 
     Parameters
     ----------
@@ -265,13 +273,12 @@ def find_constraint_faults(
     Yields
     ------
     pair of str
-        Number of the constraint, or an empty text for all of them together; and what is
-        allowed.
+        Number of the constraint from 0, and what is allowed. A fault of all constraints
+        together has an empty text as number.
     """
     names = tuple(parameters)
     fixed_names = {name for name, entry in parameters.items() if "fixed" in entry}
     faults = []
-    # Check each constraint.
     for k, text in enumerate(constraints):
         try:
             constraint = Constraint.parse(text, names)

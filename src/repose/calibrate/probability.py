@@ -11,6 +11,9 @@ from scipy.special import ndtr, ndtri
 N_POINTS = 128
 # Lower limit of a probability, so that its logarithm is finite.
 MIN_PROBABILITY = 1e-300
+# Shares of a normal distribution are cut to this distance from 0 and 1, where the
+# quantiles are infinite.
+SMALLEST_SHARE = 1e-16
 
 
 def compute_box_probability(
@@ -18,10 +21,10 @@ def compute_box_probability(
 ) -> np.ndarray:
     """Compute the probability that normal vectors lie in a box.
 
-    The result is exact for one response. For two responses its error is below 0.001. With
-    the Cholesky root L of the covariance, a vector is mean + L z, where the numbers z are
+    With the Cholesky root L of the covariance, a vector is mean + L z, where z are
     independent standard normal numbers. So the probability can be integrated one response
-    at a time (G92). The integral is estimated as a mean over a Sobol sequence.
+    at a time (G92). The integral is estimated as a mean over a Sobol sequence. It is
+    exact for one response. For two responses its error is below 0.001.
 
     Parameters
     ----------
@@ -35,6 +38,7 @@ def compute_box_probability(
     Returns
     -------
     numpy.ndarray, (m,)
+        The probability for each vector.
     """
     from scipy.stats import qmc
 
@@ -52,14 +56,12 @@ def compute_box_probability(
         # Given the earlier responses, the mean of response i is shifted.
         shift = np.einsum("mj,mpj->mp", cholesky_root[:, i, :i], z[:, :, :i])
         sd = cholesky_root[:, i, i, None]
-        # Distribution function at both ends, for each vector (rows) and point
-        # (columns).
+        # Compute the distribution function at both ends of the box, (vectors, points).
         below_low = ndtr((low[i] - mean[:, i, None] - shift) / sd)
         below_high = ndtr((high[i] - mean[:, i, None] - shift) / sd)
         probability *= below_high - below_low
-        # Draw z inside the box, because the later responses depend on it. The clip keeps
-        # z finite where the share is 0 or 1.
+        # Draw z inside the box, because the later responses depend on it.
         if i < k - 1:
             share = below_low + uniform[:, i] * (below_high - below_low)
-            z[:, :, i] = ndtri(np.clip(share, 1e-16, 1 - 1e-16))
+            z[:, :, i] = ndtri(np.clip(share, SMALLEST_SHARE, 1 - SMALLEST_SHARE))
     return probability.mean(axis=1)
