@@ -163,7 +163,7 @@ def expand_own_profiles(targets: Any, source: Any) -> Any:
     Returns
     -------
     dict
-        The entries in the same order. Other entries than profiles are unchanged.
+        The entries in the same order. Entries that are not profiles are unchanged.
 
     Raises
     ------
@@ -195,7 +195,7 @@ def expand_own_profiles(targets: Any, source: Any) -> Any:
 def _make_own_targets(
     name: str, entry: Mapping[str, Any], source: Any
 ) -> dict[str, dict[str, Any]]:
-    """Make the targets of the scores of the user's own profile.
+    """Make a target for each score of a profile of the user's own simulator.
 
     Parameters
     ----------
@@ -269,7 +269,7 @@ def _validate_entry(
 def _make_bench_targets(
     measured: BenchProfile, key: str, source: Any
 ) -> list[dict[str, Any]]:
-    """Make the targets of the scores of a profile of a bench test.
+    """Make a target for each score of a profile of a bench test.
 
     Parameters
     ----------
@@ -289,7 +289,8 @@ def _make_bench_targets(
     InputError
         If no bench test has this profile, or if the entry names another bench test.
     """
-    # The scores are registered responses. Look up the bench test by the first score.
+    # The scores are registered responses, but the profile is not. So look up the first
+    # score, to find the bench test.
     first_response = find_response(name_derived_column(measured.response, "1"))
     if first_response is None or first_response.profile != measured.response:
         raise InputError(
@@ -305,7 +306,7 @@ def _make_bench_targets(
             value=measured.apparatus,
             allowed=first_response.apparatus,
         )
-    # Share the weight of the profile among its scores.
+    # Divide the weight of the profile by the number of its scores.
     line = _read_profile(measured, measured.response)
     weight = measured.weight / line.profile.functions
     scores = _describe_scores(measured, line, {"covered": measured.covered})

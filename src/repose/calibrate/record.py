@@ -88,17 +88,13 @@ class Record:
     study : Study
         Its parameters, targets and settings are read.
     file : path, optional
-        CSV file of the runs; without it they are kept in memory.
+        CSV file of the runs. Without a file, the runs are only kept in memory.
     """
 
     def __init__(self, study: "Study", file: str | os.PathLike | None = None) -> None:
-        """Read the runs in the file, if it exists.
+        """Create the record, and read the runs in the file if it exists.
 
-        Parameters
-        ----------
-        study : Study
-        file : path, optional
-            Where the runs are saved. Without it they are only kept in memory.
+        The docstring of the class describes the parameters.
         """
         self.study = study
         self.file = None if file is None else Path(file)
@@ -111,7 +107,7 @@ class Record:
         self._cached_turn: _Turn | None = None
         # The last proposal, with the runs that it is based on as its key.
         self._proposals: dict[str, Batch | Answer] = {}
-        # Unread columns that `new_unread_columns` has already described.
+        # Columns of which the user was already told that they are not read.
         self._described_columns: set[str] = set()
         # Only the thread that holds this lock reads or adds runs.
         self._lock = threading.RLock()
@@ -175,10 +171,10 @@ class Record:
         return self._cached_turn
 
     def _find_turn(self) -> _Turn:
-        """Find the present turn, which is a proposal of the strategy and its runs.
+        """Find the present turn.
 
-        The last turn remains the present one while some of its runs are missing. Then a
-        new turn begins.
+        It is the last turn in the record while some runs of this turn are missing.
+        Otherwise a new turn begins.
 
         Returns
         -------
@@ -187,9 +183,8 @@ class Record:
         """
         last_turn = self._last_turn
         data = self.sorted_data
-        # Turns are numbered from 1. The number 0 means that no run belongs to a turn
-        # yet.
-        if last_turn > 0:
+        has_turns = last_turn > 0
+        if has_turns:
             # The proposal of a turn depends only on the runs of earlier turns. The rows
             # of `data` are sorted by turn.
             is_earlier = np.sort(self._turn_numbers) < last_turn
@@ -215,12 +210,16 @@ class Record:
     def _propose(self, data: pd.DataFrame) -> Batch | Answer:
         """Ask the strategy for its proposal after some runs.
 
-        The last proposal is kept, because computing it may take minutes.
+        The last proposal is cached, because computing it may take minutes.
 
         Parameters
         ----------
         data : pandas.DataFrame
             The runs, in the order of `sorted_data`.
+
+        Returns
+        -------
+        Batch or Answer
 
         Raises
         ------
@@ -267,50 +266,45 @@ class Record:
         Parameters
         ----------
         table : pandas.DataFrame
-            Results as `Study.tell` takes them: with `sample`, runs that the strategy
-            asked for, or else earlier runs.
+            The argument of `Study.tell`. With a column `sample`, these are runs that the
+            strategy asked for. Otherwise they were made before.
 
         Returns
         -------
         list of str
-            Result of `new_unread_columns`.
+            A sentence for each column that is not read (see `new_unread_columns`).
 
         Raises
         ------
         InputError
             If the table has faults. The record is not changed then.
         """
-        table = _check_table(table, list_columns(self.study))
+        results = _check_table(table, list_columns(self.study))
         # Let other threads and other processes wait until the runs are added. They may
         # already have added runs themselves, so read the file first.
         file_lock = nullcontext() if self.file is None else lock_file(self.file)
         with self._lock, file_lock:
             self.read()
-            if "sample" in table:
-                runs = self._complete_requested_runs(table)
+            if "sample" in results:
+                runs = self._complete_requested_runs(results)
             else:
-                runs = self._complete_earlier_runs(table)
-            if "run" not in table and len(self.data):
+                runs = self._complete_earlier_runs(results)
+            if "run" not in results and len(self.data):
                 _refuse_repeated_runs(runs, self.data, TABLE_NAME)
-            # The file contains text only, so convert all values to text.
-            rows = []
-            for row in runs.to_dict("records"):
-                rows.append({key: _format_cell(value) for key, value in row.items()})
             source = TABLE_NAME if self.file is None else self.file
-            self._replace_rows([*self._rows, *rows], source, write=True)
+            self._replace_rows([*self._rows, *_format_rows(runs)], source, write=True)
             return self.new_unread_columns()
 
     def add_file(self, path: str | os.PathLike) -> None:
         """Add the runs of a CSV file.
 
-        Runs that the strategy did not ask for belong to the present turn if the file
-        holds a run that it did ask for, or if the turn has begun. Otherwise they belong
-        to the turn before.
+        The record itself must have a file, too. `_assign_numbers` describes to which
+        turns the runs belong.
 
         Parameters
         ----------
         path : path
-            The table of runs. The record itself must have a file.
+            The table of runs.
 
         Raises
         ------
@@ -320,7 +314,7 @@ class Record:
         assert self.file is not None
         rows = read_rows(path, self.study)
         runs = checked_runs(self.study, rows, path, enough=False)
-        # Fill in what the table leaves out, such as fixed parameters.
+        # Add the columns that the file leaves out, such as fixed parameters.
         rows = add_missing_columns(rows, self.study)
         self.file.parent.mkdir(parents=True, exist_ok=True)
         with self._lock, lock_file(self.file):
@@ -349,8 +343,10 @@ class Record:
     ) -> list[Row]:
         """Add the numbers of the sample, the run and the turn to each row.
 
-        A run that the strategy asked for gets the numbers of the request. Any other row
-        gets the next run number of its sample, or starts a new sample.
+        A run that the strategy asked for gets the numbers of the request. Any other run
+        gets the next run number of its sample, or starts a new sample. It belongs to the
+        present turn if this has begun, or if one of the rows begins it because the
+        strategy asked for that run. Otherwise it belongs to the turn before.
 
         Parameters
         ----------
@@ -367,12 +363,9 @@ class Record:
         requested, turn = self._find_requested_runs(list(sets))
         numbers = self._find_numbers(rows, sets, requested)
 
-        # Only a run that the strategy asked for starts a new turn. If there is no such
-        # run, all rows belong to the turn before.
-        is_new_turn = turn != self._last_turn
-        turn_of_others = turn
-        if is_new_turn and not any(number.was_requested for number in numbers):
-            turn_of_others = turn - 1
+        has_begun = turn == self._last_turn
+        begins_now = any(number.was_requested for number in numbers)
+        turn_of_others = turn if has_begun or begins_now else turn - 1
 
         numbered_rows = []
         for number, row in zip(numbers, rows, strict=True):
@@ -393,7 +386,7 @@ class Record:
         sets: pd.DataFrame,
         requested: pd.DataFrame,
     ) -> list[_RunNumber]:
-        """Find the sample and the run of each row.
+        """Find the numbers of the sample and the run of each row.
 
         Parameters
         ----------
@@ -517,13 +510,14 @@ class Record:
         Parameters
         ----------
         table : pandas.DataFrame
-            `sample` and the responses; perhaps `run`, `status` and the parameters.
+            The columns `sample` and all responses. The columns `run`, `status` and the
+            parameters are optional.
 
         Returns
         -------
         pandas.DataFrame
-            The same runs, sorted by sample and run, with all of these columns and the
-            turn.
+            The same runs with all of these columns and the turn, sorted by sample and
+            run.
 
         Raises
         ------
@@ -568,9 +562,14 @@ class Record:
         Parameters
         ----------
         table : pandas.DataFrame
-            Results of the user, perhaps with columns of parameters.
+            Results of the user. Columns of parameters may be missing.
         runs : pandas.DataFrame
             The requested runs, in the same order.
+
+        Raises
+        ------
+        InputError
+            If a parameter differs.
         """
         space = self.study.parameters
         for name in space.names:
@@ -601,7 +600,8 @@ class Record:
         Parameters
         ----------
         table : pandas.DataFrame
-            A column for each free parameter and each response; perhaps `status`.
+            A column for each free parameter and each response. The column `status` and
+            those of fixed parameters are optional.
 
         Returns
         -------
@@ -639,17 +639,25 @@ class Record:
         return numbered.assign(**{TURN_COLUMN: self._turn.number})
 
     def _add_responses(self, runs: pd.DataFrame, table: pd.DataFrame) -> pd.DataFrame:
-        """Combine runs with the statuses and responses of a table, and with the turn.
-
-        Other columns of the table are kept if their cells are single values. The runs
-        are not changed.
+        """Add the statuses and responses of a table, and the turn, to runs.
 
         Parameters
         ----------
         runs : pandas.DataFrame
-            Parameters and numbers of the runs.
+            Parameters and numbers of the runs. This table is not changed.
         table : pandas.DataFrame
             Results of the same runs, in the same order.
+
+        Returns
+        -------
+        pandas.DataFrame
+            The runs with the further columns. It also has those columns of the table
+            that the study does not read, if their cells are single values.
+
+        Raises
+        ------
+        InputError
+            If a response is missing or is a text.
         """
         cells = {str(name): column.tolist() for name, column in table.items()}
         require_columns(
@@ -657,7 +665,7 @@ class Record:
         )
         outcomes = judge_runs(cells, self.study.targets.names)
         refuse(TABLE_NAME, outcomes.faults)
-        # Also keep the columns that the study does not read.
+        # A file cannot store lists and the like, so leave out columns that have them.
         known_names = list_columns(self.study)
         unread = {
             name: column
@@ -736,9 +744,9 @@ def _is_rounded(value: float, requested: float, size: float) -> bool:
 def _compute_rounding_sizes(
     space: ParameterSpace, name: str, values: np.ndarray
 ) -> np.ndarray:
-    """Compute a size for each value of a parameter, for `_is_rounded`.
+    """Compute the size with which the rounding error of a parameter is compared.
 
-    A rounding error is accepted if it is a small share of this size. For a free
+    `_is_rounded` accepts an error that is a small share of this size. For a free
     parameter, the size is the width of its range, and for a fixed one its value. On a
     logarithmic scale, the size is the width of the range of the logarithm times the
     value.
@@ -806,12 +814,12 @@ def _refuse_repeated_runs(
 
 
 def _check_table(table: Any, names: Sequence[str]) -> pd.DataFrame:
-    """Check the form of a table of runs, and number its rows from 0.
+    """Check the form of a table of runs, and bring it into a standard form.
 
     Parameters
     ----------
-    table : pandas.DataFrame
-        The table that the user passes to `Study.tell`.
+    table : object
+        The argument of `Study.tell`, which must be a pandas.DataFrame.
     names : sequence of str
         Column names of the study. Columns with a slightly different spelling are
         renamed to these.
@@ -819,13 +827,13 @@ def _check_table(table: Any, names: Sequence[str]) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        A copy with the column names of the study. Its numbers of samples and runs have
-        no decimal points.
+        A copy with the column names of the study, whose rows are numbered from 0. Its
+        numbers of samples and runs have no decimal points.
 
     Raises
     ------
     InputError
-        If it is not a table of runs.
+        If the argument is not a table of runs.
     """
     if not isinstance(table, pd.DataFrame):
         raise InputError(
@@ -847,20 +855,20 @@ def _check_table(table: Any, names: Sequence[str]) -> pd.DataFrame:
             source=TABLE_NAME, key="rows", value=0, allowed="a row for each run"
         )
 
-    table = table.rename(columns=match_column_names(table, names))
+    checked = table.rename(columns=match_column_names(table, names))
     for key in NUMBER_COLUMNS:
-        if key not in table:
+        if key not in checked:
             continue
-        if table[key].isna().any():
+        if checked[key].isna().any():
             raise InputError(
                 source=TABLE_NAME,
                 key=key,
                 value="missing",
                 allowed="a number in each row, as `ask` gave it",
             )
-        # Write 3.0 as 3, because numbers are compared as text.
-        table = table.assign(**{key: strip_decimal_points(table[key])})
-    return table.reset_index(drop=True)
+        # Numbers are compared as text, so write 3.0 as 3.
+        checked = checked.assign(**{key: strip_decimal_points(checked[key])})
+    return checked.reset_index(drop=True)
 
 
 def _read_numbers(table: pd.DataFrame, name: str) -> np.ndarray:
@@ -868,6 +876,14 @@ def _read_numbers(table: pd.DataFrame, name: str) -> np.ndarray:
     values, faults = convert_columns({name: table[name].tolist()}, [Column(name)])
     refuse(TABLE_NAME, faults)
     return np.array(values[name])
+
+
+def _format_rows(runs: pd.DataFrame) -> list[Row]:
+    """Convert runs to rows of text, because a file contains only text."""
+    return [
+        {key: _format_cell(value) for key, value in row.items()}
+        for row in runs.to_dict("records")
+    ]
 
 
 def _format_cell(value: Any) -> str:

@@ -33,9 +33,8 @@ def complete_target(entry: Any) -> Any:
     Returns
     -------
     any
-        A completed copy of the entry. A later check refuses an entry that is not a
-        mapping, or whose numbers cannot be used. So the former is returned unchanged,
-        and the latter gets no range.
+        A completed copy of the entry. Faults are left to a later check: an entry that is
+        not a mapping is returned unchanged, and one with unusable numbers gets no range.
     """
     if not isinstance(entry, Mapping):
         return entry
@@ -222,15 +221,18 @@ class Targets(tuple[Target, ...]):
         return profiles
 
     def in_words(self, numbers: Sequence[str]) -> str:
-        """Write a number for each target with its unit, as in ``32.5 deg and 66.1 mm``.
-
-        If two responses have the same unit, each number follows the symbol of its
-        response.
+        """Enumerate numbers with the units of the targets.
 
         Parameters
         ----------
         numbers : sequence of str
-            Numbers as texts, in the order of the targets.
+            A formatted number for each target, in the order of the targets.
+
+        Returns
+        -------
+        str
+            Text such as ``32.5 deg and 66.1 mm``. If two responses have the same unit,
+            the symbol of each response stands before its number.
         """
         units = [target.response.unit for target in self]
         needs_symbols = len(set(units)) < len(units)

@@ -30,6 +30,11 @@ SPLITS = ("train", "validation", "test")
 # The split of 12 samples has 8 for training, 1 for validation and 3 for the test. With
 # fewer test samples, R2 has no meaning.
 MIN_SAMPLES = 12
+# Added to a product before it is rounded down, because rounding errors may make it too
+# small: 0.7 * 90 is 62.99999999999999.
+ROUNDING_ERROR = 1e-9
+# Relative difference up to which two predictions count as the same.
+PREDICTION_TOLERANCE = 1e-6
 
 
 class Training(NamedTuple):
@@ -123,6 +128,8 @@ class Replicates(NamedTuple):
             ratio = first_weight.mean() / weight.mean()
             weights.append(weight * ratio)
             covariance[np.ix_(columns, columns)] = bench_covariance * ratio
+
+            # Average the degrees of freedom over the responses.
             freedom += bench_freedom * len(columns) / len(targets)
         return cls(np.mean(weights, axis=0), covariance, float(freedom))
 
@@ -289,25 +296,26 @@ def _tabulate_predictions(
 
 
 def describe_training(metrics: Mapping[str, Any]) -> str:
-    """Describe a training: the errors on unseen samples, and the starts of a network.
+    """Describe how accurate a surrogate is, and how a network was trained.
 
     Parameters
     ----------
     metrics : mapping
-        The attribute `metrics` of `Training`. Only networks have all of its entries.
+        The attribute `metrics` of `Training`. Other surrogates than networks have fewer
+        entries.
 
     Returns
     -------
     str
         One or more lines.
     """
-    errors = []
+    scores = []
     for name, score in metrics["test"].items():
         # A response that never varies has no R2.
         if score["r2"]:
             error = format_significant(score["rmse"], 3)
-            errors.append(f"{name}: R2 {score['r2']:.3f}, error {error}")
-    lines = [f"{metrics['n_test']} samples for the test: {', '.join(errors)}"]
+            scores.append(f"{name}: R2 {score['r2']:.3f}, error {error}")
+    lines = [f"{metrics['n_test']} samples for the test: {', '.join(scores)}"]
     if metrics["n_fitted"] == metrics["n_samples"]:
         lines.append(f"then fitted to all {metrics['n_fitted']} samples")
     if "starts" in metrics:
@@ -332,7 +340,7 @@ def describe_training(metrics: Mapping[str, Any]) -> str:
 def restore_surrogate(
     surrogate_json: StrPath, predictions_csv: StrPath, dataset_csv: StrPath
 ) -> Surrogate:
-    """Load a trained surrogate, and check that its files belong to one training.
+    """Load a trained surrogate, and check that its files come from the same training.
 
     Parameters
     ----------
@@ -367,22 +375,25 @@ def restore_surrogate(
     # predictions for them. Any other surrogate was fitted to the training part only.
     if set(final_columns) <= set(predictions):
         columns_of_fit = final_columns
+        fitted = predictions
     else:
         columns_of_fit = test_columns
-        predictions = predictions[predictions["split"] == "train"]
+        fitted = predictions[predictions["split"] == "train"]
 
     # Predict the samples of the fit again.
     usable = dataset[dataset["status"] == "ok"].set_index("sample")
-    missing = sorted(set(predictions["sample"]) - set(usable.index))
-    if missing or predictions.empty:
+    missing = sorted(set(fitted["sample"]) - set(usable.index))
+    if missing or fitted.empty:
         raise InputError(
             source=predictions_csv,
             key="samples",
             value=missing,
             allowed=f"usable samples of {dataset_csv}",
         )
-    X = usable.loc[predictions["sample"], list(model.inputs)].to_numpy(float)
-    if not np.allclose(model.predict(X), predictions[columns_of_fit], rtol=1e-6):
+    X = usable.loc[fitted["sample"], list(model.inputs)].to_numpy(float)
+    if not np.allclose(
+        model.predict(X), fitted[columns_of_fit], rtol=PREDICTION_TOLERANCE
+    ):
         raise InputError(
             source=predictions_csv,
             key="predictions",
@@ -435,10 +446,8 @@ def split_samples(
     A random permutation is cut in three. The sizes of train and validation are rounded
     down, and test has the rest. This gives 95, 20 and 22 of the paper's 137 samples.
     """
-    # Add 1e-9 because rounding may make a product too small: 0.7 * 90 is
-    # 62.99999999999999.
-    n_train = math.floor(shares[0] * samples + 1e-9)
-    n_validation = math.floor(shares[1] * samples + 1e-9)
+    n_train = math.floor(shares[0] * samples + ROUNDING_ERROR)
+    n_validation = math.floor(shares[1] * samples + ROUNDING_ERROR)
     order = np.random.RandomState(seed).permutation(samples)
     parts = np.split(order, [n_train, n_train + n_validation])
     return dict(zip(SPLITS, parts, strict=True))
@@ -449,22 +458,22 @@ def split_rows(
 ) -> dict[str, np.ndarray]:
     """Split the rows of a table into training, validation and test.
 
-    All samples of a refinement are used for training. The other samples are those of
-    the design. They are split as if there were no refinement, so the test samples are
-    the same in each round.
+    The samples of the design are split at random. They are split in the same way in each
+    round of a refinement, so the test samples stay the same. The samples of the
+    refinement itself are all used for training.
 
     Parameters
     ----------
     samples : pandas.DataFrame
         A row for each sample; those of a refinement have a number in the column `round`.
     shares : sequence of float
-        Shares of the rows that train and that validate.
+        Shares of the design for training and for validation. The rest is for the test.
     seed : int
 
     Returns
     -------
     dict
-        Row numbers of each part.
+        Row numbers of the parts "train", "validation" and "test".
     """
     is_refined = np.zeros(len(samples), bool)
     if "round" in samples:
@@ -568,8 +577,9 @@ def _compute_accuracy(
     Returns
     -------
     dict
-        `n_` and the name of each part: its number of samples. For each part, `r2` and
-        `rmse` of each response, which are None for a part without samples.
+        The keys `n_train`, `n_validation` and `n_test` have numbers of samples. The keys
+        `train`, `validation` and `test` have `r2` and `rmse` by name of the response,
+        which are None for a part without samples.
     """
     accuracy: dict[str, Any] = {f"n_{part}": len(rows[part]) for part in SPLITS}
     for part, rows_of_part in rows.items():
@@ -592,10 +602,7 @@ def _compute_r2_three_ways(
     test_rows: np.ndarray,
     targets: Targets,
 ) -> dict[str, dict[str, float | None]]:
-    """Compute R2 of the test samples in three ways.
-
-    It is computed on means, on single runs, and with a correction for the noise of the
-    means.
+    """Compute R2 of the test samples from means, from single runs, and without noise.
 
     Parameters
     ----------
@@ -612,7 +619,8 @@ def _compute_r2_three_ways(
     Returns
     -------
     dict
-        For each response `sample_means`, `single_runs` and `noise_corrected`.
+        For each response, three values of R2: `sample_means`, `single_runs`, and
+        `noise_corrected`, which is the result of `compute_corrected_r2`.
     """
     test = usable.iloc[test_rows]
     is_test_run = (runs["status"] == "ok") & runs["sample"].isin(test["sample"])

@@ -18,10 +18,14 @@ from numpy.typing import ArrayLike
 
 # Confidence of every interval.
 CONFIDENCE = 0.95
+# Probability on each side of an interval.
+TAIL_PROBABILITY = (1 - CONFIDENCE) / 2
 # Fewest degrees of freedom for the interval of a correlation.
 MIN_FREEDOM = 4
 # A correlation is moved this far away from 1, where Fisher's transformation is infinite.
 MIN_DISTANCE_FROM_ONE = 1e-12
+# Relative error of a quotient that is accepted as rounding.
+ROUNDING_ERROR = 1e-12
 
 
 class Components(NamedTuple):
@@ -70,23 +74,28 @@ class Components(NamedTuple):
         return np.sqrt(self.within / np.asarray(seeds))
 
     def seeds_for(self, standard_error: float) -> int:
-        """Find the smallest number of seeds for a standard error of a sample's mean.
+        """Find the smallest number of seeds that gives a standard error of a mean.
 
-        The error is in the unit of the response. ValueError if it is not above 0.
+        The error is in the unit of the response. A ValueError is raised if it is not
+        above 0.
         """
         if not standard_error > 0:
             raise ValueError(f"standard_error is {standard_error!r}; expected above 0")
-        return max(1, math.ceil(self.within / standard_error**2 * (1 - 1e-12)))
+        # A quotient that rounding has raised above a whole number is not rounded up.
+        return max(1, math.ceil(self.within / standard_error**2 * (1 - ROUNDING_ERROR)))
 
 
 def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
     """Estimate the variance components of a response from the runs of several samples.
 
-    The variance between samples tau^2 is (MSB - MSW) / n0 (SCM92), or 0 if this is
-    negative. The interval of the variance within samples sigma^2 comes from a chi^2
-    distribution. The interval of the intraclass correlation uses F = h S^2 / MSW (TH78),
-    where S^2 is the variance of the means of the groups and h is the harmonic mean of
-    their sizes. It is exact if all groups have the same size.
+    The variance within samples, sigma^2, is the mean square within the samples (MSW). Its
+    interval comes from a chi^2 distribution. The variance between samples, tau^2, is
+    (MSB - MSW) / n0 (SCM92), or 0 if this is negative. MSB is the mean square between
+    the samples, and n0 is a mean size of the samples.
+
+    The interval of the intraclass correlation uses F = h S^2 / MSW (TH78), where S^2 is
+    the variance of the means of the samples and h is the harmonic mean of their sizes. It
+    is exact if all samples have the same size.
 
     Parameters
     ----------
@@ -94,6 +103,10 @@ def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
         The response of each run.
     groups : array_like, (n,)
         The sample of each run.
+
+    Returns
+    -------
+    Components
 
     Raises
     ------
@@ -110,7 +123,7 @@ def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
             "with two values"
         )
 
-    # Mean squares within and between the groups (MSW, MSB).
+    # Compute the mean squares within and between the groups (MSW, MSB).
     freedom = n - n_groups
     residuals = values - group_mean[group_of_value]
     within = float(residuals @ residuals / freedom)
@@ -118,7 +131,7 @@ def variance_components(values: ArrayLike, groups: ArrayLike) -> Components:
         group_size @ (group_mean - values.mean()) ** 2 / (n_groups - 1)
     )
 
-    # The variance of the true means of the groups (SCM92).
+    # Estimate the variance of the true means of the groups (SCM92).
     n0 = (n - (group_size**2).sum() / n) / (n_groups - 1)
     between = max(0.0, (between_square - within) / n0)
     total = between + within
@@ -154,12 +167,13 @@ def _compute_within_interval(within: float, freedom: int) -> _Interval:
     """
     from scipy import stats  # half a second at start-up
 
-    tail = (1 - CONFIDENCE) / 2
+    def compute_end(probability: float) -> float:
+        return float(within * freedom / stats.chi2.ppf(probability, freedom))
 
-    def end(quantile: float) -> float:
-        return float(within * freedom / stats.chi2.ppf(quantile, freedom))
-
-    return _Interval(low=end(1 - tail), high=end(tail))
+    # The larger quantile gives the lower end, because it is a divisor.
+    return _Interval(
+        low=compute_end(1 - TAIL_PROBABILITY), high=compute_end(TAIL_PROBABILITY)
+    )
 
 
 def _compute_icc_interval(
@@ -185,15 +199,17 @@ def _compute_icc_interval(
     """
     from scipy import stats  # half a second at start-up
 
-    tail = (1 - CONFIDENCE) / 2
     between_square = harmonic_size * mean.var(ddof=1)
 
-    def compute_end(quantile: float) -> float:
-        F_quantile = stats.f.ppf(quantile, len(mean) - 1, freedom)
+    def compute_end(probability: float) -> float:
+        F_quantile = stats.f.ppf(probability, len(mean) - 1, freedom)
         ratio = _divide(between_square, within * F_quantile)
         return _convert_to_icc((ratio - 1) / harmonic_size)
 
-    return _Interval(low=compute_end(1 - tail), high=compute_end(tail))
+    # The larger quantile gives the lower end, because it is a divisor.
+    return _Interval(
+        low=compute_end(1 - TAIL_PROBABILITY), high=compute_end(TAIL_PROBABILITY)
+    )
 
 
 def _check_arrays(
@@ -253,7 +269,7 @@ def estimate_residual_correlation(
 ) -> Correlation:
     """Compute the correlation of two responses between runs of the same sample.
 
-    The interval is computed by Fisher's transformation.
+    Its interval is computed by Fisher's transformation.
 
     Parameters
     ----------
@@ -261,6 +277,10 @@ def estimate_residual_correlation(
         The responses of each run.
     groups : array_like, (n,)
         The sample of each run.
+
+    Returns
+    -------
+    Correlation
 
     Raises
     ------
