@@ -67,10 +67,10 @@ def make_allowed_design(
 ) -> np.ndarray:
     """Make a design whose points all obey the constraints and are evenly spread.
 
-    A design of more points fills the whole cube evenly, so its allowed points fill the
-    allowed part evenly. The size of the design grows until enough points are allowed.
-    If more points than necessary are allowed, those nearest to other points are
-    dropped. With constraints, the result is not a Latin hypercube.
+    With constraints, larger designs are made until one has enough allowed points. If it
+    has more than necessary, those nearest to other points are dropped. A design fills
+    the whole cube evenly, so its allowed points fill the allowed part evenly. They do
+    not form a Latin hypercube.
 
     Parameters
     ----------
@@ -117,12 +117,14 @@ def _drop_nearest(points: np.ndarray, count: int) -> np.ndarray:
 
     distances = cdist(points, points)
     np.fill_diagonal(distances, np.inf)
-    kept = np.arange(len(points))
-    while len(kept) > count:
-        # The distances of each kept point from the others, the smallest first.
-        neighbours = np.sort(distances[np.ix_(kept, kept)], axis=1)
-        # Sort the points by the distance of their nearest neighbour. The two nearest
-        # points share this distance, so sort them by their second nearest neighbour.
-        order = np.lexsort((neighbours[:, 1], neighbours[:, 0]))
-        kept = np.delete(kept, order[0])
-    return points[kept]
+    remaining = np.arange(len(points))  # row numbers
+    while len(remaining) > count:
+        # Distances of each remaining point from the others, the smallest first.
+        sorted_distances = np.sort(distances[np.ix_(remaining, remaining)], axis=1)
+        nearest = sorted_distances[:, 0]
+        second_nearest = sorted_distances[:, 1]
+        # Drop the point that is nearest to its neighbour. Two points share this
+        # distance, so of these drop the one whose second neighbour is nearer.
+        order = np.lexsort((second_nearest, nearest))
+        remaining = np.delete(remaining, order[0])
+    return points[remaining]

@@ -28,9 +28,9 @@ BLOCKS: dict[int, Sequence[Sequence[tuple[int, ...]]]] = {
 def box_behnken(factors: int, centres: int) -> np.ndarray:
     """Make a Box-Behnken design in standard order, one block after another.
 
-    Box and Behnken, Some new three level designs for the study of quantitative
-    variables, Technometrics 2 (1960) 455-475. Blocks with equally many centre runs are
-    orthogonal; simulations may ignore the blocks.
+    The design is that of Box and Behnken, Some new three level designs for the study of
+    quantitative variables, Technometrics 2 (1960) 455-475. Its blocks are orthogonal if
+    they have equally many centre runs. Simulations may ignore the blocks.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ def box_behnken(factors: int, centres: int) -> np.ndarray:
     blocks = BLOCKS[factors]
     runs = []
     for block_number, block in enumerate(blocks, start=1):
-        # Run all corners of a group of factors, with the other factors at the centre.
+        # Add all corners of a group of factors, with the other factors at the centre.
         for factor_numbers in block:
             corners = make_full_factorial(len(factor_numbers))
             group = np.zeros((len(corners), factors))

@@ -21,7 +21,7 @@ class CentralComposite(NamedTuple):
 def central_composite(factors: int, axial: str, centres: int) -> CentralComposite:
     """Make a central composite design.
 
-    Box and Hunter, Multi-factor experimental designs for exploring response surfaces,
+    The design is that of Box and Hunter, Multi-factor experimental designs for exploring response surfaces,
     Ann. Math. Statist. 28 (1957) 195-241.
 
     Parameters

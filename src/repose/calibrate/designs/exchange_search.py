@@ -90,10 +90,10 @@ class Pairs:
         return float(np.cumsum(self.repulsion[self.below])[-1])
 
     def compute_changes(self, column: int, i: np.ndarray, j: np.ndarray) -> np.ndarray:
-        """Compute by how much exchanges would change the sum of all repulsions.
+        """Compute by how much each exchange would change the sum of all repulsions.
 
-        An exchange swaps the values of two rows in a column. The exchanges are
-        alternatives: each is evaluated without the others, and none is made.
+        An exchange swaps the values of two rows in a column. Each exchange is evaluated
+        by itself, and none of them is made.
 
         Parameters
         ----------
@@ -106,25 +106,23 @@ class Pairs:
         array (m,)
             Negative for an exchange that improves the design.
         """
-        x = self.points[:, column]
+        n_exchanges = len(i)
+        values = self.points[:, column]
         rows = np.array([i, j])  # (2, m)
-        exchanges = np.arange(len(i))
 
         # Squared differences of rows i and j from all rows in this column, (2, m, n).
-        column_squares = x[rows][:, :, None] - x
-        column_squares *= column_squares
+        column_squares = (values[rows][:, :, None] - values) ** 2
 
         # A squared distance is a sum over the columns. An exchange swaps the terms of
         # this column between row i and row j.
         shift = column_squares[1] - column_squares[0]
         new_squared = self.squared[rows] + np.array([shift, -shift])
-        change = self._repulsions(new_squared)
-        change -= self.repulsion[rows]
+        changes = self._repulsions(new_squared) - self.repulsion[rows]
         # The distance between the two rows does not change.
-        change[:, exchanges, rows] = 0.0
+        changes[:, np.arange(n_exchanges), rows] = 0.0
 
         # Sum over the other rows and over both rows of an exchange, term by term.
-        terms = change.transpose(2, 0, 1).reshape(-1, len(i))
+        terms = changes.transpose(2, 0, 1).reshape(-1, n_exchanges)
         return terms.cumsum(axis=0)[-1]
 
     def exchange(self, column: int, i: int, j: int) -> None:
@@ -151,24 +149,29 @@ class _Threshold:
         Parameters
         ----------
         is_better : bool
-            Whether the best design improved.
-        accepted, improved, trials : int
-            Number of exchanges that were accepted, that improved the best design, and
-            that were tried.
+            Whether the best design improved in this round.
+        accepted : int
+            Number of exchanges that were accepted.
+        improved : int
+            Number of accepted exchanges that led to a new best design.
+        trials : int
+            Number of exchanges that were tried.
         """
+        low_acceptance = LOW_ACCEPTANCE * trials
+        high_acceptance = HIGH_ACCEPTANCE * trials
         # Improvement: lower the threshold if exchanges are accepted that do not improve
         # the best design, and raise it if hardly any exchange is accepted.
         if is_better:
-            if accepted > LOW_ACCEPTANCE * trials and improved < accepted:
+            if accepted > low_acceptance and improved < accepted:
                 self.value *= IMPROVEMENT_FACTOR
-            elif accepted <= LOW_ACCEPTANCE * trials:
+            elif accepted <= low_acceptance:
                 self.value /= IMPROVEMENT_FACTOR
             return
 
         # Exploration: reverse the direction at low and at high acceptance.
-        if accepted < LOW_ACCEPTANCE * trials:
+        if accepted < low_acceptance:
             self.is_rising = True
-        elif accepted > HIGH_ACCEPTANCE * trials:
+        elif accepted > high_acceptance:
             self.is_rising = False
         if self.is_rising:
             self.value /= RISE_FACTOR
@@ -267,7 +270,7 @@ def evolve_design(
 
     Returns
     -------
-    Evolved
+    EvolvedDesigns
     """
     n_columns = start.shape[1]
     walk = _Walk(start, doublings)

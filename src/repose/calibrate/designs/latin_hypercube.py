@@ -107,10 +107,10 @@ def _optimal_lhs(n: int, d: int, seed: int | tuple[int, ...]) -> np.ndarray:
     """Make the design of `optimal_lhs`; the caller must not change the cached array."""
     rng = np.random.default_rng(seed)
     best = lhsdesign(n, d, rng=rng)
-    # With two points or one column there is nothing to exchange.
+    # With two points or one column, no exchange changes the distances.
     if n < 3 or d < 2:
         return best
-    # Continue for each power from the best design of the power before.
+    # For each power, continue with the design of smallest phi_p of the power before.
     current = best.copy()
     for doublings in PHI_DOUBLINGS:
         current, widest = evolve_design(current, doublings, ROUNDS_PER_POWER, rng)

@@ -20,16 +20,16 @@ def list_terms(factors: int, order: str) -> tuple[Term, ...]:
     factors : int
         Number of factors.
     order : str
-        One of `ORDERS`. "linear" has single factors, "interaction" also products of
-        two, "quadratic" also squares.
+        One of `ORDERS`. A "linear" model has the factors themselves, an "interaction"
+        model also their products in pairs, a "quadratic" model also their squares.
 
     Returns
     -------
     tuple of Term
-        A term is a tuple of the numbers of the factors that are multiplied, from 0.
+        A term is a tuple of the numbers, from 0, of the factors that are multiplied.
     """
     factor_numbers = range(factors)
-    # Each order has the terms of the orders before it, and further ones.
+    # A model has the terms of all simpler models, which come before it in `ORDERS`.
     position = ORDERS.index(order)
     terms: list[Term] = [(k,) for k in factor_numbers]
     if position >= ORDERS.index("interaction"):
@@ -120,13 +120,14 @@ def fit_model(
     factors: Sequence[str],
     order: str | Sequence[Term],
 ) -> Model:
-    """Fit a polynomial to runs.
+    """Fit a polynomial to the responses of runs, by least squares.
 
     Parameters
     ----------
     coded : array (n, k)
-        Runs in coded units.
+        The runs in coded units.
     response : array (n,)
+        The response of each run.
     factors : sequence of str
         Names of the k factors.
     order : str or sequence

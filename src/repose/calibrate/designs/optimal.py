@@ -42,7 +42,7 @@ def replace_forbidden(
     Parameters
     ----------
     coded : numpy.ndarray, (n, factors)
-        The design, without runs of its centre.
+        The runs of the design, in coded units.
     region : Region or None
         The allowed part of the cube; None if all of it is allowed.
     order : str
@@ -65,7 +65,7 @@ def replace_forbidden(
     if not is_new.any():
         return AllowedDesign(coded, is_new)
 
-    # Put new runs in the rows of the forbidden ones.
+    # Replace the forbidden runs by new ones, and keep the rows of the others.
     terms = list_terms(coded.shape[1], order)
     n_new = int(is_new.sum())
     runs = coded.copy()
@@ -82,67 +82,87 @@ def replace_forbidden(
 
 
 def choose_added_runs(
-    kept: np.ndarray, count: int, region: Region, terms: Sequence[Term]
+    fixed_runs: np.ndarray, count: int, region: Region, terms: Sequence[Term]
 ) -> np.ndarray:
-    """Choose D-optimal runs (count, factors) to add to the kept runs.
+    """Choose D-optimal runs to add to a design.
 
     They maximise the determinant of X'X, where the matrix X of the model has a row for
-    each kept and each new run. The search starts from several sets of points of the
+    each fixed and each new run. The search starts from several sets of points of the
     region, and the best result is returned.
 
     Parameters
     ----------
-    kept : numpy.ndarray, (n, factors)
-        The runs that stay.
+    fixed_runs : numpy.ndarray, (n, factors)
+        The runs of the design that stay as they are.
     count : int
         Number of runs to add.
     region : Region
         The part of the cube where runs are allowed.
     terms : sequence of tuple
         Terms of the model besides the constant.
+
+    Returns
+    -------
+    numpy.ndarray, (count, factors)
+        The new runs in coded units.
     """
-    best = np.empty((0, kept.shape[1]))
-    best_value = -np.inf
+    best_runs = np.empty((0, fixed_runs.shape[1]))
+    best_determinant = -np.inf
     for start in range(N_STARTS):
         # Start from the next `count` of the points that are spread over the region.
         rows = (start * count + np.arange(count)) % len(region.points)
-        runs = region.points[rows].copy()
-        _exchange_coordinates(runs, kept, region, terms)
-        value = compute_log_determinant(np.vstack([kept, runs]), terms)
-        if value > best_value + MIN_GAIN:
-            best_value = value
-            best = runs
-    return best
+        runs = _exchange_coordinates(region.points[rows], fixed_runs, region, terms)
+        determinant = compute_log_determinant(np.vstack([fixed_runs, runs]), terms)
+        if determinant > best_determinant + MIN_GAIN:
+            best_determinant = determinant
+            best_runs = runs
+    return best_runs
 
 
 def _exchange_coordinates(
-    runs: np.ndarray, kept: np.ndarray, region: Region, terms: Sequence[Term]
-) -> None:
-    """Exchange coordinates of the new runs until no exchange raises the determinant.
+    start_runs: np.ndarray,
+    fixed_runs: np.ndarray,
+    region: Region,
+    terms: Sequence[Term],
+) -> np.ndarray:
+    """Exchange coordinates of new runs until no exchange raises the determinant.
 
-    The array `runs` is changed in place. An exchange moves one factor of a run to
-    another one of the `LEVELS`.
+    An exchange moves one factor of a run to another one of the `LEVELS`.
+
+    Parameters
+    ----------
+    start_runs : numpy.ndarray, (count, factors)
+        The new runs with which the search begins.
+    fixed_runs, region, terms
+        See `choose_added_runs`.
+
+    Returns
+    -------
+    numpy.ndarray, (count, factors)
+        The improved new runs.
     """
+    runs = start_runs.copy()
     for _ in range(MAX_ROUNDS):
         is_changed = False
         for row in range(len(runs)):
-            others = np.vstack([kept, np.delete(runs, row, axis=0)])
+            other_runs = np.vstack([fixed_runs, np.delete(runs, row, axis=0)])
             # Let M be the matrix X'X of the other runs. A run whose row in X is f
             # multiplies the determinant of M by 1 + f' M^-1 f.
-            inverse = np.linalg.inv(_compute_information(others, terms))
+            inverse = np.linalg.inv(_compute_information(other_runs, terms))
             for factor in range(runs.shape[1]):
+                # The first candidate is the unchanged run, which is allowed.
                 candidates = np.repeat(runs[row][None], len(LEVELS) + 1, axis=0)
                 candidates[1:, factor] = LEVELS
                 candidates = candidates[region.is_allowed(candidates)]
-                rows = _make_model_rows(candidates, terms)
-                gains = np.log1p((rows @ inverse * rows).sum(axis=1))
+                model_rows = _make_model_rows(candidates, terms)
+                gains = np.log1p((model_rows @ inverse * model_rows).sum(axis=1))
                 best = gains.argmax()
-                # The first candidate is the unchanged run, which is allowed.
                 if gains[best] > gains[0] + MIN_GAIN:
                     runs[row] = candidates[best]
                     is_changed = True
         if not is_changed:
-            return
+            break
+    return runs
 
 
 def compute_log_determinant(coded: np.ndarray, terms: Sequence[Term]) -> float:

@@ -101,7 +101,7 @@ class MIGA:
     def tell(self, fitness: np.ndarray) -> None:
         """Breed the next generation from the fitness of the present one.
 
-        The next generation is then returned by `ask`, and all attributes are updated.
+        Afterwards `ask` returns the next generation. All attributes are updated.
 
         Parameters
         ----------
@@ -109,7 +109,6 @@ class MIGA:
             Fitness of the points that `ask` returned, in the same order. Smaller is
             better.
         """
-        islands, population, dimensions = self.shape
         points = self._points
         fitness = np.asarray(fitness, dtype=float)
         self.evaluations += len(points)
@@ -131,9 +130,27 @@ class MIGA:
         if self.generation % self.generations == 0:
             points, fitness = self._migrate(points, fitness, order)
             order = self._rank(fitness)
+        self._points = self._breed(points, order, step)
 
+    def _breed(self, points: np.ndarray, order: np.ndarray, step: int) -> np.ndarray:
+        """Breed the next generation.
+
+        Parameters
+        ----------
+        points : array (islands * population, dimensions)
+            The present generation.
+        order : array (islands, population)
+            Rows of each island's individuals, best first.
+        step : int
+            Number of the present generation within its round.
+
+        Returns
+        -------
+        array (islands * population, dimensions)
+        """
+        islands, population, dimensions = self.shape
         # Choose the two parents of each child by tournaments. Only ranks decide: the
-        # winner of three individuals has the smallest of three random ranks.
+        # winner of a tournament has the smallest of its random ranks.
         parents = points[order.take(self._winners[step] + self._first)]
         children = self._cross(parents[:, :population], parents[:, population:], step)
         children += self._mutation[step]
@@ -141,7 +158,7 @@ class MIGA:
         np.minimum(children, 1.0, out=children)
         np.maximum(children, -1.0, out=children)
         self._keep_best(children, points[order[:, 0]])
-        self._points = children.reshape(islands * population, dimensions)
+        return children.reshape(islands * population, dimensions)
 
     def _migrate(
         self, points: np.ndarray, fitness: np.ndarray, order: np.ndarray
@@ -173,9 +190,9 @@ class MIGA:
             population,
             size=(self.settings.tournament, generations, islands, 2 * population),
         )
-        # Ranks (generations, islands, 2 population) of the winners of tournaments.
+        # The smallest rank wins, (generations, islands, 2 population).
         self._winners = ranks.min(axis=0)
-        # Share of the first parent in each child.
+        # A child is a weighted mean of its parents. This is the weight of the first one.
         self._share = self.random.uniform(size=(generations, islands, population, 1))
         genes = (generations, islands, population, dimensions)
         is_mutated = self.random.uniform(size=genes) < self.mutation_probability
@@ -275,10 +292,11 @@ def islands_ga(
         """Convert points from [-1, 1] to the bounds. Rounding must not exceed them."""
         return np.clip(low + (points + 1) * half_width, low, high)
 
-    # Each pass evaluates and breeds one generation.
+    # Each pass evaluates one generation, and breeds the next one.
     for _ in range(rounds * miga.generations):
-        fitness = np.asarray(objective(scale_to_bounds(miga.ask())), dtype=float)
-        n_points = len(miga.ask())
+        points = miga.ask()
+        n_points = len(points)
+        fitness = np.asarray(objective(scale_to_bounds(points)), dtype=float)
         if fitness.shape != (n_points,) or np.isnan(fitness).any():
             raise ValueError(
                 f"objective returned shape {fitness.shape} "

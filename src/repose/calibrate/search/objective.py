@@ -260,15 +260,16 @@ class Archive:
         may_enter = fitness < self._worst
         if not may_enter.any():
             return
-        points = points[may_enter]
-        fitness = fitness[may_enter]
-        # Add the points in parts that fit into the buffer. Empty it if it is too full.
-        for start in range(0, len(points), self.buffer):
+        new_points = points[may_enter]
+        new_fitness = fitness[may_enter]
+        # Add the points in parts that fit into the buffer. If the buffer has too little
+        # room for a part, empty it first.
+        for start in range(0, len(new_points), self.buffer):
             part = slice(start, start + self.buffer)
-            n_added = len(points[part])
+            n_added = len(new_points[part])
             if self._n_waiting + n_added > self.buffer:
                 self.thin()
-            self._waiting.append((points[part], fitness[part]))
+            self._waiting.append((new_points[part], new_fitness[part]))
             self._n_waiting += n_added
 
     def thin(self) -> None:
@@ -291,7 +292,7 @@ class Archive:
 def select_distinct(
     points: np.ndarray, fitness: np.ndarray, distance: float, limit: int
 ) -> np.ndarray:
-    """Find the rows of the best distinct points, best first.
+    """Find the best points that are distinct from each other.
 
     Parameters
     ----------
@@ -299,13 +300,14 @@ def select_distinct(
     fitness : array (n,)
         Smaller is better.
     distance : float
-        Least distance between two points.
+        Least distance between two distinct points.
     limit : int
-        Largest number of rows.
+        Largest number of points to find.
 
     Returns
     -------
     array of int
+        Rows of these points, best first.
     """
     # Rows and coordinates (d, remaining) of the remaining points, the best first.
     rows = np.argsort(fitness, kind="stable")
@@ -315,8 +317,8 @@ def select_distinct(
         # Keep the best remaining point. Then drop it, and all points too near to it.
         distinct_rows.append(int(rows[0]))
         best = coordinates[:, :1]
-        squared = ((coordinates - best) ** 2).sum(axis=0)
-        is_distinct = squared >= distance**2
+        squared_distances = ((coordinates - best) ** 2).sum(axis=0)
+        is_distinct = squared_distances >= distance**2
         is_distinct[0] = False
         remaining = np.flatnonzero(is_distinct)  # twice as fast as the mask itself
         rows = rows[remaining]
@@ -374,8 +376,8 @@ def search_points(
             if violation is None:
                 miga.tell(population.fitness)
             else:
-                # Points that violate a constraint only guide the search back to the
-                # allowed part. They do not count as results.
+                # A point that violates a constraint only guides the search back to the
+                # allowed part. It does not count as a result.
                 excess = violation(points)
                 is_allowed = excess <= 0
                 penalty = FORBIDDEN_FITNESS * (1 + excess)
