@@ -21,7 +21,7 @@ from repose.common.numbers import format_significant
 def describe_answer(
     answer: Answer, space: ParameterSpace, targets: Targets
 ) -> dict[str, Any]:
-    """Describe an answer for the file that is kept until the answer is checked.
+    """Describe an answer, for a file that is read when the answer is checked.
 
     Parameters
     ----------
@@ -37,22 +37,20 @@ def describe_answer(
         parameters ``near_bounds``, described by `find_near_bounds`; ``simulated``, the
         numbers of the samples that already simulated the answer.
     """
-    # The mean of an answer that was already simulated is that of its runs. The tables
-    # need a prediction.
-    if answer.simulated and answer.model is not None:
-        answer = _predict_again(answer, answer.model)
-    # Only a model tells which parameters are at a bound.
-    parameters_at_bounds = []
+    predicted = answer
+    parameters_near_bounds = []
     if answer.model is not None:
+        if answer.simulated:
+            predicted = _predict_again(answer, answer.model)
         values = dict(zip(space.names, answer.values.tolist(), strict=True))
-        parameters_at_bounds = find_near_bounds(answer.model, values, space)
-    feasible, message = judge_answer(answer, targets, answer.notes.get("note", ""))
+        parameters_near_bounds = find_near_bounds(answer.model, values, space)
+    feasible, message = judge_answer(predicted, targets, answer.notes.get("note", ""))
     return {
         "feasible": feasible,
         "message": message,
-        "predicted_error": answer.error,
-        "solutions": tabulate_solutions(answer, feasible, space, targets),
-        "near_bounds": parameters_at_bounds,
+        "predicted_error": predicted.error,
+        "solutions": tabulate_solutions(predicted, feasible, space, targets),
+        "near_bounds": parameters_near_bounds,
         "simulated": answer.simulated,
     }
 
@@ -160,8 +158,8 @@ def select_separated(unit: np.ndarray, section: MigaSettings) -> np.ndarray:
 
     rows: list[int] = []
     for k, point in enumerate(unit):
-        # Distances in the unit cube are in whole ranges, but `distance` is in half
-        # ranges.
+        # A range of a parameter has the length 1 in the unit cube, so the factor 2 gives
+        # a distance in half ranges.
         if not rows or 2 * cdist(unit[rows], point[None]).min() >= section.distance:
             rows.append(k)
         if len(rows) == section.solutions:

@@ -264,7 +264,7 @@ def register(name: str) -> Callable[[Kind], Kind]:
     """
 
     def add_to_registry(kind: Kind) -> Kind:
-        # A module that is imported again may register the same class again.
+        # The same class may be registered again.
         if name in _REGISTRY and type(_REGISTRY[name]) is not kind:
             other = type(_REGISTRY[name]).__name__
             raise ValueError(f"strategy {name!r} is registered already, by {other}")

@@ -78,7 +78,7 @@ def make_plan(
     runs: pd.DataFrame | None = None,
     source: object = "runs",
 ) -> Plan:
-    """Compute the expected results of budgets of runs.
+    """Estimate how many runs a study needs, and how probably a budget suffices.
 
     Parameters
     ----------
@@ -167,7 +167,8 @@ def _list_differences(
     Returns
     -------
     list of str
-        A phrase for each difference. It is empty if the study is like the campaigns.
+        A phrase for each difference. The list is empty if the study is like the
+        campaigns.
     """
     differences = []
     if strategy != CAMPAIGN_STRATEGY:
@@ -195,23 +196,24 @@ def estimate_success(n_targets: int, percent: float) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        A row for each budget: `pours`, the number of runs; `within_1_percent` and
-        `within_2_percent`, the probabilities that the answer of the sequential strategy
-        is as near as this to all targets; `*_se`, their standard errors.
+        A row for each budget, with the number of runs in the column `pours`. The columns
+        `within_1_percent` and `within_2_percent` have the probabilities that the answer
+        of the strategy lies so near to all targets. The columns that end in `_se` have
+        their standard errors.
     """
-    table = pd.read_csv(SUCCESS_FILE)
-    table = table[table["responses"] == n_targets]
+    campaigns = pd.read_csv(SUCCESS_FILE)
+    campaigns = campaigns[campaigns["responses"] == n_targets]
     # All campaigns with the same scatter calibrate the same hidden parameter sets, the
     # truths. So the standard error follows from the number of truths, not from the
     # number of budgets to which the curve is fitted.
-    truths = table.groupby("pours", as_index=False)["truths"].first()
-    budgets = truths[["pours"]].copy()
+    budgets = campaigns.groupby("pours", as_index=False)["truths"].first()
+    table = budgets[["pours"]].copy()
     for tolerance in TOLERANCES:
-        name = f"within_{tolerance:g}_percent"
-        curve = SuccessCurve.fit(table, name)
-        budgets[name] = curve.probability(budgets["pours"], percent)
-        budgets[f"{name}_se"] = compute_share_error(budgets[name], truths["truths"])
-    return budgets
+        column = f"within_{tolerance:g}_percent"
+        curve = SuccessCurve.fit(campaigns, column)
+        table[column] = curve.probability(table["pours"], percent)
+        table[f"{column}_se"] = compute_share_error(table[column], budgets["truths"])
+    return table
 
 
 class SuccessCurve(NamedTuple):
@@ -233,7 +235,7 @@ class SuccessCurve(NamedTuple):
         table : pandas.DataFrame
             `pours`, `noise_percent`, `truths`, and shares of the truths.
         share : str
-            Column of the shares.
+            Name of the column with the shares.
 
         Returns
         -------
@@ -243,13 +245,10 @@ class SuccessCurve(NamedTuple):
         from scipy.optimize import minimize
         from scipy.special import expit
 
-        # Columns: a constant, log(pours), log(noise).
-        terms = np.column_stack(
-            [
-                np.ones(len(table)),
-                *np.log(table[["pours", "noise_percent"]].to_numpy().T),
-            ]
-        )
+        # The columns are a constant, log(pours) and log(noise), in the order of the
+        # fields of this class.
+        log_pours, log_noise = np.log(table[["pours", "noise_percent"]].to_numpy().T)
+        terms = np.column_stack([np.ones(len(table)), log_pours, log_noise])
         trials = table["truths"].to_numpy(float)
         successes = trials * table[share].to_numpy(float)
 

@@ -123,14 +123,14 @@ def check_responses(data: pd.DataFrame, targets: Targets) -> None:
                 ),
             )
 
-    # Any responses look dependent in so few runs, so do not judge them.
+    # In very few runs, any responses look dependent.
     complete = data[names].dropna()
     if len(complete) <= len(names) + 1:
         return
 
-    # If responses are linearly dependent, their correlation matrix has an eigenvalue of 0.
-    # The components of its eigenvector show which responses these are. The eigenvalues
-    # are sorted, the smallest first.
+    # If responses are linearly dependent, the smallest eigenvalue of their correlation
+    # matrix is 0, and the components of its eigenvector show which responses these are.
+    # The eigenvalues are sorted, the smallest first.
     eigenvalues, eigenvectors = np.linalg.eigh(complete.corr())
     if not eigenvalues[0] > DEPENDENT_EIGENVALUE:
         dependent = [
@@ -151,10 +151,10 @@ def check_responses(data: pd.DataFrame, targets: Targets) -> None:
 def samples_of_runs(
     data: pd.DataFrame, space: ParameterSpace, targets: Targets
 ) -> pd.DataFrame:
-    """Summarise the runs by sample, as the stage `dataset` does.
+    """Summarise the runs of each sample, as the stage `dataset` does.
 
-    A sample is ok if at least half of its runs are good, and at least one. Otherwise
-    its means and standard errors are NaN.
+    A sample is ok if at least half of its runs are good, and at least one of them is.
+    Otherwise its means and standard errors are NaN.
 
     Parameters
     ----------
@@ -174,7 +174,7 @@ def samples_of_runs(
     rows = []
     for sample, runs in data.groupby("sample", sort=False):
         # The bench tests of a run fail separately, so the responses may have different
-        # numbers of values. Count those of the response with the fewest.
+        # numbers of values. The smallest of these numbers counts.
         n_good = int(runs[responses].count().min())
         is_ok = n_good > 0 and 2 * n_good >= len(runs)
         row = {
@@ -280,15 +280,14 @@ def read_rows(path: StrPath, study: Study) -> Rows:
     InputError
         If the file is not a table, or if only some of the rows have a sample or a run.
     """
-    # A parameter or a response may have any cell here, because a later check refuses
-    # bad ones.
+    # Accept any cell of a parameter or a response here. A later check refuses bad ones.
     names = (TURN_COLUMN, *study.parameters.names, *study.targets.names)
     columns = [Column(name, object, needed=False) for name in names]
     status = Column("status", str, needed=False, empty=True)
     needed_names = ", ".join([*study.parameters.free, *study.targets.names])
     expected = f"a CSV file of runs with the columns {needed_names}"
     table = read(path, [*columns, status], expected, optional=NUMBER_COLUMNS)
-    # If the file has a column of sample or run numbers, no cell of it may be empty.
+    # A column of sample or run numbers is optional, but none of its cells may be empty.
     for key in NUMBER_COLUMNS:
         if key not in table.values:
             continue
@@ -395,10 +394,11 @@ class Outcomes(NamedTuple):
 def judge_runs(
     cells: Mapping[str, Sequence[Any]], responses: Sequence[str]
 ) -> Outcomes:
-    """Decide which runs failed, in the same way for tables, `tell` and `calibrate`.
+    """Decide which runs failed.
 
     A run is good if each response is a finite number and its status is good or missing.
-    Any other run failed: it stays in the table, but no model is fitted to it.
+    Any other run failed: it stays in the table, but no model is fitted to it. This holds
+    for runs from a file, from `Study.tell` and from `Study.calibrate`.
 
     Parameters
     ----------
@@ -410,8 +410,8 @@ def judge_runs(
     Returns
     -------
     Outcomes
-        Statuses, responses and faults. A text in place of a response is a fault, and so
-        is a number in place of a status.
+        Statuses, responses and faults. A text as a response is a fault, and so is a
+        number as a status.
     """
     n_runs = len(next(iter(cells.values())))
     empty_column = [None] * n_runs
@@ -447,15 +447,15 @@ def judge_runs(
 def make_cells(
     result: Mapping[Any, Any], responses: Sequence[str]
 ) -> tuple[dict[str, Any], str]:
-    """Convert the result of the user's function for one run to a valid row.
+    """Convert the result of the user's function for one run to a row of a table.
 
-    `judge_runs` accepts every such row. An invalid response makes the run a failed one.
-    It raises no error, because a long calibration has to continue.
+    The row has no faults that `judge_runs` would report. An invalid response makes the
+    run a failed one, but raises no error, because a long calibration has to continue.
 
     Parameters
     ----------
     result : mapping
-        Responses by name, and perhaps a `status` and other values.
+        The responses by name. It may also have a `status` and other values.
     responses : sequence of str
         Names of the responses.
 
@@ -470,7 +470,7 @@ def make_cells(
     cells = {str(key): value for key, value in result.items()}
     invalid = []
     for name in responses:
-        # A cell such as NaN or None is no mistake: it reports that the run failed.
+        # A value such as NaN or None is not a mistake: it reports that the run failed.
         is_marked_as_missing = name in cells and is_missing(cells[name])
         try:
             cells[name] = parse_number(cells[name])
@@ -479,7 +479,8 @@ def make_cells(
             if not is_marked_as_missing:
                 invalid.append(name)
 
-    # A number as a status may mean success or failure. As text it means failure.
+    # `judge_runs` refuses a number as a status, because it may mean success or failure.
+    # Turn it into text, which means failure.
     status = str(cells.get("status", ""))
     if holds_numbers([status]):
         cells["status"] = f"status {status}"
@@ -521,16 +522,20 @@ def _replace_infinite(cell: Any) -> Any:
 def _require_enough_samples(
     table: pd.DataFrame, space: ParameterSpace, source: object
 ) -> None:
-    """Refuse a table with too few good samples.
+    """Refuse a table with too few good samples for a model.
 
     Parameters
     ----------
     table : pandas.DataFrame
         The checked table, with `sample` and `status`.
     space : ParameterSpace
-        A model needs two more samples than free parameters.
     source : object
         File of the table, for the error.
+
+    Raises
+    ------
+    InputError
+        If there are fewer than two more samples than free parameters.
     """
     count = table[table["status"] == OK]["sample"].nunique()
     fewest = space.dimensions + 2
@@ -564,9 +569,10 @@ def _describe_parameter_column(name: str, low: float, high: float) -> Column:
 def _number_samples(
     sets: pd.DataFrame, rows: Rows, study: Study, source: object
 ) -> Sequence[int]:
-    """Find the sample number of each row.
+    """Find the number of the sample of each row.
 
-    Without a column `sample`, rows with the same parameters form one sample.
+    The column `sample` names the sample of each row. If there is no such column, rows
+    with the same parameters form one sample.
 
     Parameters
     ----------
@@ -598,8 +604,8 @@ def _number_samples(
     repeats_points = strategy(study.settings.strategy).repeats_points
     _refuse_mixed_samples(sample_names, set_numbers, repeats_points, source)
 
-    # Keep the names if they are numbers and remain distinct as numbers. Names such as 3
-    # and 003 do not remain distinct. Then number the samples from 1.
+    # Use the names themselves if they are numbers, and different names are different
+    # numbers. Names such as 3 and 003 are not. Otherwise number the samples from 1.
     if all(name.isdecimal() and len(name) <= MAX_DIGITS for name in sample_names):
         numbers = [int(name) for name in sample_names]
         if len(set(numbers)) == len(set(sample_names)):
@@ -613,7 +619,10 @@ def _refuse_mixed_samples(
     repeats_points: bool,
     source: object,
 ) -> None:
-    """Refuse a sample with several parameter sets, and a set with several samples.
+    """Refuse samples and parameter sets that contradict each other.
+
+    All rows of a sample must have the same parameter set. All rows with the same
+    parameter set must belong to the same sample, unless the strategy repeats points.
 
     Parameters
     ----------
@@ -624,7 +633,12 @@ def _refuse_mixed_samples(
     repeats_points : bool
         Whether the strategy allows several samples with the same set.
     source : object
-        File of the table.
+        File of the table, for the error.
+
+    Raises
+    ------
+    InputError
+        If there are such rows; the message lists all of them.
     """
     # Index of the first row of each sample and of each parameter set.
     first_of_sample: dict[str, int] = {}
@@ -673,7 +687,12 @@ def _refuse_repeated_rows(table: pd.DataFrame, rows: Rows, source: object) -> No
     rows : sequence of mapping
         The same rows as text, which may have `run`.
     source : object
-        File of the table, for an error.
+        File of the table, for the error.
+
+    Raises
+    ------
+    InputError
+        If there are such rows; the message lists all of them.
     """
     has_run_numbers = "run" in rows[0]
     # Index of the first row of each run, by the key that identifies the run.
@@ -681,13 +700,14 @@ def _refuse_repeated_rows(table: pd.DataFrame, rows: Rows, source: object) -> No
     faults: list[Fault] = []
     values_of_rows = table.itertuples(index=False, name=None)
     for k, (row, values) in enumerate(zip(rows, values_of_rows, strict=True)):
+        # The first two columns of the table.
         sample, status = values[:2]
         if has_run_numbers:
-            key: tuple[Any, ...] = (sample, str(row["run"]).strip())
-            first = first_row.setdefault(key, k)
+            numbers = (sample, str(row["run"]).strip())
+            first = first_row.setdefault(numbers, k)
             if first != k:
                 allowed = f"each once; row {first + 1} has them, too"
-                faults.append((k, "sample and run", list(key), allowed))
+                faults.append((k, "sample and run", list(numbers), allowed))
         elif status == OK:
             first = first_row.setdefault(values, k)
             if first != k:

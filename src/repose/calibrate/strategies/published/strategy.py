@@ -178,7 +178,7 @@ def _note_stop(inversion: Inversion) -> dict[str, Any]:
 def probability_of(
     mean: np.ndarray, covariance: np.ndarray, targets: Targets
 ) -> dict[str, float]:
-    """Compute how probably an answer meets the targets.
+    """Compute the probabilities that an answer meets the targets.
 
     Parameters
     ----------

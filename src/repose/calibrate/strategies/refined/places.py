@@ -21,6 +21,9 @@ N_CANDIDATES = 32768
 N_NEAREST = 4096
 # Points that are predicted at once.
 CHUNK_SIZE = 4096
+# Largest additional weight of a place for its nearness to the targets. It is far below
+# any probability that matters.
+NEARNESS_WEIGHT = 1e-12
 
 
 def draw_near_targets(
@@ -53,7 +56,7 @@ def draw_near_targets(
     Returns
     -------
     numpy.ndarray, (count, d)
-        Points of the unit cube of the free parameters.
+        The places as points of the unit cube, the nearest to the targets first.
     """
     from scipy.stats import qmc
 
@@ -79,10 +82,10 @@ def draw_near_targets(
     )
 
     # Draw places by their probabilities. If the targets are out of reach, all
-    # probabilities are about 0. Then the small additional weight 1e-12 decides, which
-    # favours the nearest places. The smallest positive float keeps every weight above
-    # 0.
+    # probabilities are about 0. Then a small additional weight decides, which falls from
+    # the nearest place to the last one. The smallest positive float keeps every weight
+    # above 0.
     nearness = np.arange(len(nearest), 0, -1) / len(nearest)
-    weight = probability + np.finfo(float).tiny + 1e-12 * nearness
+    weight = probability + np.finfo(float).tiny + NEARNESS_WEIGHT * nearness
     rows = random.choice(len(nearest), count, replace=False, p=weight / weight.sum())
     return nearest[np.sort(rows)]

@@ -36,7 +36,7 @@ from repose.calibrate.training import Training
 def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     """Propose the design, then the second stage, and finally give the answer.
 
-    What comes next depends on the samples that `data` contains.
+    The samples in `data` show which of them comes next.
 
     Parameters
     ----------
@@ -53,9 +53,8 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
         return make_design_batch(study, section.design_seeds)
     space = study.parameters
     samples = samples_of_runs(data, space, study.targets)
-    # Mark the samples of the second stage by the number 1 in the column `round`. The
-    # fit uses such samples only for training, so the test samples stay those of the
-    # design.
+    # The fit uses the samples of a refinement only for training, so the test samples
+    # stay those of the design. It knows the former by a number in the column `round`.
     is_second_stage = _mark_second_stage(samples["sample"], study)
     samples["round"] = (
         pd.Series(1, samples.index).where(is_second_stage).astype("Int64")
@@ -104,6 +103,11 @@ def _propose_second_stage(
         The surrogate of the design.
     data : pandas.DataFrame
         All runs so far.
+
+    Returns
+    -------
+    Batch
+        The samples also have the responses that the surrogate predicts.
     """
     section = study.settings.refine
     space = study.parameters
@@ -118,11 +122,12 @@ def _propose_second_stage(
         tolerance_percent=section.tolerance_percent,
         random=random,
     )
-    # `propose` tells the stages apart by number: these samples come after the design.
+    # `_mark_second_stage` knows these samples by their numbers, which come after those
+    # of the design.
     first_number = max(find_next_sample(data), study.settings.design.samples + 1)
     samples = samples_of(space, places, seeds=1, first=first_number)
     parameter_sets = samples[list(space.names)].to_numpy(float)
-    # Keep the predictions, to compare them with the runs.
+    # Add the predictions, to compare them with the runs later.
     samples[list(study.targets.predicted)] = training.model.predict(parameter_sets)
     why = "the fit may meet the targets at these places; a run at each decides"
     return Batch(samples, {"why": why, "fit": training.metrics})

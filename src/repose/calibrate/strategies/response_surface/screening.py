@@ -81,7 +81,8 @@ def analyse_screening(
     pandas.DataFrame
         The samples of the ascent.
     dict
-        Notes: the tables of the models, the result `screening`, and `why`.
+        Notes of the proposal: the tables that analyse the models, a mapping `screening`
+        with the result, and a sentence `why`.
 
     Raises
     ------
@@ -108,7 +109,7 @@ def analyse_screening(
             allowed="a way towards the targets",
         ) from None
 
-    # Describe the result in the notes.
+    # Describe the result.
     dropped = [name for name in study.parameters.free if name not in kept]
     result = {
         "kept": kept,
@@ -128,11 +129,16 @@ def analyse_screening(
 def make_screening_samples(
     space: ParameterSpace, section: ResponseSurfaceSettings
 ) -> pd.DataFrame:
-    """List the samples of the screening.
+    """Make the samples of the screening.
 
     First come the corners, samples in which every free parameter is at an end of its
     range. Then the centre is repeated `centres` times. Runs that violate a constraint
     are replaced by allowed ones.
+
+    Returns
+    -------
+    pandas.DataFrame
+        See `make_samples`.
 
     Raises
     ------
@@ -165,7 +171,7 @@ def split_corners_and_centre(
 def fit_models(
     table: pd.DataFrame, dataset: pd.DataFrame, targets: Targets, order: str
 ) -> list[Model]:
-    """Fit a polynomial to each response of a step.
+    """Fit a polynomial to the samples of a step, for each response.
 
     Parameters
     ----------
@@ -177,18 +183,24 @@ def fit_models(
     order : str
         Order of the polynomial, as in `repose.calibrate.designs.model.fit_model`.
 
+    Returns
+    -------
+    list of Model
+        One for each response.
+
     Raises
     ------
     InputError
         If too few samples are usable.
     """
-    rows = select_good_samples(table, dataset)
+    samples = select_good_samples(table, dataset)
     factors = list_factors(table)
-    coded = rows[[CODED_PREFIX + name for name in factors]].to_numpy(float)
+    coded = samples[[CODED_PREFIX + name for name in factors]].to_numpy(float)
     models = []
     for name in targets.names:
+        response = samples[name].to_numpy(float)
         try:
-            models.append(fit_model(coded, rows[name].to_numpy(float), factors, order))
+            models.append(fit_model(coded, response, factors, order))
         except ValueError as error:
             raise InputError(
                 source="runs",
@@ -202,7 +214,7 @@ def fit_models(
 def make_analysis_tables(
     step: str, models: list[Model], targets: Targets
 ) -> dict[str, pd.DataFrame]:
-    """Make the tables of a step that analyse its models, such as the ANOVA table.
+    """Make the tables that analyse the models of a step, such as the ANOVA table.
 
     Parameters
     ----------
@@ -248,7 +260,7 @@ def choose_factors(models: list[Model], section: ResponseSurfaceSettings) -> lis
 def make_ascent_samples(
     models: list[Model], centre: np.ndarray, kept: list[str], study: Study
 ) -> pd.DataFrame:
-    """Sample the steepest ascent from the centre of the ranges towards the targets.
+    """Make samples along the steepest ascent from the centre towards the targets.
 
     The path ends at the edge of the ranges. A point that violates a constraint is
     replaced by the nearest allowed one, so the path continues along the edge of the
@@ -261,7 +273,7 @@ def make_ascent_samples(
     centre : numpy.ndarray, (k,)
         The mean responses at the centre.
     kept : list of str
-        The parameters that are varied.
+        Names of the parameters that are varied. The others stay at the centre.
     study : Study
 
     Returns
@@ -277,12 +289,12 @@ def make_ascent_samples(
     space = study.parameters
     targets = study.targets
     # Collect the slopes (responses, kept parameters) of the models.
-    positions = [models[0].factors.index(name) for name in kept]
-    slopes = np.array([model.coefficients[positions] for model in models])
+    factor_numbers = [models[0].factors.index(name) for name in kept]
+    slopes = np.array([model.coefficients[factor_numbers] for model in models])
     direction = ascent.compute_ascent_direction(
         slopes, targets.aim - centre, compute_scale(targets)
     )
-    # Keep the other parameters at the centre of the ranges, or of what is allowed.
+    # Start at the centre of the ranges, or of their allowed part.
     region_of_ranges = _region_of_ranges(space)
     start = np.zeros(space.dimensions)
     if region_of_ranges is not None:

@@ -76,6 +76,12 @@ def select_good_samples(table: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFr
     dataset : pandas.DataFrame
         All samples with `status` and responses.
 
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each good sample of the step: its factors in coded units, and the
+        columns of the dataset.
+
     Raises
     ------
     InputError
@@ -89,8 +95,8 @@ def select_good_samples(table: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFr
             value=missing,
             allowed="all samples of the step",
         )
-    coded = [CODED_PREFIX + name for name in list_factors(table)]
-    joined = table[["sample", *coded]].merge(dataset, on="sample")
+    coded_columns = [CODED_PREFIX + name for name in list_factors(table)]
+    joined = table[["sample", *coded_columns]].merge(dataset, on="sample")
     good = joined[joined["status"] == "ok"].reset_index(drop=True)
     if good.empty:
         statuses = sorted(set(dataset["status"]))
@@ -153,6 +159,12 @@ def move_forbidden_runs(
     order : str
         Order of the model, as for `fit_model`.
     space : ParameterSpace
+        Its constraints are named in an error.
+
+    Returns
+    -------
+    AllowedDesign
+        As many runs as `coded`, and which of them are new.
 
     Raises
     ------
@@ -161,10 +173,10 @@ def move_forbidden_runs(
     """
     if region is None:
         return replace_forbidden(coded, None, order)
+    is_centre = (coded == 0).all(axis=1)
     try:
-        is_centre = (coded == 0).all(axis=1)
         moved = np.where(is_centre[:, None], region.centre, coded)
-        runs = replace_forbidden(moved, region, order)
+        design = replace_forbidden(moved, region, order)
     except ValueError as error:
         constraints = ", ".join(constraint.text for constraint in space.constraints)
         raise InputError(
@@ -176,8 +188,9 @@ def move_forbidden_runs(
                 f"{error}"
             ),
         ) from None
+    # The runs of the centre are new if the centre was moved.
     is_moved = is_centre & region.centre.any()
-    return AllowedDesign(runs.coded, runs.is_new | is_moved)
+    return AllowedDesign(design.coded, design.is_new | is_moved)
 
 
 def add_new_run_column(

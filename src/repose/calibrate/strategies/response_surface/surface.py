@@ -64,10 +64,10 @@ def rank_path_points(
 def make_surface_samples(
     points: pd.DataFrame, space: ParameterSpace, section: ResponseSurfaceSettings
 ) -> pd.DataFrame:
-    """Design the samples of the surface around the best point of the path.
+    """Make the samples of the surface around the best point of the path.
 
-    The outermost levels of each factor lie `reach` of its range away from the centre. The
-    centre is moved if a factor would leave its range.
+    The outermost levels of each factor lie at a distance of `section.reach`, a share of
+    its range, from the centre. The centre is moved if a factor would leave its range.
 
     Parameters
     ----------
@@ -75,6 +75,11 @@ def make_surface_samples(
         The path, from `rank_path_points`.
     space : ParameterSpace
     section : ResponseSurfaceSettings
+
+    Returns
+    -------
+    pandas.DataFrame
+        See `make_samples`.
 
     Raises
     ------
@@ -91,9 +96,11 @@ def make_surface_samples(
     columns = [space.free.index(name) for name in factors]
     centre = np.clip(best_unit[:, columns], reach, 1 - reach)
 
-    # Vary the factors around the centre, and keep the other parameters at the best point.
     def convert_to_unit(coded: np.ndarray) -> np.ndarray:
-        """Convert coded points of the factors to points of the unit cube."""
+        """Convert coded points of the factors to points of the unit cube.
+
+        The other parameters stay at the best point.
+        """
         unit = np.repeat(best_unit, len(coded), axis=0)
         unit[:, columns] = centre + reach / outermost_level * coded
         return unit
@@ -154,29 +161,43 @@ def convert_to_unit_cube(
 def _make_conversion(
     table: pd.DataFrame, space: ParameterSpace
 ) -> Callable[[np.ndarray], np.ndarray]:
-    """Make the function that converts coded points of a surface to the unit cube."""
-    sample_unit = space.unit(table[list(space.names)].to_numpy(float))
-    # The position in the range is linear in the coded level. For each factor, the line
+    """Make the function that converts coded points of a surface to the unit cube.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        The samples of the surface.
+    space : ParameterSpace
+
+    Returns
+    -------
+    callable
+        Function of points (n, factors) or (factors,) in coded units that returns points
+        (n, d) of the unit cube.
+    """
+    samples = space.unit(table[list(space.names)].to_numpy(float))
+    # The coordinate of a factor in the unit cube is linear in its coded level. The line
     # passes through a sample at the lowest level and one at the highest level.
     columns = []
-    starts = []
+    low_levels = []
+    low_coordinates = []
     slopes = []
     for name in list_factors(table):
         column = space.free.index(name)
-        coded = table[CODED_PREFIX + name].to_numpy(float)
-        lowest = coded.argmin()
-        highest = coded.argmax()
-        rise = sample_unit[highest, column] - sample_unit[lowest, column]
+        levels = table[CODED_PREFIX + name].to_numpy(float)
+        lowest = levels.argmin()
+        highest = levels.argmax()
+        rise = samples[highest, column] - samples[lowest, column]
         columns.append(column)
-        starts.append((coded[lowest], sample_unit[lowest, column]))
-        slopes.append(rise / (coded[highest] - coded[lowest]))
-    start_coded, start_unit = np.transpose(starts)
+        low_levels.append(levels[lowest])
+        low_coordinates.append(samples[lowest, column])
+        slopes.append(rise / (levels[highest] - levels[lowest]))
 
     def convert_to_unit(points: np.ndarray) -> np.ndarray:
-        points = np.atleast_2d(points)
+        offsets = np.atleast_2d(points) - np.array(low_levels)
         # Parameters other than the factors are the same in all samples.
-        unit = np.repeat(sample_unit[:1], len(points), axis=0)
-        unit[:, columns] = start_unit + np.array(slopes) * (points - start_coded)
+        unit = np.repeat(samples[:1], len(offsets), axis=0)
+        unit[:, columns] = np.array(low_coordinates) + np.array(slopes) * offsets
         return unit
 
     return convert_to_unit
@@ -220,10 +241,10 @@ def find_alternatives(
     nearest_first = np.argsort((deviation**2).sum(axis=1), kind="stable")
     rows = nearest_first[is_inside[nearest_first]]
 
-    # Keep only points that are far enough from each other.
+    # Choose points that are far enough from each other.
     unit = convert_to_unit_cube(table, coded[rows], space)
-    kept = select_separated(unit, settings.miga)
-    return Alternatives(space.values(unit[kept]), predicted[rows][kept])
+    separated = select_separated(unit, settings.miga)
+    return Alternatives(space.values(unit[separated]), predicted[rows][separated])
 
 
 def make_check_samples(
@@ -335,10 +356,10 @@ def add_check(predicted: pd.DataFrame, dataset: pd.DataFrame) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        A copy of `predicted` with the further columns `simulated`, the mean of the good
-        samples, `simulated_error`, `deviation_percent`, and `as_predicted`, whether the
-        mean lies between `low` and `high`. The mean is NaN without a good sample, its
-        standard error with fewer than two.
+        A copy of `predicted` with further columns: `simulated`, the mean of the good
+        samples, which is NaN if there are none; `simulated_error`, its standard error,
+        which is NaN if there are fewer than two; `deviation_percent` from the target;
+        and `as_predicted`, whether the mean lies between `low` and `high`.
     """
     table = predicted.copy()
     good = dataset[dataset["status"] == "ok"]

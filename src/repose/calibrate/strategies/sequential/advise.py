@@ -42,6 +42,8 @@ UNREACHABLE_PROBABILITY = 0.3
 SAME_DISTANCE = 1e-9
 # Share of a range within which a point lies at its end.
 END_SHARE = 1e-3
+# Seed of the search for the nearest point.
+NEAREST_SEED = 1
 # If further runs can raise the probability by less than this, the noise limits it.
 MIN_GAIN = 0.01
 
@@ -238,11 +240,13 @@ def _choose_batch(
         Probability that any parameter set meets the targets, and the nearest points.
     goal : Goal
     observed : ObservedSamples
+        The samples so far.
     random : numpy.random.Generator
 
     Returns
     -------
     numpy.ndarray, (b, d)
+        Points of the unit cube, at most `n_samples`.
     """
     if attainable.probability < DOUBTFUL_PROBABILITY:
         # The targets may be out of reach. To decide this, simulate half a batch,
@@ -267,7 +271,7 @@ def _find_reason_to_stop(
     is_past_start: bool,
     is_end_simulated: bool,
 ) -> str | None:
-    """Find the reason for ending the search.
+    """Find the reason for ending the search, if there is one.
 
     Parameters
     ----------
@@ -289,7 +293,7 @@ def _find_reason_to_stop(
     Returns
     -------
     str or None
-        One of the words of `Advice.stop`. None means to simulate another batch.
+        The attribute `stop` of `Advice`. None means to simulate another batch.
     """
     if probability >= section.probability:
         return "probability"
@@ -371,6 +375,10 @@ def find_nearest(
         The runs so far.
     points : numpy.ndarray, (m, d)
         Points of the unit cube from which the search starts, beside the samples.
+
+    Returns
+    -------
+    numpy.ndarray, (d,)
     """
     d = observed.unit.shape[1]
     names = [str(k) for k in range(d)]
@@ -384,8 +392,9 @@ def find_nearest(
         return np.where(is_excluded, -np.inf, -deviation)
 
     # With a fixed seed, the same runs always give the same point.
+    random = np.random.default_rng(NEAREST_SEED)
     starts = np.vstack([observed.unit, points])
-    return _refine_search(starts, score, observed, np.random.default_rng(1)).best
+    return _refine_search(starts, score, observed, random).best
 
 
 def _compute_probability(model: Kriging, goal: Goal, point: np.ndarray) -> float:
@@ -399,8 +408,6 @@ def _refine_search(
 ) -> ScoredPoints:
     """Search for points of high score around the best points, in ever smaller steps.
 
-    The result has the first points and all points that were tried, with their scores.
-
     Parameters
     ----------
     points : numpy.ndarray, (m, d)
@@ -410,10 +417,15 @@ def _refine_search(
     observed : ObservedSamples
         The samples. A point nearer to a failed one than to a good one scores -inf.
     random : numpy.random.Generator
+
+    Returns
+    -------
+    ScoredPoints
+        The first points, and all points that were tried.
     """
 
     def score_sound(unit: np.ndarray) -> np.ndarray:
-        """Score points (n, d). A point near a failed sample is never the best."""
+        """Score points (n, d); -inf for a point near a failed sample."""
         return np.where(observed.is_sound(unit), score(unit), -np.inf)
 
     scores = score_sound(points)

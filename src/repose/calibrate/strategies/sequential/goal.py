@@ -131,13 +131,12 @@ class Goal(NamedTuple):
         )
 
     def estimate_reachable(self, model: Kriging, unit: np.ndarray, pours: int) -> float:
-        """Estimate the highest probability that further runs can lead to.
+        """Estimate how probably the answer can meet the goal after further runs.
 
-        This is the probability that the answer meets the goal. Let C be the covariance
-        of a mean and N that of a single run. Then p further runs at the point reduce C
-        to R = (C^-1 + p N^-1)^-1. With luck, they also move the mean towards the
-        target. The move has the covariance C - R, and is at most `LUCKY_SDS` standard
-        deviations.
+        Let C be the covariance of a mean and N that of a single run. Then p further runs
+        at the point reduce C to R = (C^-1 + p N^-1)^-1. With luck, they also move the
+        mean towards the target. The move has the covariance C - R, and is at most
+        `LUCKY_SDS` standard deviations.
 
         Parameters
         ----------
@@ -167,19 +166,22 @@ class Goal(NamedTuple):
         return float(self.probability(lucky_mean, remaining_covariance).max())
 
     def count_needed_runs(self, noise: np.ndarray, probability: float) -> int:
-        """Find how many runs at a point determine its mean within the tolerance.
+        """Count the runs at one point that are needed to know its mean well enough.
+
+        The mean is known well enough if it lies within the tolerance with a given
+        probability. The noise of the runs is the only uncertainty that is considered.
 
         Parameters
         ----------
         noise : array (k, k)
-            Covariance of a single run, the only uncertainty considered.
+            Covariance of a single run.
         probability : float
             Required probability that all means lie within the tolerance.
 
         Returns
         -------
         int
-            At most `MAX_NEEDED`.
+            The smallest number, but at most `MAX_NEEDED`.
         """
 
         def is_enough(runs: int) -> bool:

@@ -206,22 +206,22 @@ class Kriging(CombinedOutputs):
             raise ValueError(f"{n_samples} samples; expected at least {MIN_SAMPLES}")
         self.noise = observed.noise() if noise is None else noise
         # Model independent combinations of the responses, scaled to variance 1.
-        self._combine(
-            observed.means, _find_independent_combinations(observed, self.noise)
-        )
+        combinations = _find_independent_combinations(observed, self.noise)
+        self._combine(observed.means, combinations)
         self.unit = observed.unit - 0.5
         self.errors = _estimate_mean_variances(observed, self._mixing) / self._scale**2
 
-        # Make several processes for each combination, one for each draw of their
-        # hyperparameters. Then group the processes by draw.
-        make_processes = _draw_processes
+        # Make the processes of each combination, one for each draw of hyperparameters.
+        # Then group them by draw.
         if n_samples > MAX_EXACT_SAMPLES:
             make_processes = _make_sparse_process
-        draws_of_combinations = [
+        else:
+            make_processes = _draw_processes
+        processes_of_combinations = [
             make_processes(self.unit, values, errors)
             for values, errors in zip(self.values.T, self.errors.T, strict=True)
         ]
-        self.sets = list(zip(*draws_of_combinations, strict=True))
+        self.sets = list(zip(*processes_of_combinations, strict=True))
 
         # Compare the errors at left-out samples with the predicted variances.
         residuals, variances, other_variances = self._predict_left_out()
@@ -405,7 +405,9 @@ class _PosteriorOptimiser:
     def __call__(
         self, objective: Callable, start: np.ndarray, bounds: np.ndarray
     ) -> tuple[np.ndarray, float]:
-        """Find the most probable hyperparameters; scikit-learn calls this method.
+        """Find the most probable hyperparameters theta.
+
+        scikit-learn calls this method.
 
         Parameters
         ----------
@@ -419,19 +421,17 @@ class _PosteriorOptimiser:
         Returns
         -------
         array (1 + d,)
-            The most probable theta. The second derivatives at this point are written
-            into the attribute `curvature`.
+            The most probable theta. The attribute `curvature` is set to the second
+            derivatives at this point.
         float
             The negative log posterior at this point.
         """
         from scipy import optimize
 
         def loss(theta: np.ndarray) -> tuple[float, np.ndarray]:
-            """Compute the negative log posterior of theta and its gradient.
-
-            The normal prior adds a term to each result of `objective`.
-            """
+            """Compute the negative log posterior of theta and its gradient."""
             value, gradient = objective(theta)
+            # The normal prior adds a term to both.
             z = (theta - self.mean) / self.sd
             return value + 0.5 * z @ z, gradient + z / self.sd
 
@@ -534,13 +534,13 @@ def _find_most_probable_kernel(
         make_smooth_kernel,
     )
 
-    # Start at the centre of the prior. The means have variance 1, so the variance of the
-    # signal is 1 less that of the noise.
+    # Start at the centre of the prior. The means have the variance 1, which is the sum of
+    # the variances of the signal and of the noise.
     d = unit.shape[1]
     log_length = LENGTH_LOG_MEAN + 0.5 * math.log(d)
     signal = max(1 - errors.mean(), MIN_SIGNAL)
-    # A point has a variance of 1/12 in each parameter. This slope gives the linear part
-    # a prior variance of 1, which is the variance of the means.
+    # A coordinate of a point is uniform over a width of 1, so its variance is 1/12. With
+    # this slope, the linear part has a prior variance of 1, like the means.
     slope = math.sqrt(12 / d)
     lengths = np.full(d, math.exp(log_length))
     kernel = make_linear_kernel(slope) + make_smooth_kernel(

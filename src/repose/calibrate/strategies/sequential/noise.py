@@ -20,6 +20,7 @@ import numpy as np
 from repose.calibrate.strategies.sequential.kriging import (
     HYPERPARAMETER_BOUNDS,
     MAX_EXACT_SAMPLES,
+    ROUNDING_SHARE,
     SMOOTHNESS,
     ObservedSamples,
     draw_subset,
@@ -40,6 +41,7 @@ FINE_NOISE_SHARES = np.geomspace(1e-4, 1.0, 401)
 # Bounds of the surface's lengths, in ranges of a parameter: shorter waves look like
 # noise.
 LENGTH_BOUNDS = (0.3, 30.0)
+# Smallest number by which means are divided, to avoid a division by 0.
 MIN_SCALE = 1e-300
 
 
@@ -100,26 +102,27 @@ def find_noise(
     InputError
         If replicates, `noise_sd` and single runs are all too few.
     """
-    counts = observed.counts
-    if len(counts) == 0:
+    n_samples, n_parameters = observed.unit.shape
+    if n_samples == 0:
         raise InputError(
             source="runs",
             key="samples with a good run",
             value=0,
             allowed="runs that did not fail",
         )
+    runs_of_samples = observed.counts
     if observed.freedom > len(names):
         try:
             return Noise(observed.noise(), dict.fromkeys(names, REPLICATES))
         except ValueError:
             # The replicates are all alike, so count them as one run.
-            counts = np.ones_like(counts)
+            runs_of_samples = np.ones_like(runs_of_samples)
 
-    # Estimate the noise of responses without a `noise_sd` from single runs. This
-    # requires enough samples.
-    fewest = RUNS_PER_PARAMETER * observed.unit.shape[1]
-    user_gives_all = set(names) <= set(noise_sd)
-    if not user_gives_all and len(observed.unit) < fewest:
+    # The noise of a response without a `noise_sd` is estimated from single runs, if there
+    # are enough of them.
+    fewest = RUNS_PER_PARAMETER * n_parameters
+    has_all_from_user = set(names) <= set(noise_sd)
+    if not has_all_from_user and n_samples < fewest:
         raise InputError(
             source="runs",
             key="runs beyond the first of a sample",
@@ -140,11 +143,10 @@ def find_noise(
             variances.append(noise_sd[name] ** 2)
         else:
             sources[name] = ESTIMATED
-            variances.append(
-                estimate_nugget(
-                    observed.unit, observed.means[:, k], shares=1.0 / counts
-                )
+            variance = estimate_nugget(
+                observed.unit, observed.means[:, k], shares=1.0 / runs_of_samples
             )
+            variances.append(variance)
     return Noise(np.diag(variances), sources)
 
 
@@ -174,22 +176,21 @@ def estimate_nugget(unit: np.ndarray, means: np.ndarray, shares: np.ndarray) -> 
 def _estimate_cached_nugget(
     unit_bytes: bytes, means_bytes: bytes, shares_bytes: bytes, d: int
 ) -> float:
-    """Estimate a nugget from arrays that are passed as bytes.
+    """Compute the result of `estimate_nugget` from arrays that are passed as bytes.
 
-    A nugget is the noise variance of a process. The cache needs hashable arguments, and
-    bytes are hashable, unlike arrays.
+    The cache needs hashable arguments. Bytes are hashable, unlike arrays.
 
     Parameters
     ----------
     unit_bytes, means_bytes, shares_bytes : bytes
         The arrays of `estimate_nugget`.
     d : int
-        Number of columns of the samples.
+        Number of parameters, the columns of `unit`.
 
     Returns
     -------
     float
-        The variance of a single run.
+        The nugget, which is the variance of a single run about the surface.
     """
     from repose.calibrate.surrogates.process import Process, make_smooth_kernel
 
@@ -198,8 +199,8 @@ def _estimate_cached_nugget(
     shares = np.frombuffer(shares_bytes)
 
     # Scale the means to variance 1, unless their differences are mere rounding errors.
-    rounding = 1e-9 * float(np.abs(means).max())
-    scale = max(float(means.std()), rounding, MIN_SCALE)
+    rounding_error = ROUNDING_SHARE * float(np.abs(means).max())
+    scale = max(float(means.std()), rounding_error, MIN_SCALE)
     values = (means - means.mean()) / scale
 
     # Fit a smooth process for each candidate of the noise, and weight the candidates by

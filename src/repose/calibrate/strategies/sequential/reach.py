@@ -105,8 +105,12 @@ def _search_draws(
     draws : Draws
     goal : Goal
     starts : numpy.ndarray, (m, d)
-        Points where the search begins.
+        Points of the unit cube where the search begins.
     random : numpy.random.Generator
+
+    Returns
+    -------
+    _BestPoints
     """
     points = starts
     # Compute the largest deviation and F, the weighted sum, both (draws, points).
@@ -125,7 +129,7 @@ def _search_draws(
         new_points = new_points[goal.space.is_allowed(new_points)]
         new_largest_deviations, new_F = goal.compute_deviations(draws(new_points))
 
-        # Add them to the points of all draws, so that each draw can use every point.
+        # Add them to the points of all draws, so that each draw may use every point.
         points = np.vstack([points, new_points])
         largest_deviations = np.hstack([largest_deviations, new_largest_deviations])
         F = np.hstack([F, new_F])
@@ -162,8 +166,8 @@ class Draws:
     ) -> None:
         """Draw functions for each combination of the responses (W20).
 
-        A function drawn from the prior is corrected, so that it agrees with the samples
-        within their errors.
+        Functions are drawn from the prior, and then corrected so that they agree with
+        the samples within their errors.
 
         Parameters
         ----------
@@ -192,7 +196,7 @@ class Draws:
             self._processes.append(_DrawnProcess(process, prior, corrections))
 
     def __call__(self, unit: np.ndarray) -> np.ndarray:
-        """Compute the responses of all functions at some points.
+        """Compute the responses of all draws at some points.
 
         Parameters
         ----------
@@ -223,8 +227,9 @@ def _draw_prior(
 ) -> Callable[[np.ndarray], np.ndarray]:
     """Draw functions from the prior of a process by random features (RR08).
 
-    A function is the sum of a constant, a linear part, and cosines with random frequencies
-    and phases that approximate the Matern covariance.
+    A function is the sum of a constant, a linear part, and a smooth part. The smooth part
+    is a sum of cosines with random frequencies and phases, which approximates the Matern
+    covariance.
 
     Parameters
     ----------
@@ -240,8 +245,10 @@ def _draw_prior(
     callable
         It maps points (m, d) to values (m, n_functions).
     """
-    straight = kernel.k1
+    # The kernel was composed in this order.
+    linear = kernel.k1
     smooth = kernel.k2
+    slope_variance = linear.k1.constant_value
     variance = smooth.k1.constant_value
     matern = smooth.k2
     # Draw frequencies, phases and amplitudes of the cosines. The frequencies of the Matern
@@ -254,9 +261,7 @@ def _draw_prior(
         (N_FEATURES, n_functions)
     )
     # Draw the slope of the linear part in each input, and the constant.
-    slopes = np.sqrt(straight.k1.constant_value) * random.standard_normal(
-        (d, n_functions)
-    )
+    slopes = np.sqrt(slope_variance) * random.standard_normal((d, n_functions))
     constants = random.standard_normal(n_functions)
 
     def evaluate(unit: np.ndarray) -> np.ndarray:

@@ -62,6 +62,10 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     study : Study
     data : pandas.DataFrame
         All runs so far, as in `Strategy.propose`; empty at the start.
+
+    Returns
+    -------
+    Batch or Answer
     """
     if data.empty:
         return _propose_start(study, data, notes={})
@@ -82,7 +86,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
         samples = samples_of(space, advice.batch, section.seeds, find_next_sample(data))
         return Batch(samples, notes)
 
-    # The search ends with this answer.
+    # There is a reason to stop, so return the answer.
     final_notes = notes | _describe_end(notes, study, data)
     return give_answer(
         study,
@@ -142,8 +146,8 @@ def _propose_another_start(
     section = study.settings.sequential
     n_failed = len(observed.failed)
     n_good = len(observed.unit)
-    # First look for faults in the responses. If most samples failed, equal responses
-    # may be a coincidence.
+    # First look for faults in the responses, but not if many samples failed. Then equal
+    # responses may be a coincidence.
     if n_good >= 2 * n_failed:
         check_responses(data, study.targets)
     has_too_few = n_good < section.start_samples
@@ -182,6 +186,10 @@ def give_answer(
     model : Kriging, optional
         Model of these runs, if it has already been fitted.
 
+    Returns
+    -------
+    Answer
+
     Raises
     ------
     InputError
@@ -198,7 +206,7 @@ def give_answer(
     ranking = rank_points(model, goal, observed, _make_generator(study, data))
     others = find_alternatives(ranking, model, targets, study.settings.miga)
 
-    # Choose the answer, and collect remarks on this choice.
+    # Choose the answer, and explain this choice.
     all_notes = dict(notes or {})
     reasons = [why]
     if point is None:
@@ -281,7 +289,7 @@ def _make_input_error(
 def arrange_runs(
     data: pd.DataFrame, space: ParameterSpace, targets: Targets
 ) -> ObservedSamples:
-    """Arrange the samples and their runs as arrays.
+    """Arrange the runs as arrays, sample by sample.
 
     Parameters
     ----------
@@ -297,11 +305,12 @@ def arrange_runs(
         The good samples with their runs, and the points of the failed samples.
     """
     names = list(targets.names)
+    # Number the samples from 0, in the order of their first runs.
     sample_index, samples = pd.factorize(data["sample"])
     runs_of_sample = np.bincount(sample_index)
 
-    # Put the runs that have a response into an array (samples, runs, responses).
-    # Samples with fewer runs than others are filled up with NaN.
+    # Put the runs with any response into an array (samples, runs, responses). It has NaN
+    # where a response is missing, or where a sample has fewer runs than others.
     has_response = data[names].notna().any(axis=1).to_numpy()
     run_index = data[has_response].groupby("sample").cumcount().to_numpy()
     most_runs = int(run_index.max(initial=0)) + 1
@@ -317,6 +326,7 @@ def arrange_runs(
     has_complete_run = is_finite.all(axis=2).any(axis=1)
     is_good = has_complete_run & has_half_of_runs
 
+    # All runs of a sample have the same parameters.
     parameter_sets = data.drop_duplicates("sample")[list(space.names)]
     unit = space.unit(parameter_sets.to_numpy(float))
     return ObservedSamples(unit[is_good], values[is_good], unit[~is_good])
@@ -359,7 +369,7 @@ def _make_generator(study: Study, data: pd.DataFrame) -> np.random.Generator:
 
 
 def _describe_state(advice: Advice, study: Study) -> dict[str, Any]:
-    """Collect the notes of a proposal, which describe the state of the search.
+    """Describe the state of the search, as notes of a proposal.
 
     Parameters
     ----------
@@ -370,8 +380,8 @@ def _describe_state(advice: Advice, study: Study) -> dict[str, Any]:
     Returns
     -------
     dict
-        Plain values. The entry `row` is the row of this proposal in the table of
-        batches.
+        Plain values by name, as the attributes of `Advice`. The entry `row` is the row
+        of this proposal in the table of batches.
     """
     space = study.parameters
     values = space.values(advice.answer[None])[0].tolist()
@@ -415,7 +425,7 @@ def _explain(advice: Advice) -> str:
 def _describe_end(
     notes: Mapping[str, Any], study: Study, data: pd.DataFrame
 ) -> dict[str, Any]:
-    """Collect the notes about the end of the search, for the summary and the report.
+    """Describe the end of the search, as notes for the summary and the report.
 
     Parameters
     ----------
