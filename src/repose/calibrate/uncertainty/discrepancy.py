@@ -97,7 +97,7 @@ def estimate_from_shape_study(
         If the file is invalid, there are too few models, or the standard errors explain
         a whole variance.
     """
-    # Leave out combinations that were not simulated, or are not eligible.
+    # Select the combinations that are eligible and were simulated.
     columns = [name_derived_column(name, "difference") for name in targets.names]
     table = _read_combinations(combinations_csv, targets, columns)
     plausible = table[table["eligible"]].dropna(subset=["distance", *columns])
@@ -107,36 +107,36 @@ def estimate_from_shape_study(
     weight = np.exp(-(plausible["distance"] ** 2) / 2)
     weight /= weight.sum()
     weight_of_model = weight.groupby([plausible[key] for key in MODEL_COLUMNS]).sum()
-    # n models of equal weight have the sum of squares 1 / n. With unequal weights, this
-    # is the effective number of models.
+    # n models of equal weight 1 / n have the sum of squares 1 / n. So its inverse is an
+    # effective number of models, also for unequal weights.
     sum_of_squares = (weight_of_model**2).sum()
-    n_models = 1 / sum_of_squares if len(plausible) > 0 else 0.0
-    if not n_models >= MIN_MODELS:
+    effective_models = 1 / sum_of_squares if len(plausible) > 0 else 0.0
+    if not effective_models >= MIN_MODELS:
         raise InputError(
             source=combinations_csv,
             key="eligible",
-            value=f"{n_models:.1f} models by their weights",
+            value=f"{effective_models:.1f} models by their weights",
             allowed=f"at least {MIN_MODELS}",
         )
 
-    # Compute the covariance. The factor makes it unbiased for weights of whole models.
+    # Compute the covariance of the differences. The divisor makes it unbiased for
+    # weights of whole models.
     differences = plausible[columns].to_numpy(float)
     errors = plausible[list(targets.errors)].to_numpy(float)
-    uncorrected_covariance = np.cov(differences.T, aweights=weight, ddof=0)
-    uncorrected_covariance = np.atleast_2d(uncorrected_covariance) / (
-        1 - sum_of_squares
-    )
+    biased_covariance = np.cov(differences.T, aweights=weight, ddof=0)
+    covariance = np.atleast_2d(biased_covariance) / (1 - sum_of_squares)
 
-    # Subtract the noise of the simulations from the variances.
-    variances = np.diag(uncorrected_covariance)
+    # Subtract the noise of the simulations from the variances. A combination that was
+    # simulated once has no standard error, and counts as if it had no noise.
+    variances = np.diag(covariance)
     noise = np.average(np.nan_to_num(errors) ** 2, axis=0, weights=weight)
     _require_larger_variances(combinations_csv, columns, variances, noise)
     sd = np.sqrt(variances - noise)
-    correlation = uncorrected_covariance / np.sqrt(np.outer(variances, variances))
+    correlation = covariance / np.sqrt(np.outer(variances, variances))
     return ShapeStudyDiscrepancy(
         mean=np.average(differences, axis=0, weights=weight),
         covariance=correlation * np.outer(sd, sd),
-        models=float(n_models),
+        models=float(effective_models),
     )
 
 
@@ -260,8 +260,8 @@ def compute_covariance(
 def _find_signs(means: np.ndarray) -> np.ndarray:
     """Find whether each response rises or falls when the first response rises.
 
-    The signs are those of the first principal component, which is the direction of the
-    largest common variation.
+    The signs are those of the first principal component of the responses, which is the
+    direction of their largest common variation.
 
     Parameters
     ----------

@@ -27,6 +27,8 @@ from repose.calibrate.uncertainty.likelihood import Observation, compute_log_lik
 from repose.calibrate.uncertainty.sampler import N_BINS, compute_bits_of_shares
 
 CREDIBLE_PROBABILITY = 0.95
+# Probability on each side of a credible interval.
+TAIL_PROBABILITY = (1 - CREDIBLE_PROBABILITY) / 2
 # A weight below this is treated as 0: a million such points add less than 1e-12 bits.
 NEGLIGIBLE_WEIGHT = 1e-20
 N_POINTS = 2**14
@@ -67,8 +69,8 @@ class PriorPoints:
         """
         self.space = space
         sequence = qmc.Sobol(space.dimensions, scramble=False)
-        # The first point of the sequence is 0, a corner. Shift all points by half a
-        # step.
+        # The first point of the sequence is 0, which is a corner. So shift all points by
+        # half a step.
         self.quantile = sequence.random(N_POINTS) + 0.5 / N_POINTS
         if space.constraints:
             unit = space.from_prior(self.quantile)
@@ -93,23 +95,24 @@ def compute_information_curve(
     observed: ObservationFunction,
     shape_study: Observation | None = None,
 ) -> pd.DataFrame:
-    """Compute information and intervals over the size of the discrepancy.
+    """Compute how the size of the discrepancy changes information and intervals.
 
     Parameters
     ----------
     points : PriorPoints
     targets : Targets
     observed : callable
-        Function of the size and the correlation of a stated discrepancy that returns the
-        observation.
+        See `ObservationFunction`.
     shape_study : Observation, optional
         The observation with the discrepancy from a shape study.
 
     Returns
     -------
     pandas.DataFrame
-        A row for each size and correlation, and a last one for the shape study.
+        A row for each size and correlation of a stated discrepancy, and a last one for
+        the shape study.
     """
+    # A discrepancy has a correlation only if a bench test has several targets.
     has_correlation = len(targets.apparatus) < len(targets)
     correlations = (0.0, STATED_CORRELATION) if has_correlation else (0.0,)
     rows = []
@@ -204,12 +207,11 @@ def _describe_parameter(
     space = points.space
     quantile = points.quantile[:, k]
 
-    # Find the ends of the interval from the cumulative weights. They are quantiles of
-    # the prior.
+    # Find the ends of the interval, as quantiles of the prior, from the cumulative
+    # weights.
     order = np.argsort(quantile)
-    tail = (1 - CREDIBLE_PROBABILITY) / 2
-    end_quantiles = np.interp(
-        np.array([tail, (1 + CREDIBLE_PROBABILITY) / 2]),
+    ends = np.interp(
+        np.array([TAIL_PROBABILITY, 1 - TAIL_PROBABILITY]),
         np.cumsum(weight[order]),
         quantile[order],
     )
@@ -217,16 +219,17 @@ def _describe_parameter(
     # Convert the ends to values of the parameter. The other parameters have no effect
     # on the conversion, so set them to 0.5.
     two_points = np.full((2, space.dimensions), 0.5)
-    two_points[:, k] = end_quantiles
+    two_points[:, k] = ends
     unit = space.from_prior(two_points)[:, k]
     name = space.free[k]
     low, high = space.values_at(name, unit).tolist()
 
     # Compute the information from a histogram of the quantiles. Constraints change the
     # distribution of the prior, so then use the quantiles among the allowed points.
+    binned = quantile
     if space.constraints:
-        quantile = (rankdata(quantile) - 0.5) / len(quantile)
-    bin_number = np.minimum((quantile * N_BINS).astype(int), N_BINS - 1)
+        binned = (rankdata(quantile) - 0.5) / len(quantile)
+    bin_number = np.minimum((binned * N_BINS).astype(int), N_BINS - 1)
     bin_shares = np.bincount(bin_number, weight, N_BINS)
     return {
         f"{name}_low": low,
@@ -248,29 +251,33 @@ def compute_implausibility(
     return np.sqrt((points.predicted - mean) ** 2 / variance).max(axis=1)
 
 
-def find_region(points: PriorPoints, values: np.ndarray) -> Region:
+def find_region(points: PriorPoints, implausibilities: np.ndarray) -> Region:
     """Find the region that is not implausible, and project it on pairs of parameters.
 
     Parameters
     ----------
     points : PriorPoints
         The n points of the prior.
-    values : numpy.ndarray, (n,)
-        Implausibilities of the points.
+    implausibilities : numpy.ndarray, (n,)
+        Result of `compute_implausibility`.
+
+    Returns
+    -------
+    Region
     """
-    n_parameters = points.space.dimensions
-    pairs = itertools.combinations(range(n_parameters), 2)
-    tables = [_project_region(points, values, i, j) for i, j in pairs]
+    is_inside = implausibilities < IMPLAUSIBLE_SDS
+    pairs = itertools.combinations(range(points.space.dimensions), 2)
+    tables = [_project_region(points, implausibilities, i, j) for i, j in pairs]
+    # A single parameter forms no pair.
     if tables:
         projections = pd.concat(tables, ignore_index=True)
     else:
         projections = pd.DataFrame(columns=REGION_COLUMNS)
-    is_inside = values < IMPLAUSIBLE_SDS
     return Region(float(is_inside.mean()), projections)
 
 
 def _project_region(
-    points: PriorPoints, values: np.ndarray, i: int, j: int
+    points: PriorPoints, implausibilities: np.ndarray, i: int, j: int
 ) -> pd.DataFrame:
     """Project the region that is not implausible on two free parameters.
 
@@ -280,8 +287,8 @@ def _project_region(
     ----------
     points : PriorPoints
         The n points of the prior.
-    values : numpy.ndarray, (n,)
-        Implausibilities of the points.
+    implausibilities : numpy.ndarray, (n,)
+        Result of `compute_implausibility`.
     i, j : int
         Numbers of the parameters among the free ones.
 
@@ -290,15 +297,15 @@ def _project_region(
     pandas.DataFrame
         A row for each cell, with the columns `REGION_COLUMNS`.
     """
-    # Number the cells of the pair row by row, and find the cell of each point.
+    # Find the cell of each point. The cells of the pair are numbered row by row.
     cells = np.minimum((points.quantile * N_CELLS).astype(int), N_CELLS - 1)
     cell_number = cells[:, i] * N_CELLS + cells[:, j]
     x_cell, y_cell = np.divmod(np.arange(N_CELLS**2), N_CELLS)
 
     # Find the least implausibility in each cell, and count its points in the region.
     least_implausibility = np.full(N_CELLS**2, np.inf)
-    np.minimum.at(least_implausibility, cell_number, values)
-    is_inside = values < IMPLAUSIBLE_SDS
+    np.minimum.at(least_implausibility, cell_number, implausibilities)
+    is_inside = implausibilities < IMPLAUSIBLE_SDS
     n_points = np.bincount(cell_number, minlength=N_CELLS**2)
     n_inside = np.bincount(cell_number, is_inside, minlength=N_CELLS**2)
     return pd.DataFrame(
@@ -323,7 +330,7 @@ def compute_joint_bits(weight: np.ndarray) -> float:
 
 
 def describe_curve(table: pd.DataFrame, share: float) -> str:
-    """Describe the curve and the share of the region in lines of text.
+    """Describe the information by discrepancy, and the region, in lines of text.
 
     Parameters
     ----------

@@ -156,11 +156,14 @@ def compute_noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
     seeds_table = pd.DataFrame({"seeds": seeds})
     rows = []
     for target in targets:
+        # Each bench test has separate runs, which fail separately.
         bench_runs = select_bench_runs(runs, target.response.apparatus)
         good = select_good_runs(bench_runs, (target.name,))
         failed = bench_runs[bench_runs["status"] != "ok"]
         components = variance_components(good[target.name], good["sample"])
-        _add_seed_columns(seeds_table, target, components)
+        seeds_table = seeds_table.assign(
+            **_compute_seed_columns(seeds, target, components)
+        )
         rows.append(_describe_target(target, components, good, failed))
     correlation = estimate_within_correlation(runs, targets)
     summary = {
@@ -171,34 +174,42 @@ def compute_noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
     return NoiseFloor(pd.DataFrame(rows), seeds_table, summary)
 
 
-def _add_seed_columns(
-    table: pd.DataFrame, target: Target, components: Components
-) -> None:
-    """Add the columns of one target to seeds.csv.
+def _compute_seed_columns(
+    seeds: np.ndarray, target: Target, components: Components
+) -> dict[str, np.ndarray]:
+    """Compute the columns of one target for seeds.csv.
 
     A perfect predictor reaches R2 = ICC / (ICC + (1 - ICC) / seeds), where ICC is the
     intraclass correlation.
 
     Parameters
     ----------
-    table : pandas.DataFrame
-        Table with the column `seeds`. The columns are added in place.
+    seeds : numpy.ndarray, (n,)
+        Numbers of seeds.
     target : Target
     components : Components
         Variance components of its response.
+
+    Returns
+    -------
+    dict
+        The columns (n,) by name: the standard error of a mean over seeds, in the unit of
+        the response and in percent of the target, and the R2 with its interval.
     """
-    seeds = table["seeds"].to_numpy()
     error = components.standard_error(seeds)
     quantity = target.response.quantity
-    table[target.response.standard_error] = error
-    table[f"{quantity}_se_percent"] = 100 * error / target.whole
+    columns = {
+        target.response.standard_error: error,
+        f"{quantity}_se_percent": 100 * error / target.whole,
+    }
     intraclass_correlations = {
         "": components.icc,
         "_low": components.icc_low,
         "_high": components.icc_high,
     }
     for ending, icc in intraclass_correlations.items():
-        table[f"{quantity}_reachable_r2{ending}"] = icc / (icc + (1 - icc) / seeds)
+        columns[f"{quantity}_reachable_r2{ending}"] = icc / (icc + (1 - icc) / seeds)
+    return columns
 
 
 def _describe_target(
@@ -265,8 +276,7 @@ def write_noise_floor(
         If there are too few runs.
     """
     runs = read_runs(runs_csv, targets)
-    # The functions for statistics do not know the file, so convert their errors to one
-    # that names it.
+    # The statistical functions do not know the file, so name it in the error.
     try:
         floor = compute_noise_floor(runs, targets)
     except ValueError as error:

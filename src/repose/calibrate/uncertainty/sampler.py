@@ -82,8 +82,9 @@ def draw_chains(
             values[is_inside] = log_density(points[is_inside])
         return values
 
-    chains = []
-    times = []
+    burn_in = int(BURN_IN_SHARE * steps)
+    draws_of_ensembles = []
+    times_of_ensembles = []
     for k in range(N_ENSEMBLES):
         random = np.random.RandomState([seed, k])
         start_points = _draw_starts(compute_log_density, dimensions, random)[:walkers]
@@ -92,25 +93,23 @@ def draw_chains(
         )
         ensemble.run_mcmc(start_points, steps)
 
-        # Leave out the burn-in. Append the log density to the coordinates as a further
-        # column.
-        burn_in = int(BURN_IN_SHARE * steps)
+        # The log density is a further column after the coordinates.
         points = ensemble.get_chain(discard=burn_in)
-        values = ensemble.get_log_prob(discard=burn_in)
-        chain = np.dstack([points, values])
+        log_densities = ensemble.get_log_prob(discard=burn_in)
+        chain = np.dstack([points, log_densities])  # (steps, walkers, d + 1)
+        draws_of_ensembles.append(chain.reshape(-1, dimensions + 1))
 
         # The autocorrelation time is NaN if a walker never moved.
         with np.errstate(invalid="ignore"):
-            time = emcee.autocorr.integrated_time(chain, tol=0)
-        times.append(np.nan_to_num(time, nan=steps))
-        chains.append(chain.reshape(-1, dimensions + 1))
-    draws = np.array(chains)
-    time = np.mean(times, axis=0)
+            times = emcee.autocorr.integrated_time(chain, tol=0)
+        times_of_ensembles.append(np.nan_to_num(times, nan=steps))
+    draws = np.array(draws_of_ensembles)
+    mean_times = np.mean(times_of_ensembles, axis=0)
     return Chains(
         points=np.ascontiguousarray(draws[..., :-1]),
         log_density=draws[..., -1].copy(),
-        times=time[:-1],
-        density_time=float(time[-1]),
+        times=mean_times[:-1],
+        density_time=float(mean_times[-1]),
     )
 
 
@@ -137,9 +136,9 @@ def _draw_starts(
 
     The points are drawn from a sequence of powers of the density (Del Moral et al.
     2006, J. R. Stat. Soc. B 68, 411). It begins with the power 0, which is a uniform
-    density, and ends with the power 1, the density itself. Each power is chosen so that
-    at least the share `MIN_EFFECTIVE_SHARE` of the points remains effective. Then the
-    points are resampled by their weights, and moved.
+    density, and ends with the power 1, the density itself. Each power is chosen as large
+    as possible, so that the effective share of the points is at least
+    `MIN_EFFECTIVE_SHARE`. Then the points are resampled by their weights, and moved.
 
     Parameters
     ----------
@@ -152,18 +151,18 @@ def _draw_starts(
     -------
     array (N_POPULATION, d)
     """
-    # Start with uniform points, which are draws from the power 0.
+    # Start with uniform points, which are draws from the power 0. Where a constraint is
+    # violated, the log density is -inf. Draw other points in place of such points.
     points = random.uniform(size=(N_POPULATION, dimensions))
-    power = 0.0
-    values = log_density(points)
-    # A constraint excludes points of log density -inf. Draw other points in their
-    # place.
-    while (is_excluded := np.isneginf(values)).any():
+    log_densities = log_density(points)
+    while (is_excluded := np.isneginf(log_densities)).any():
         points[is_excluded] = random.uniform(size=(is_excluded.sum(), dimensions))
-        values[is_excluded] = log_density(points[is_excluded])
+        log_densities[is_excluded] = log_density(points[is_excluded])
+
+    power = 0.0
     while power < 1.0:
-        rise = _find_power_rise(values, most=1.0 - power)
-        weight = _compute_weights(values, rise)
+        rise = _find_power_rise(log_densities, most=1.0 - power)
+        weight = _compute_weights(log_densities, rise)
         power += rise
 
         # Resample the points by their weights, and move them with the sampler.
@@ -174,7 +173,7 @@ def _draw_starts(
         ensemble = _make_ensemble(N_POPULATION, dimensions, tempered, random)
         last = ensemble.run_mcmc(points[rows], N_MOVES, skip_initial_state_check=True)
         points = last.coords
-        values = last.log_prob / power
+        log_densities = last.log_prob / power
     return points[random.permutation(N_POPULATION)]
 
 
@@ -185,17 +184,19 @@ def _compute_tempered_density(
     return power * log_density(points)
 
 
-def _compute_weights(values: np.ndarray, rise: float) -> np.ndarray:
+def _compute_weights(log_densities: np.ndarray, rise: float) -> np.ndarray:
     """Compute the weights (n,) of points for a rise of the power of their density."""
-    return np.exp(rise * (values - values.max()))
+    return np.exp(rise * (log_densities - log_densities.max()))
 
 
-def _find_power_rise(values: np.ndarray, most: float) -> float:
-    """Find the largest increase of the power that keeps enough points effective.
+def _find_power_rise(log_densities: np.ndarray, most: float) -> float:
+    """Find by how much the power of the density can rise.
+
+    The effective share of the points must stay at least `MIN_EFFECTIVE_SHARE`.
 
     Parameters
     ----------
-    values : array (n,)
+    log_densities : array (n,)
         Log densities of the points.
     most : float
         Upper limit of the result.
@@ -203,11 +204,12 @@ def _find_power_rise(values: np.ndarray, most: float) -> float:
     Returns
     -------
     float
+        The largest possible rise.
     """
 
     def compute_excess(rise: float) -> float:
         """Compute the effective share of the points minus the smallest accepted one."""
-        weight = _compute_weights(values, rise)
+        weight = _compute_weights(log_densities, rise)
         effective_share = weight.sum() ** 2 / (weight**2).sum() / N_POPULATION
         return effective_share - MIN_EFFECTIVE_SHARE
 
@@ -268,9 +270,9 @@ def compute_joint_information(
 ) -> Information:
     """Compute the information that the joint posterior adds to the prior, in bits.
 
-    It is the Kullback-Leibler divergence E_posterior[log L] - log E_prior[L]. The mean over
-    the prior uses a scrambled Sobol sequence. Its standard error is that of independent
-    points, which is an upper limit.
+    With the likelihood L, it is the Kullback-Leibler divergence
+    E_posterior[log L] - log E_prior[L]. The mean over the prior uses a scrambled Sobol
+    sequence. Its standard error is that of independent points, which is an upper limit.
 
     Parameters
     ----------
@@ -284,16 +286,23 @@ def compute_joint_information(
         The parameters with their priors.
     seed : int
         Seed of the Sobol sequence.
+
+    Returns
+    -------
+    Information
     """
     sequence = stats.qmc.Sobol(space.dimensions, rng=seed)
     points = take_allowed_points(sequence, N_PRIOR_DRAWS, space)
     parts = np.array_split(points, N_PRIOR_DRAWS // CHUNK_SIZE)
-    prior_log_likelihoods = np.concatenate([log_likelihood(part) for part in parts])
+    log_likelihoods = np.concatenate([log_likelihood(part) for part in parts])
     # Divide the likelihoods by the largest one, because they may be too small for a
     # float.
-    likelihood = np.exp(prior_log_likelihoods - prior_log_likelihoods.max())
-    log_evidence = prior_log_likelihoods.max() + math.log(likelihood.mean())
-    prior_error = likelihood.std() / likelihood.mean() / math.sqrt(N_PRIOR_DRAWS)
+    relative_likelihoods = np.exp(log_likelihoods - log_likelihoods.max())
+    mean_likelihood = relative_likelihoods.mean()
+    log_evidence = log_likelihoods.max() + math.log(mean_likelihood)
+    prior_error = (
+        relative_likelihoods.std() / mean_likelihood / math.sqrt(N_PRIOR_DRAWS)
+    )
     posterior_error = drawn.std() / math.sqrt(effective)
     return Information(
         bits=float((drawn.mean() - log_evidence) / math.log(2)),

@@ -36,6 +36,8 @@ from repose.common.errors import InputError
 from repose.common.files import StrPath, write_table
 
 CONFIDENCE = 0.95
+# Probability on each side of an interval.
+TAIL_PROBABILITY = (1 - CONFIDENCE) / 2
 N_EFFECT_POINTS = 41
 N_EFFECT_DRAWS = 2048
 ROUNDING_SHARE = 1e-12  # a constant output varies by no more than this share of it
@@ -74,7 +76,7 @@ def compute_sobol_indices(
     low, high : array (d,)
         Ranges of the inputs.
     samples : int
-        A power of two.
+        Number of rows of the Sobol sequence, a power of two.
     resamples : int
         Number of bootstrap samples, from which the intervals follow.
     seed : int
@@ -103,8 +105,8 @@ def compute_sobol_indices(
     f_AB = np.array([_evaluate_at(function, points, low, high) for points in AB])
     _require_variation(f_A)
 
-    def compute(rows: np.ndarray | slice) -> np.ndarray:
-        """Compute first-order and total indices (2, outputs, d) of some samples."""
+    def compute_indices(rows: np.ndarray | slice) -> np.ndarray:
+        """Compute first-order and total indices (2, outputs, d) from some samples."""
         # Pass copies, because SciPy centres its arguments in place.
         values = {
             "f_A": f_A[:, rows].copy(),
@@ -117,11 +119,11 @@ def compute_sobol_indices(
     # Estimate the intervals by bootstrap, from samples drawn with replacement.
     random = np.random.default_rng(seed)
     replicates = [
-        compute(random.integers(samples, size=samples)) for _ in range(resamples)
+        compute_indices(random.integers(samples, size=samples))
+        for _ in range(resamples)
     ]
-    return _add_intervals(
-        ("first", "total"), compute(slice(None)), np.array(replicates)
-    )
+    estimates = compute_indices(slice(None))
+    return _add_intervals(("first", "total"), estimates, np.array(replicates))
 
 
 def compute_allowed_shares(
@@ -136,10 +138,10 @@ def compute_allowed_shares(
 ) -> dict[str, np.ndarray]:
     """Compute shares of the variance over the allowed part of the ranges.
 
-    Each draw of the other parameters is evaluated at `N_LINE_POINTS` values of a
-    parameter, which form a line. The allowed points are uniform over the allowed part of
-    the ranges. Their means at each value give Var(E[y | x]), and their variances along
-    each line give E[Var(y | others)].
+    For each parameter x, draws of the other parameters are combined with `N_LINE_POINTS`
+    values of x, so the points of a draw form a line. The allowed ones among all points
+    are uniform over the allowed part of the ranges. Their means at each value of x give
+    Var(E[y | x]), and their variances along each line give E[Var(y | others)].
 
     Parameters
     ----------
@@ -162,19 +164,20 @@ def compute_allowed_shares(
     d = len(low)
     draws = stats.qmc.Sobol(d, rng=seed).random(samples)
     values = (np.arange(N_LINE_POINTS) + 0.5) / N_LINE_POINTS
-    shares = []
+    shares = []  # for each parameter (outputs, 2, 1 + resamples)
     for k in range(d):
         outputs = _evaluate_along_lines(
             function, draws, k, values=values, ends=(low, high), is_allowed=is_allowed
         )
-        _require_variation(outputs[:, ~np.isnan(outputs[0])])
+        is_evaluated = ~np.isnan(outputs[0])
+        _require_variation(outputs[:, is_evaluated])
         blocks = []
         for counts in _draw_counts(samples, resamples, seed):
             blocks.append([_compute_shares(output, counts) for output in outputs])
         shares.append(np.concatenate(blocks, axis=2))
-    # The estimates come before the resamples: (1 + resamples, share, outputs, d).
-    table = np.transpose(shares, (3, 2, 1, 0))
-    return _add_intervals(("explained", "remaining"), table[0], table[1:])
+    # The first row of `_draw_counts` gives the estimates, the others the resamples.
+    estimates, *replicates = np.transpose(shares, (3, 2, 1, 0))  # each (2, outputs, d)
+    return _add_intervals(("explained", "remaining"), estimates, np.array(replicates))
 
 
 def _draw_counts(samples: int, resamples: int, seed: int) -> Iterator[np.ndarray]:
@@ -200,7 +203,7 @@ def _evaluate_along_lines(
     ends: tuple[np.ndarray, np.ndarray],
     is_allowed: MaskFunction | None,
 ) -> np.ndarray:
-    """Evaluate the function at each draw with each of several values of input k.
+    """Evaluate a function at each draw, combined with each of several values of an input.
 
     Parameters
     ----------
@@ -211,7 +214,7 @@ def _evaluate_along_lines(
     k : int
         Number of the input that is changed.
     values : array (values,)
-        Values of this input in the unit cube.
+        Values of this input, from 0 to 1.
     ends : pair of array (d,)
         Lowest and highest value of each input, in its own units.
     is_allowed : callable or None
@@ -222,15 +225,15 @@ def _evaluate_along_lines(
     array (outputs, values, n)
         NaN at points that are not allowed.
     """
-    points = np.repeat(draws[None], len(values), axis=0)
-    points[:, :, k] = values[:, None]
-    point_list = points.reshape(-1, draws.shape[1])
-    is_evaluated = np.ones(len(point_list), dtype=bool)
+    grid = np.repeat(draws[None], len(values), axis=0)  # (values, n, d)
+    grid[:, :, k] = values[:, None]
+    points = grid.reshape(-1, draws.shape[1])
+    is_evaluated = np.ones(len(points), dtype=bool)
     if is_allowed is not None:
-        is_evaluated = is_allowed(point_list)
-    evaluated = _evaluate_at(function, point_list[is_evaluated], *ends)
+        is_evaluated = is_allowed(points)
+    evaluated = _evaluate_at(function, points[is_evaluated], *ends)
     n_outputs = len(evaluated)
-    outputs = np.full((n_outputs, len(point_list)), np.nan)
+    outputs = np.full((n_outputs, len(points)), np.nan)
     outputs[:, is_evaluated] = evaluated
     return outputs.reshape(n_outputs, len(values), len(draws))
 
@@ -286,9 +289,25 @@ def _require_variation(outputs: np.ndarray) -> None:
 def _add_intervals(
     names: tuple[str, str], estimates: np.ndarray, replicates: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """Name two estimates (2, ...) and the ends of their bootstrap intervals."""
-    tail = (1 - CONFIDENCE) / 2
-    lowest, highest = np.quantile(replicates, [tail, 1 - tail], axis=0)
+    """Add bootstrap intervals to two estimates, and name all of them.
+
+    Parameters
+    ----------
+    names : pair of str
+        Names of the estimates.
+    estimates : array (2, outputs, d)
+    replicates : array (resamples, 2, outputs, d)
+        The same estimates from resamples of the data.
+
+    Returns
+    -------
+    dict
+        For each name, an array (outputs, d). There are also arrays for the ends of the
+        interval, with the endings `_low` and `_high`.
+    """
+    lowest, highest = np.quantile(
+        replicates, [TAIL_PROBABILITY, 1 - TAIL_PROBABILITY], axis=0
+    )
     table: dict[str, np.ndarray] = {}
     for name, estimate, low, high in zip(
         names, estimates, lowest, highest, strict=True
@@ -313,7 +332,7 @@ def compute_main_effects(
     points: int = N_EFFECT_POINTS,
     is_allowed: MaskFunction | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compute the mean outputs along each input, averaged over all other inputs.
+    """Compute the mean outputs at values of each input, averaged over the other inputs.
 
     Parameters
     ----------
@@ -333,22 +352,25 @@ def compute_main_effects(
         NaN at values where there are hardly any allowed points.
     """
     d = len(low)
-    draws = stats.qmc.Sobol(d, rng=seed).random(N_EFFECT_DRAWS)
-    inputs = low + (high - low) * draws
+    unit_draws = stats.qmc.Sobol(d, rng=seed).random(N_EFFECT_DRAWS)
+    draws = low + (high - low) * unit_draws
     grid = np.linspace(low, high, points, axis=1)
+    unit_grid = np.linspace(0, 1, points)
     means = []
     for k in range(d):
-        # Set input k to the same value at all points, and keep the other inputs.
-        changed = inputs.copy()
-        unit = draws.copy()
+        # Set input k to the same value in all draws, and keep the other inputs. Both
+        # copies are the same draws, in the units of the inputs and in the unit cube.
+        changed = draws.copy()
+        unit_changed = unit_draws.copy()
         means_of_input = []
-        for value, share in zip(grid[k], np.linspace(0, 1, points), strict=True):
+        for value, unit_value in zip(grid[k], unit_grid, strict=True):
             changed[:, k] = value
-            unit[:, k] = share
+            unit_changed[:, k] = unit_value
             if is_allowed is None:
                 outputs = np.asarray(function(changed))
             else:
-                outputs = _evaluate_allowed(function, changed, is_allowed(unit))
+                is_allowed_draw = is_allowed(unit_changed)
+                outputs = _evaluate_allowed(function, changed, is_allowed_draw)
             means_of_input.append(np.mean(outputs, axis=0))
         means.append(means_of_input)
     return grid, np.array(means)
@@ -357,7 +379,7 @@ def compute_main_effects(
 def _evaluate_allowed(
     function: ArrayFunction, points: np.ndarray, is_allowed: np.ndarray
 ) -> np.ndarray:
-    """Compute the outputs at allowed points; nan if there are too few for a mean."""
+    """Compute the outputs at allowed points; NaN if there are too few for a mean."""
     if is_allowed.sum() >= MIN_DRAWS:
         return np.asarray(function(points[is_allowed]))
     return np.full_like(function(points[:1]), np.nan, dtype=float)
@@ -382,6 +404,10 @@ def analyse_surrogate(
         The responses of the surrogate.
     settings : SensitivitySettings
 
+    Returns
+    -------
+    Sensitivity
+
     Raises
     ------
     ValueError
@@ -389,30 +415,30 @@ def analyse_surrogate(
     """
 
     def respond(coordinates: np.ndarray) -> np.ndarray:
+        """Predict the responses (n, k) at coordinates (n, d) along the scales."""
         values = parameters.from_coordinates(coordinates)
         return model.predict(parameters.complete(values))
 
-    low, high = parameters.coordinate_ends
-    arrays = compute_variance_shares(respond, parameters, settings)
+    # Make a row for each response and parameter.
+    shares = compute_variance_shares(respond, parameters, settings)
     pairs = pd.MultiIndex.from_product(
         [targets.names, parameters.free], names=["response", "parameter"]
     )
-    columns = {name: array.ravel() for name, array in arrays.items()}
-    table = pd.DataFrame(columns, pairs).reset_index()
+    columns = {name: share.ravel() for name, share in shares.items()}
+    indices = pd.DataFrame(columns, pairs).reset_index()
 
+    # Make a row for each parameter and value.
+    low, high = parameters.coordinate_ends
     is_allowed = parameters.is_allowed if parameters.constraints else None
-    grid, means = compute_main_effects(
+    coordinates, means = compute_main_effects(
         respond, low, high, seed=settings.seed, is_allowed=is_allowed
     )
-    grid = parameters.from_coordinates(grid.T).T
-    n_values = grid.shape[1]
-    effects = pd.DataFrame(
-        {"parameter": np.repeat(parameters.free, n_values), "value": grid.ravel()}
-    )
+    values = parameters.from_coordinates(coordinates.T).T  # (d, values)
+    names = np.repeat(parameters.free, values.shape[1])
+    effects = pd.DataFrame({"parameter": names, "value": values.ravel()})
     effects[list(targets.names)] = means.reshape(len(effects), -1)
-    # The means are NaN where hardly any parameter set is allowed. Leave out these
-    # values.
-    return Sensitivity(table, effects.dropna(ignore_index=True))
+    # The means are NaN where hardly any parameter set is allowed, so drop these rows.
+    return Sensitivity(indices, effects.dropna(ignore_index=True))
 
 
 def compute_variance_shares(
@@ -501,19 +527,23 @@ def describe_indices(table: pd.DataFrame) -> str:
     table : pandas.DataFrame
         The content of sobol.csv. The shares are the Sobol indices, or with constraints
         the explained and the remaining share.
+
+    Returns
+    -------
+    str
     """
-    names = ("first", "total")
-    words = "first-order (total)"
+    columns = ("first", "total")
+    meaning = "first-order (total)"
     if "explained" in table:
-        names = ("explained", "remaining")
-        words = "explained by it alone (remaining if all others are known)"
+        columns = ("explained", "remaining")
+        meaning = "explained by it alone (remaining if all others are known)"
     lines = []
     for response, rows in table.groupby("response", sort=False):
         # Begin with the parameter of the largest second share.
-        sorted_rows = rows.sort_values(names[1], ascending=False)
-        shares = sorted_rows[["parameter", *names]].itertuples(index=False)
+        sorted_rows = rows.sort_values(columns[1], ascending=False)
+        shares = sorted_rows[["parameter", *columns]].itertuples(index=False)
         parameters = ", ".join(
             f"{name} {first:.2f} ({second:.2f})" for name, first, second in shares
         )
-        lines.append(f"{response}: {words} {parameters}")
+        lines.append(f"{response}: {meaning} {parameters}")
     return "\n".join(lines)
