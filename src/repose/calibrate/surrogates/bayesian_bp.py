@@ -77,8 +77,8 @@ CHUNK_SIZE = 256
 class BayesianBP(TrainingSettings, Surrogate):
     """Two-layer network trained by Bayesian regularisation from several starts.
 
-    The start of the largest evidence is kept: of those that converged, or of all if
-    none did.
+    The start with the largest evidence is chosen: among those that converged, or among
+    all if none did.
 
     Attributes
     ----------
@@ -124,7 +124,7 @@ class BayesianBP(TrainingSettings, Surrogate):
         sample_weight: ArrayLike | None = None,
         **noise: Unpack[Noise],
     ) -> Self:
-        """Train a network from each start, and keep the best.
+        """Train a network from each start, and set this network to the best one.
 
         With a `noise_covariance`, the networks are trained on combinations of the outputs
         that have independent noise (A35).
@@ -152,7 +152,8 @@ class BayesianBP(TrainingSettings, Surrogate):
         X, Y, count, precision = check_samples(X, y, sample_weight, **noise)
         self.one_output_ = np.ndim(y) == 1
 
-        # Scale inputs and outputs, and make the noises of the outputs independent.
+        # Scale inputs and outputs. Then combine the outputs, so that their noises are
+        # independent.
         self.input_min_ = X.min(axis=0)
         self.input_max_ = X.max(axis=0)
         self.output_min_ = Y.min(axis=0)
@@ -167,7 +168,7 @@ class BayesianBP(TrainingSettings, Surrogate):
         )
         t = scaled_outputs @ self._mixing
 
-        # Train from each start. Samples are weighted by their count times their precision.
+        # Train from each start. The weight of a sample is its count times its precision.
         outputs = t.shape[1]
         weight = count[:, None] * precision
         pure_error = compute_pure_error(
@@ -220,27 +221,26 @@ class BayesianBP(TrainingSettings, Surrogate):
         BayesianBP
             The copy.
         """
-        # Scale and mix the outputs as `fit` does.
+        # Scale and combine the outputs as `fit` does.
         X, Y, count, precision = check_samples(X, Y, **noise)
         weight = count[:, None] * precision
         noise_covariance = noise.get("noise_covariance")
         mixing = find_independent_mixing(
             noise_covariance, self._compute_stretch(), precision
         )
-        t = (
-            scale_columns(Y, self.output_min_, self.output_max_, self.scaled_range)
-            @ mixing
+        scaled_outputs = scale_columns(
+            Y, self.output_min_, self.output_max_, self.scaled_range
         )
-        training_end = train_again(
+        end = train_again(
             w=mix_outputs(self._weights(), mixing, self.hidden),
             x=scale_columns(X, self.input_min_, self.input_max_, self.scaled_range),
-            t=t,
+            t=scaled_outputs @ mixing,
             root_weight=np.sqrt(weight),
             alpha=np.atleast_1d(self.alpha_),
             beta=self.beta_,
             settings=self,
         )
-        # Keep the result in a copy.
+        # Set the attributes of a copy.
         network = copy.copy(self)
         network._mixing = mixing
         network.training_ = {
@@ -248,38 +248,39 @@ class BayesianBP(TrainingSettings, Surrogate):
             "weight": weight,
             "noise_covariance": noise_covariance,
         }
-        network._set_layers(training_end["w"])
+        network._set_layers(end["w"])
         weight_root = compute_posterior_root(
-            training_end["alpha_of_weight"], self.beta_, training_end["JJ"]
+            end["alpha_of_weight"], self.beta_, end["JJ"]
         )
         network._set_errors(weight_root, mixing)
         return network
 
     def _keep_best_start(self) -> None:
-        """Set the weights of this network to those of the best start.
+        """Choose the best start, and set this network to its result.
 
         The best start is the one with the largest evidence among those that converged.
         If none converged, it is the one with the largest evidence of all. The
         statistics of all starts are recorded in `starts_`.
         """
-        ends = self.ends_
         self.starts_ = []
-        for k, end in enumerate(ends):
+        for k, end in enumerate(self.ends_):
             statistics = {key: end[key] for key in STATISTIC_NAMES}
             self.starts_.append({"start": k} | statistics)
 
-        # Choose the largest evidence among the converged starts, or else among all.
-        converged = [k for k, end in enumerate(ends) if end["decrement"] < CONVERGED]
+        converged = [
+            k for k, end in enumerate(self.ends_) if end["decrement"] < CONVERGED
+        ]
         self.converged_starts_ = len(converged)
-        candidates = converged if converged else range(self.starts)
-        self.best_start_ = max(candidates, key=lambda k: ends[k]["log_evidence"])
+        candidates = converged or range(self.starts)
+        self.best_start_ = max(candidates, key=lambda k: self.ends_[k]["log_evidence"])
+        best_end = self.ends_[self.best_start_]
+        self._set_network(best_end)
 
         # Record the classes of weights whose alpha has reached its upper limit.
         names = name_weight_classes(
             self.prior, self.inputs or range(len(self.input_min_))
         )
-        self.at_cap_ = [names[c] for c in ends[self.best_start_]["at_cap"]]
-        self._set_network(ends[self.best_start_])
+        self.at_cap_ = [names[number] for number in best_end["at_cap"]]
 
     def get_network_of_start(self, k: int) -> Self:
         """Return the network at the end of start k of `fit`."""
@@ -293,13 +294,13 @@ class BayesianBP(TrainingSettings, Surrogate):
         Parameters
         ----------
         end : mapping
-            Result of `train_start`. Its weights belong to mixed outputs, and are
+            Result of `train_start`. Its weights belong to combined outputs, and are
             converted to the original outputs.
 
         Raises
         ------
         ValueError
-            If the start has no finite evidence. The best start is set, so then no start
+            If the start has no finite evidence. As it is the best start, then no start
             has a finite evidence.
         """
         if end["log_evidence"] == -math.inf:
@@ -333,7 +334,7 @@ class BayesianBP(TrainingSettings, Surrogate):
     def predict(
         self, X: ArrayLike, return_std: bool = False, noise: bool = True
     ) -> Any:
-        """Predict responses, with standard deviations on request.
+        """Predict responses, and their standard deviations if `return_std` is True.
 
         The standard deviation is sqrt(1 / (2 beta) + g' H^-1 g), where g is the gradient
         of the output with respect to the weights (M92). Without `noise`, the first term is
@@ -347,8 +348,14 @@ class BayesianBP(TrainingSettings, Surrogate):
 
         Returns
         -------
-        array or pair of arrays
-            (samples, outputs), or (samples,) if y had this shape in `fit`.
+        array (samples, outputs), or a pair of them
+            The means, and the standard deviations if `return_std` is True. The arrays
+            have the shape (samples,) if y had this shape in `fit`.
+
+        Raises
+        ------
+        ValueError
+            If the network is not trained, or if `X` has another number of inputs.
         """
         if not hasattr(self, "W1_"):
             raise ValueError("predict was called before fit")
@@ -390,7 +397,7 @@ class BayesianBP(TrainingSettings, Surrogate):
         return network
 
     def report(self) -> dict[str, Any]:
-        """Collect evidence and end of the kept start, and numbers of all starts."""
+        """Collect statistics of the best start, and the number of all starts."""
         return {
             "gamma": self.gamma_,
             "beta": self.beta_,
@@ -408,7 +415,7 @@ class BayesianBP(TrainingSettings, Surrogate):
         }
 
     def start_rows(self) -> list[dict[str, Any]]:
-        """List evidence and end of each start, and whether it was kept."""
+        """List the statistics of each start, and whether it was chosen."""
         rows = []
         for k, start in enumerate(self.starts_):
             alphas = np.atleast_1d(start["alpha"])
@@ -423,10 +430,11 @@ class BayesianBP(TrainingSettings, Surrogate):
         return rows
 
     def to_dict(self) -> dict[str, Any]:
-        """Collect the scalings and weights in a dictionary that JSON can store.
+        """Collect all that `from_dict` needs in a dictionary that JSON can store.
 
-        It also has the training data, from which `from_dict` computes the errors of the
-        weights. A network that was loaded without these data is saved without them.
+        These are the scalings, the weights, and the training data, from which `from_dict`
+        computes the errors of the weights. A network that was loaded without training
+        data is saved without them.
         """
         content: dict[str, Any] = {
             "scaled_range": list(self.scaled_range),
@@ -453,7 +461,7 @@ class BayesianBP(TrainingSettings, Surrogate):
         Parameters
         ----------
         content : mapping
-            Result of `to_dict`, perhaps with the numbers of the ``samples``. If its
+            Result of `to_dict`. It may also have the numbers of the ``samples``. If its
             entry ``training`` is missing, the network predicts without errors.
 
         Returns
@@ -485,11 +493,13 @@ class BayesianBP(TrainingSettings, Surrogate):
     def _restore_errors(self, samples: Sequence[int]) -> None:
         """Compute noise and covariance of the weights from the training samples.
 
+        The Hessian is a sum over the samples in the order of their numbers. In another
+        order, it would have other rounding errors.
+
         Parameters
         ----------
         samples : sequence of int
-            Numbers of the samples. The Hessian is a sum over the samples in the order
-            of their numbers. In another order, it would have other rounding errors.
+            Numbers of the training samples, in the order of the training data.
 
         Raises
         ------
@@ -501,8 +511,8 @@ class BayesianBP(TrainingSettings, Surrogate):
             raise ValueError(
                 f"{len(order)} samples of {len(self.training_['inputs'])} inputs"
             )
-        # Compute J'J of the residuals in the same way as the training, which mixes the
-        # outputs.
+        # Compute the derivatives of the weighted residuals as in the training, for which
+        # the outputs are combined.
         X = self.training_["inputs"][order]
         weight = self.training_["weight"][order]
         n_outputs = len(self.b2_)
@@ -514,7 +524,7 @@ class BayesianBP(TrainingSettings, Surrogate):
         _, J = compute_jacobian(w, x, n_outputs)
         J = (J * np.sqrt(weight)[:, :, None]).reshape(-1, w.size)
 
-        # The regularisation of each weight is that of its class.
+        # All weights of a class have the same regularisation.
         classes = list_weight_classes(self.prior, X.shape[1], self.hidden, n_outputs)
         alpha_of_weight = spread_over_weights(
             np.atleast_1d(self.alpha_), classes, w.size
@@ -602,7 +612,7 @@ def compute_covariances(
     if weights is None:
         weights = np.array([network._weights() for network in networks])
     X = np.asarray(X, dtype=float)
-    # Factors from scaled outputs to the units of the responses.
+    # Convert scaled outputs to the units of the responses by these factors.
     stretch = networks[0]._compute_stretch()[:, None]
     # Process the samples in parts, because the derivatives need much memory.
     parts = []

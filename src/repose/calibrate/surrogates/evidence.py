@@ -46,7 +46,7 @@ def compute_log_evidence(
     beta, Ed : float
         Inverse of twice the noise variance, and the sum of the squared residuals.
     JJ : array (N, N)
-        J'J of the weighted residuals.
+        J'J, with the derivatives J of the weighted residuals by the weights.
     n : float
         Number of residuals.
     classes : sequence
@@ -55,14 +55,14 @@ def compute_log_evidence(
     Returns
     -------
     float
-        -inf if the evidence is not a finite number.
+        It is -inf if the evidence cannot be computed, or is not finite.
     """
     alpha = np.atleast_1d(alpha)
     Ew = np.atleast_1d(Ew)
     if not (np.all(alpha > 0) and beta > 0):
         return -math.inf
     N = len(JJ)
-    # N/2 log(2 alpha), with the number of weights of each class.
+    # This is N/2 log(2 alpha), with the number of weights of each class as N.
     indices = np.arange(N)
     log_prior = sum(
         len(indices[members]) / 2 * math.log(2 * value)

@@ -91,8 +91,8 @@ class GaussianProcess(CombinedOutputs, Surrogate):
         precision : array (n, k)
             The noise variance of a value is one number divided by its precision.
         noise_covariance : array (k, k) or None
-            Covariance of the noise of the responses, up to a factor. Without it, their
-            noises are treated as independent.
+            Covariance of the noise of the responses, up to a factor. None treats the
+            noises of the responses as independent.
 
         Raises
         ------
@@ -125,7 +125,7 @@ class GaussianProcess(CombinedOutputs, Surrogate):
             Bounds of the variance, the lengths and the noise variance, in the form that
             scikit-learn requires.
         """
-        # Importing scikit-learn takes half a second, so import it only for a fit.
+        # This import of scikit-learn takes half a second, so do it only for a fit.
         from repose.calibrate.surrogates.process import (
             Process,
             SampleNoise,
@@ -138,10 +138,10 @@ class GaussianProcess(CombinedOutputs, Surrogate):
         for start, values, precision in zip(
             kernels, self.values.T, self.training_["precision"].T, strict=True
         ):
-            # The noise variance of a sample is inversely proportional to its precision.
             kernel = make_smooth_kernel(
                 start["variance"], start["lengths"], (variance_bounds, length_bounds)
             )
+            # The noise variance of a sample is inversely proportional to its precision.
             noise = SampleNoise(start["noise_variance"], noise_bounds, precision)
             self.processes_.append(Process(kernel, x, values, noise=noise))
 
@@ -152,7 +152,7 @@ class GaussianProcess(CombinedOutputs, Surrogate):
     def predict(
         self, X: ArrayLike, return_std: bool = False, noise: bool = True
     ) -> Any:
-        """Predict responses, with standard deviations on request.
+        """Predict responses, and their standard deviations if `return_std` is True.
 
         Parameters
         ----------

@@ -73,6 +73,8 @@ NEAR_MINIMUM = (
 # F above its minimum at which a start has converged: the weights are 0.14 of a standard
 # deviation from the best ones.
 CONVERGED = 0.01
+# F above its minimum at which a descent with fixed alpha and beta ends.
+DESCENT_DECREMENT = CONVERGED / 100
 MAX_DESCENT_STEPS = (
     100  # largest number of steps to the minimum of F at fixed alpha and beta
 )
@@ -250,12 +252,12 @@ def train_again(
     beta: float,
     settings: TrainingSettings,
 ) -> dict[str, np.ndarray]:
-    """Train a network again on other outputs, without changing its regularisation.
+    """Train a trained network on other outputs, and keep its regularisation.
 
     Parameters
     ----------
     w : array (N,)
-        Weights at the end of the first training.
+        Weights of the trained network.
     x, t, root_weight, settings
         As in `train_start`.
     alpha : array (classes,)
@@ -297,7 +299,8 @@ def train_again(
         if weights is None:
             break
         state = state._replace(at=_make_linear_model(weights, data))
-        # If the damping had to be raised, keep the raised value for the next step.
+        # `_find_step` lowers the damping after each step. If it had to raise the damping
+        # before, undo the lowering.
         mu = next_mu / settings.mu_decrease if next_mu >= mu else next_mu
         # F is the negative log of a probability, so a decrease below MIN_DECREASE
         # hardly changes this probability.
@@ -349,7 +352,7 @@ def _train_to_end(w: np.ndarray, data: _Data, settings: TrainingSettings) -> _En
     mu = max(settings.mu, MIN_MU)
     best: _Best | None = None
     epoch = 0
-    # The reason if the loop ends without a break.
+    # This is the reason if no other criterion ends the loop.
     reason = "epochs"
     while epoch < settings.epochs:
         if state.at.Ed / data.n_means <= settings.goal:
@@ -366,8 +369,8 @@ def _train_to_end(w: np.ndarray, data: _Data, settings: TrainingSettings) -> _En
         state = _re_estimate(_make_linear_model(weights, data), state, data)
         epoch += 1
 
-        # With a single alpha the evidence settles at its maximum. With several it may
-        # fall again, so remember the best state.
+        # With a single alpha the evidence stays at its maximum once it is reached. With
+        # several it may fall again, so remember the best state.
         if len(data.classes) > 1:
             best = _choose_better(best, state, epoch, data)
             if best is not None and epoch - best.epoch >= PATIENCE:
@@ -412,7 +415,7 @@ def _choose_better(
 
 
 def _descend(state: _State, data: _Data, settings: TrainingSettings) -> _State:
-    """Minimise F for fixed alpha and beta, and compute gamma at the minimum.
+    """Minimise F with fixed alpha and beta, and compute gamma at the minimum.
 
     Parameters
     ----------
@@ -428,7 +431,7 @@ def _descend(state: _State, data: _Data, settings: TrainingSettings) -> _State:
     """
     mu = max(settings.mu, MIN_MU)
     for _ in range(MAX_DESCENT_STEPS):
-        if state.decrement() < CONVERGED / 100:
+        if state.decrement() < DESCENT_DECREMENT:
             break
         weights, mu = _find_step(state, mu, data, settings)
         if weights is None:
@@ -440,7 +443,7 @@ def _descend(state: _State, data: _Data, settings: TrainingSettings) -> _State:
 def _find_step(
     state: _State, mu: float, data: _Data, settings: TrainingSettings
 ) -> tuple[np.ndarray | None, float]:
-    """Raise the damping mu until a step lowers F (HM94).
+    """Find a step that lowers F, by raising the damping mu until one does (HM94).
 
     The new weights are w - (H / 2 + mu I)^-1 (gradient / 2).
 
@@ -458,7 +461,7 @@ def _find_step(
     weights : array (N,) or None
         None if no step up to the largest mu lowers F.
     mu : float
-        The damping of the next step.
+        The damping with which the search for the next step begins.
     """
     point = state.at
     half_gradient = state.half_gradient()
@@ -467,10 +470,10 @@ def _find_step(
     while mu <= settings.mu_max:
         damped = state.beta * point.JJ + (state.alpha_of_weight + mu) * identity
         weights = point.w - np.linalg.solve(damped, half_gradient)
-        # Compute F at the new weights, and raise the damping unless F is lower there.
         new_residuals = compute_residuals(weights, data.x, data.t, data.root_weight)
         new_Ew = _sum_squares(weights, data.classes)
-        if state.beta * (new_residuals @ new_residuals) + state.alpha @ new_Ew < F:
+        new_F = state.beta * (new_residuals @ new_residuals) + state.alpha @ new_Ew
+        if new_F < F:
             return weights, max(mu * settings.mu_decrease, MIN_MU)
         mu *= settings.mu_increase
     return None, mu

@@ -84,12 +84,12 @@ class NetworkEnsemble(Surrogate):
         NetworkEnsemble
             The same ensemble.
         """
-        # The fit of one network trains all starts, and keeps the best one.
+        # The fit of one network trains all starts, and chooses the best one.
         best = self.members_[0]
         best.inputs = self.inputs
         best.fit(X, Y, **noise)
 
-        # Choose the starts that converged to nearly the evidence of the best one.
+        # Choose the starts that converged, and whose evidence is near the largest one.
         self.member_starts_ = []
         for start in best.starts_:
             is_near = start["log_evidence"] >= best.log_evidence_ - MAX_EVIDENCE_GAP
@@ -169,8 +169,8 @@ class NetworkEnsemble(Surrogate):
     def _predict_means(self, X: ArrayLike) -> np.ndarray:
         """Predict the means of all networks at once.
 
-        The last result is kept in `_last`, because a sampler needs mean and covariance
-        at the same points.
+        The last result is cached, because a sampler needs mean and covariance at the
+        same points.
 
         Parameters
         ----------

@@ -48,9 +48,10 @@ def make_smooth_kernel(
     bounds : pair
         Bounds of the variance and of the lengths, as scikit-learn takes them.
     smoothness : float, optional
-        That of Matern's covariance; without it, the squared exponential.
+        Smoothness of Matern's covariance. By default (None), the covariance is the
+        squared exponential.
     """
-    variance_bounds, length_bounds = bounds[0], bounds[1]
+    variance_bounds, length_bounds = bounds
     if smoothness is None:
         shape = RBF(lengths, length_bounds)
     else:
@@ -106,8 +107,8 @@ class Process:
     ) -> None:
         """Fit the free hyperparameters, and condition the process on the values.
 
-        The parameters are those of the class. If `noise` is not None, its variance is
-        fitted together with the kernel, and separated from the kernel afterwards.
+        The docstring of the class describes the parameters. If `noise` is not None, its
+        variance is fitted together with the kernel, and separated from it afterwards.
         """
         self.x = x
         self.values = values
@@ -128,7 +129,7 @@ class Process:
             warnings.simplefilter("ignore")
             model.fit(x, values)
 
-        # Separate the fitted noise from the kernel of the values.
+        # Separate the fitted noise, which is the second part of the kernel.
         if noise is None:
             self.kernel = model.kernel_
         else:
@@ -227,20 +228,24 @@ class SparseProcess:
         errors: np.ndarray,
         centres: np.ndarray,
     ) -> None:
-        """Condition the process on the values; the parameters are those of the class."""
+        """Condition the process on the values.
+
+        The docstring of the class describes the parameters.
+        """
         self.kernel = kernel
         self.x = centres
         self.values = values
         self.errors = errors
 
-        # The variance at each point that the centres explain: K_xc K_cc^-1 K_cx.
+        # With the covariances K_cc of the centres and K_cx of centres and points, the
+        # centres explain K_xc K_cc^-1 K_cx. This is the product of the features.
         variance_of_centres = kernel(centres)
         jitter = JITTER * variance_of_centres.diagonal().mean()
         self._root_of_centres = linalg.cholesky(
             variance_of_centres + jitter * np.eye(len(centres)), lower=True
         )
         features = self._solve(self._root_of_centres, kernel(centres, x))
-        # The variance that they leave unexplained counts as noise.
+        # The variance that the centres leave unexplained counts as noise.
         unexplained = kernel.diag(x) - (features**2).sum(axis=0)
         self._noise = errors + np.maximum(unexplained, 0.0)
 
@@ -301,8 +306,8 @@ class SparseProcess:
 def choose_centres(kernel: Any, x: np.ndarray, count: int) -> np.ndarray:
     """Choose points that explain the variance of a process at all other points.
 
-    Each step chooses the point with the largest variance that the points chosen before
-    it leave unexplained. These points are the pivots of a Cholesky decomposition.
+    Each step chooses the point whose variance is least explained by the points chosen
+    before. These points are the pivots of a Cholesky decomposition.
 
     Parameters
     ----------
@@ -334,7 +339,7 @@ def choose_centres(kernel: Any, x: np.ndarray, count: int) -> np.ndarray:
         )
         features[len(rows)] = feature
         remaining_variance -= feature**2
-        # Because of rounding errors, the row could otherwise be chosen again.
+        # Rounding errors must not let the same row be chosen again.
         remaining_variance[row] = 0.0
         rows.append(row)
     return np.array(rows)

@@ -70,6 +70,7 @@ class QuadraticSurface(Surrogate):
         """
         X, Y, _, precision = check_samples(X, Y, **noise)
         n_outputs = Y.shape[1]
+        # Only check the covariance. The mixing itself is not needed.
         find_independent_mixing(
             noise.get("noise_covariance"), np.ones(n_outputs), precision
         )
@@ -89,8 +90,8 @@ class QuadraticSurface(Surrogate):
                 f"expected at least {n_terms + 1}, one more than the terms"
             )
 
-        # Join the results of all fits. There is one fit for each response, or a single fit
-        # of all responses. In the second case, the responses share its root.
+        # There is one fit for each response, or a single fit of all responses. In the
+        # second case, all responses share the same root.
         fits = _fit_responses(terms, Y, precision)
         self.coefficients_ = np.hstack([fit.coefficients for fit in fits])
         residuals = np.hstack([fit.residuals for fit in fits])

@@ -122,8 +122,8 @@ def load(path: str | os.PathLike, outputs: Sequence[str] | None = None) -> Surro
     content = read_json(path, KEYS, "a surrogate's JSON file")
     kind = surrogate_class(content["surrogate"], path)
     _check_finite(content, path)
-    # A damaged file may cause many kinds of errors. Convert all of them to an error
-    # that names the file.
+    # A damaged file may cause many kinds of errors, so catch all of them and name the
+    # file.
     try:
         samples = _check_sample_numbers(content.get("samples", []))
         model = on_scale(kind.from_dict(content), _check_scale(content))

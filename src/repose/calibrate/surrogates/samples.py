@@ -38,9 +38,9 @@ def find_independent_mixing(
 
     The outputs of one experiment share part of their noise. If this were ignored, the
     shared part would look like a signal. Let C be the noise covariance of the scaled
-    outputs y, and L a root of it, so L L' = C. Then the combinations y inv(L)' have
-    independent noise. Their coefficients are scaled to a determinant of one, so that
-    their range remains similar to that of the outputs.
+    outputs y, and L its Cholesky root, so L L' = C. Then the combinations y inv(L)' have
+    independent noise. Their coefficients are scaled to a determinant of 1, so that the
+    combinations have a similar range as the outputs.
 
     Parameters
     ----------
@@ -168,9 +168,9 @@ def check_samples(
 ) -> Samples:
     """Check the samples of a fit, and convert them to arrays of standard shape.
 
-    Samples of weight 0 are dropped. `noise_covariance` and `noise_freedom` are ignored.
-    They are accepted so that callers can pass the noise of `Surrogate.fit` unchanged, and
-    are checked by `find_independent_mixing` and `compute_pure_error`.
+    Samples of weight 0 are dropped. The arguments are those of `Surrogate.fit`, of which
+    `noise_covariance` and `noise_freedom` are ignored here. `find_independent_mixing` and
+    `compute_pure_error` check them.
 
     Parameters
     ----------
@@ -224,7 +224,7 @@ def check_samples(
 
 
 def _convert_or_ones(values: ArrayLike | None, size: int) -> np.ndarray:
-    """Convert values to an array of floats; without values return ones."""
+    """Convert values to an array of floats; None gives an array of ones."""
     if values is None:
         return np.ones(size)
     return np.asarray(values, dtype=float)
@@ -233,7 +233,7 @@ def _convert_or_ones(values: ArrayLike | None, size: int) -> np.ndarray:
 def _check_weights(
     *, X: np.ndarray, Y: np.ndarray, count: np.ndarray, precision: np.ndarray
 ) -> None:
-    """Check the shapes of counts and precisions, and all numbers.
+    """Check the shapes of the counts and precisions, and the values of all arrays.
 
     Parameters
     ----------
@@ -247,7 +247,8 @@ def _check_weights(
     Raises
     ------
     ValueError
-        If a shape is wrong, a number is not finite or negative, or a precision is 0.
+        If a shape is wrong, a number is not finite, a count is negative, or a precision
+        is not positive.
     """
     n_samples = len(X)
     if count.shape != (n_samples,):

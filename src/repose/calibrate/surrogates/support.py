@@ -60,12 +60,12 @@ class Support:
     ) -> None:
         """Compute the usual distance between neighbours, and the largest leverage.
 
-        The parameters are those of the class.
+        The docstring of the class describes the parameters.
 
         Raises
         ------
         ValueError
-            If `points` is no table of at least `MIN_SAMPLES` rows.
+            If `points` is not a table of at least `MIN_SAMPLES` rows.
         """
         from scipy.spatial import cKDTree
 
@@ -83,9 +83,10 @@ class Support:
         unit = self._scale_to_ranges(points)
         self.tree = cKDTree(unit)
         # The nearest sample of each sample is itself, so use the second nearest.
-        distances, _ = self.tree.query(unit, k=2)
-        self.farthest = float(np.quantile(distances[:, 1], DISTANCE_QUANTILE))
-        # With too few samples for a quadratic model, no leverage is too large.
+        two_distances, _ = self.tree.query(unit, k=2)
+        neighbour_distances = two_distances[:, 1]
+        self.farthest = float(np.quantile(neighbour_distances, DISTANCE_QUANTILE))
+        # If there are too few samples for a quadratic model, no leverage is too large.
         self._inverse_R = _compute_inverse_root(compute_quadratic_terms(unit))
         self.largest_leverage = np.inf
         if self._inverse_R is not None:
@@ -192,7 +193,8 @@ class Support:
         Returns
         -------
         list of str
-            A text for each point. It is empty for a point among the samples.
+            A text for each point, with all reasons. It is empty for a point that is not
+            beyond the samples.
         """
         points = np.atleast_2d(np.asarray(points, dtype=float))
         coordinates = to_coordinates(points, self.names, self.scale)

@@ -24,6 +24,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 PRIORS = ("one", "layers", "inputs")
+# Length of the input weights of a neuron, in the first weights of (NW90).
+NGUYEN_WIDROW_FACTOR = 0.7
 ARRAY_NAMES = (
     "input_min",
     "input_max",
@@ -77,9 +79,9 @@ def evaluate_network(network: Mapping[str, Any], X: np.ndarray) -> np.ndarray:
 def make_response_function(
     network: Mapping[str, Any], low: np.ndarray, high: np.ndarray
 ) -> ArrayFunction:
-    """Return a fast function that computes a network's responses at points in [-1, 1].
+    """Make a fast function that computes the responses of a network.
 
-    All scalings are absorbed into the weights, so a call needs only two matrix products.
+    All scalings are included in the weights, so a call needs only two matrix products.
 
     Parameters
     ----------
@@ -91,19 +93,20 @@ def make_response_function(
     Returns
     -------
     callable
-        It maps points (n, inputs) to responses (n, outputs).
+        It maps points (n, inputs) in [-1, 1] to responses (n, outputs).
     """
     arrays = _convert_arrays(network)
     bottom, top = arrays["scaled_range"]
 
-    # A parameter set is X = (low + high) / 2 + point * (high - low) / 2. It is scaled to
-    # x = bottom + (X - input_min) * per_unit. So x is linear in the point.
+    # A point stands for the parameter set X = (low + high) / 2 + point (high - low) / 2,
+    # which is scaled to x = bottom + (X - input_min) per_unit. So x is linear in the
+    # point. Put the slope into W1 and the constant into b1.
     per_unit = (top - bottom) / compute_widths(arrays["input_min"], arrays["input_max"])
     centre = bottom + ((low + high) / 2 - arrays["input_min"]) * per_unit
     W1 = np.ascontiguousarray((arrays["W1"] * per_unit * (high - low) / 2).T)
     b1 = arrays["b1"] + arrays["W1"] @ centre
 
-    # The responses are linear in the scaled outputs.
+    # The responses are linear in the scaled outputs, so change W2 and b2 accordingly.
     stretch = compute_widths(arrays["output_min"], arrays["output_max"]) / (
         top - bottom
     )
@@ -123,9 +126,9 @@ def draw_first_weights(
 ) -> np.ndarray:
     """Draw random weights so that the neurons cover the range of the inputs (NW90).
 
-    For inputs in [-1, 1], the slopes of each neuron form a vector of length 0.7
-    hidden^(1 / inputs). The biases are uniform between minus this length and this
-    length. Then the neurons are moved to inputs in `scaled_range`. The weights of the
+    For inputs in [-1, 1], the input weights of each neuron form a vector of length 0.7
+    hidden^(1 / inputs), and its bias is uniform between minus this length and this
+    length. Then the neurons are adapted to inputs in `scaled_range`. The weights of the
     outputs are uniform between -0.5 and 0.5.
 
     Parameters
@@ -143,12 +146,12 @@ def draw_first_weights(
         The weights in the order W1, b1, W2, b2.
     """
     random = np.random.RandomState(seed)
-    length = 0.7 * hidden ** (1 / inputs)
+    length = NGUYEN_WIDROW_FACTOR * hidden ** (1 / inputs)
     W1 = random.uniform(-1, 1, (hidden, inputs))
     W1 *= length / np.linalg.norm(W1, axis=1, keepdims=True)
     b1 = random.uniform(-length, length, hidden)
 
-    # Move the neurons from [-1, 1] to scaled_range.
+    # Adapt the neurons to inputs in `scaled_range` instead of [-1, 1].
     middle = (scaled_range[0] + scaled_range[1]) / 2
     half_width = (scaled_range[1] - scaled_range[0]) / 2
     W1 /= half_width
@@ -192,8 +195,8 @@ def mix_outputs(w: np.ndarray, mixing: np.ndarray, hidden: int) -> np.ndarray:
     start_of_b2 = len(w) - outputs
     W2 = w[start_of_W2:start_of_b2]
     b2 = w[start_of_b2:]
-    # Keep the weights of the hidden layer. The weights of the outputs have a row for each
-    # output, and these rows are combined like the outputs.
+    # The weights of the hidden layer stay the same. Each output has a row in W2 and in
+    # b2, and these rows are combined like the outputs.
     parts = [w[:start_of_W2]]
     for weights in (W2, b2):
         rows = weights.reshape(outputs, -1)
@@ -220,7 +223,7 @@ def list_weight_classes(
     Returns
     -------
     list
-        Indices into the vector w for each class.
+        For each class, the indices of its weights in the vector w.
     """
     if prior == "one":
         return [slice(None)]
