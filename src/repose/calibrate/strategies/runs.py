@@ -148,7 +148,7 @@ def check_responses(data: pd.DataFrame, targets: Targets) -> None:
         )
 
 
-def samples_of_runs(
+def summarise_samples(
     data: pd.DataFrame, space: ParameterSpace, targets: Targets
 ) -> pd.DataFrame:
     """Summarise the runs of each sample, as the stage `dataset` does.

@@ -13,8 +13,8 @@ from repose.calibrate.probability import compute_box_probability
 from repose.calibrate.strategies.base import Answer, Batch, samples_of
 from repose.calibrate.strategies.runs import (
     find_next_sample,
-    samples_of_runs,
     split_by_bench,
+    summarise_samples,
 )
 from repose.calibrate.study import Study
 from repose.calibrate.surrogates.base import Surrogate
@@ -46,7 +46,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     if data.empty:
         return make_design_batch(study, settings.seeds)
     # Fit a surrogate to the means of the samples, and search on it.
-    samples = samples_of_runs(data, space, study.targets)
+    samples = summarise_samples(data, space, study.targets)
     training, support = fit_surrogate(study, samples, data)
     inversion = invert(
         training.model, space, study.targets, settings.miga, support=support
@@ -82,7 +82,7 @@ def fit_surrogate(
     ----------
     study : Study
     samples : pandas.DataFrame
-        The samples to fit, from `samples_of_runs`.
+        The samples to fit, from `summarise_samples`.
     data : pandas.DataFrame
         Their runs.
 
@@ -154,7 +154,7 @@ def make_answer(
         values=values,
         mean=mean[0],
         covariance=covariance[0],
-        probability=probability_of(mean, covariance, targets),
+        probability=compute_probabilities(mean, covariance, targets),
         samples=samples,
         why=why,
         others=others[names].to_numpy(float),
@@ -175,7 +175,7 @@ def _note_stop(inversion: Inversion) -> dict[str, Any]:
     return {**stop, "summary": stop}
 
 
-def probability_of(
+def compute_probabilities(
     mean: np.ndarray, covariance: np.ndarray, targets: Targets
 ) -> dict[str, float]:
     """Compute the probabilities that an answer meets the targets.

@@ -25,8 +25,8 @@ from repose.calibrate.strategies.published.strategy import (
 from repose.calibrate.strategies.refined.places import draw_near_targets
 from repose.calibrate.strategies.runs import (
     find_next_sample,
-    samples_of_runs,
     split_by_bench,
+    summarise_samples,
 )
 from repose.calibrate.study import Study
 from repose.calibrate.surrogates.support import Support
@@ -52,7 +52,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     if data.empty:
         return make_design_batch(study, section.design_seeds)
     space = study.parameters
-    samples = samples_of_runs(data, space, study.targets)
+    samples = summarise_samples(data, space, study.targets)
     # The fit uses the samples of a refinement only for training, so the test samples
     # stay those of the design. It knows the former by a number in the column `round`.
     is_second_stage = _mark_second_stage(samples["sample"], study)

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from repose.calibrate.strategies.base import Answer, Batch, samples_of
-from repose.calibrate.strategies.published.strategy import probability_of
+from repose.calibrate.strategies.published.strategy import compute_probabilities
 from repose.calibrate.strategies.response_surface import (
     ResponseSurfaceSettings,
     screening,
@@ -17,7 +17,7 @@ from repose.calibrate.strategies.response_surface.steps import (
     describe_new_runs,
     list_factors,
 )
-from repose.calibrate.strategies.runs import find_next_sample, samples_of_runs
+from repose.calibrate.strategies.runs import find_next_sample, summarise_samples
 from repose.calibrate.study import Study
 
 
@@ -46,7 +46,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     screening_samples = screening.make_screening_samples(space, section)
     if _is_not_simulated(data, screening_samples):
         return batch(screening_samples)
-    dataset = samples_of_runs(data, space, targets)
+    dataset = summarise_samples(data, space, targets)
 
     # Follow the steepest ascent of those that matter.
     ascent_samples, screening_notes = screening.analyse_screening(
@@ -95,7 +95,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
         values=space.values(unit)[0],
         mean=mean,
         covariance=covariance,
-        probability=probability_of(mean[None], covariance[None], targets),
+        probability=compute_probabilities(mean[None], covariance[None], targets),
         samples=samples_of(space, unit, section.checks, find_next_sample(data)),
         why="the optimum of the surfaces is simulated",
         others=others.sets,
