@@ -69,7 +69,7 @@ def test_statements_and_a_reference_interval_by_its_share_of_the_prior():
     found = posterior._assess_reference(
         "other",
         space,
-        space.free.index("mus_gg"),
+        "mus_gg",
         np.array([0.4, 0.6, 0.8]),
         posterior.Interval(0.5, 0.7),
     )
@@ -81,7 +81,7 @@ def test_statements_and_a_reference_interval_by_its_share_of_the_prior():
     found = posterior._assess_reference(
         "other",
         space,
-        space.free.index("mus_gg"),
+        "mus_gg",
         np.array([0.5]),
         posterior.Interval(0.6, 0.8),
     )
