@@ -74,12 +74,12 @@ class Pours(NamedTuple):
         runs: pd.DataFrame,
         targets: Targets,
     ) -> Self | None:
-        """Collect the pours of the samples of a fit.
+        """Collect the pours of the samples to which a surrogate was fitted.
 
         Parameters
         ----------
         surrogate : Surrogate
-            The fit; its attributes name the samples and the parameters.
+            Its attributes name the samples and the parameters.
         dataset : pandas.DataFrame
             A row for each sample: ``sample``, parameters, mean responses.
         runs : pandas.DataFrame
@@ -95,7 +95,7 @@ class Pours(NamedTuple):
         noise = Replicates.estimate(runs, samples, targets)
         if noise is None:
             return None
-        samples_of_fit = dataset.set_index("sample").loc[samples]
+        fitted_samples = dataset.set_index("sample").loc[samples]
         good = runs[runs["status"] == "ok"]
         counts = []
         deviations = []
@@ -103,19 +103,16 @@ class Pours(NamedTuple):
         # Each bench test has separate runs, so collect them one test at a time.
         for bench, columns_of_bench in targets.benches.items():
             names = [targets.names[k] for k in columns_of_bench]
-            responses_by_sample = select_bench_runs(good, bench).groupby("sample")[
-                names
-            ]
-            runs_by_sample = dict(list(responses_by_sample))
-            pours_of_samples = [
-                runs_by_sample[sample].to_numpy(float) for sample in samples
-            ]
-            counts.append(np.array([len(pours) for pours in pours_of_samples]))
-            deviations.append(_compute_deviations(pours_of_samples))
+            runs_of_bench = select_bench_runs(good, bench).groupby("sample")
+            runs_by_sample = dict(list(runs_of_bench[names]))
+            # An array (pours, responses) for each sample.
+            responses = [runs_by_sample[sample].to_numpy(float) for sample in samples]
+            counts.append(np.array([len(pours) for pours in responses]))
+            deviations.append(_compute_deviations(responses))
             columns.append(list(columns_of_bench))
         return cls(
-            X=samples_of_fit[list(surrogate.inputs)].to_numpy(float),
-            means=samples_of_fit[list(targets.names)].to_numpy(float),
+            X=fitted_samples[list(surrogate.inputs)].to_numpy(float),
+            means=fitted_samples[list(targets.names)].to_numpy(float),
             counts=counts,
             deviations=deviations,
             columns=columns,
@@ -173,17 +170,19 @@ def estimate_optimism(
     replicates: int,
     seed: int,
 ) -> pd.DataFrame:
-    """Estimate the expected optimism of predictions by bootstrap, for each role.
+    """Estimate the expected optimism of predictions by bootstrap.
 
-    A role says why the search found a parameter set, such as "representative". Each
-    replicate resamples the pours, refits the surrogate and repeats the search. The
-    original fit takes the place of the unknown truth.
+    Each replicate resamples the pours, refits the surrogate and repeats the search. The
+    original fit takes the place of the unknown truth. The optimism is averaged over all
+    parameter sets with the same role. A role says why the search found a set, such as
+    "representative".
 
     Parameters
     ----------
     surrogate : Surrogate
-        The fit of the pours.
+        The original fit.
     pours : Pours
+        The pours to which it was fitted.
     search : callable
         It maps a surrogate to the parameter sets (n, d) that it finds, and their n
         roles.

@@ -157,7 +157,7 @@ def test_variances_are_right_at_large_noise():
 
 def test_the_noise_of_samples():
     observed = poured(n=3000, seeds=2)
-    assert observed.noise() == pytest.approx(NOISE, rel=0.08)
+    assert observed.estimate_noise() == pytest.approx(NOISE, rel=0.08)
     assert observed.freedom == 3000
     observed = poured(n=40, seeds=4)
     mixed = observed.residuals @ Kriging(observed)._mixing

@@ -296,7 +296,7 @@ def make_default_noise(targets: Targets) -> np.ndarray:
 def estimate_noise(
     runs: pd.DataFrame, targets: Targets, source: object = "runs"
 ) -> np.ndarray:
-    """Estimate the noise: the covariance of single runs about the mean of their sample.
+    """Estimate the covariance of single runs about the means of their samples.
 
     Responses of different bench tests are independent, so their covariance is 0.
 

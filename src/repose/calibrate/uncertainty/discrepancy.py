@@ -169,8 +169,8 @@ def _read_combinations(
     Returns
     -------
     pandas.DataFrame
-        A row for each combination; cells of combinations that were not simulated are
-        NaN.
+        A row for each combination. A combination that was not simulated has NaN in the
+        columns of numbers.
     """
     declared = [Column(name, str) for name in MODEL_COLUMNS]
     declared.append(Column("eligible", bool))

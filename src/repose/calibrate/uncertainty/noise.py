@@ -22,6 +22,9 @@ from repose.calibrate.variance import (
 from repose.common.errors import InputError
 from repose.common.files import StrPath, read_table, write_json, write_table
 
+NOISE_FILE = "noise.csv"
+SEEDS_FILE = "seeds.csv"
+SUMMARY_FILE = "noise.json"
 MAX_SEEDS = 64
 ERROR_PERCENTS = (0.5, 1.0, 2.0)  # standard errors, in percent of the target
 
@@ -287,9 +290,9 @@ def write_noise_floor(
             allowed="enough runs a sample for variances and correlations",
         ) from None
     out = Path(out_dir)
-    write_table(out / "noise.csv", floor.responses)
-    write_table(out / "seeds.csv", floor.seeds)
-    write_json(out / "noise.json", floor.summary)
+    write_table(out / NOISE_FILE, floor.responses)
+    write_table(out / SEEDS_FILE, floor.seeds)
+    write_json(out / SUMMARY_FILE, floor.summary)
     return floor.summary
 
 

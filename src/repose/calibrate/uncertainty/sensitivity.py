@@ -35,6 +35,8 @@ from repose.calibrate.uncertainty.settings import SensitivitySettings
 from repose.common.errors import InputError
 from repose.common.files import StrPath, write_table
 
+INDICES_FILE = "sobol.csv"
+EFFECTS_FILE = "main_effects.csv"
 CONFIDENCE = 0.95
 # Probability on each side of an interval.
 TAIL_PROBABILITY = (1 - CONFIDENCE) / 2
@@ -239,7 +241,7 @@ def _evaluate_along_lines(
 
 
 def _compute_shares(output: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """Compute the shares of the variance of one output, as in `compute_allowed_shares`.
+    """Compute the shares of the variance of one output for `compute_allowed_shares`.
 
     Parameters
     ----------
@@ -258,23 +260,24 @@ def _compute_shares(output: np.ndarray, counts: np.ndarray) -> np.ndarray:
     is_allowed = ~np.isnan(output)
     deviation = np.where(is_allowed, output - np.nanmean(output), 0.0)
 
-    # Count and sum over the allowed points at each value (resamples, values). From
-    # these follow the mean and the variance over all allowed points.
-    number = counts @ is_allowed.T
+    # Count the allowed points at each value, and sum their outputs (resamples, values).
+    # From these follow the mean and the variance over all allowed points.
+    n_points = counts @ is_allowed.T
     sums = counts @ deviation.T
-    total = number.sum(axis=1)
-    mean = sums.sum(axis=1) / total
-    variance = counts @ (deviation**2).sum(axis=0) / total - mean**2
+    n_all_points = n_points.sum(axis=1)
+    mean = sums.sum(axis=1) / n_all_points
+    variance = counts @ (deviation**2).sum(axis=0) / n_all_points - mean**2
 
     # The explained part is the variance of the means at the values.
-    mean_at_value = sums / np.maximum(number, 1)
-    explained = (number * (mean_at_value - mean[:, None]) ** 2).sum(axis=1) / total
+    mean_at_value = sums / np.maximum(n_points, 1)
+    squares_at_value = n_points * (mean_at_value - mean[:, None]) ** 2
+    explained = squares_at_value.sum(axis=1) / n_all_points
 
     # The remaining part is the mean of the variances along the lines.
-    length = np.maximum(is_allowed.sum(axis=0), 1)
-    mean_on_line = deviation.sum(axis=0) / length
-    squares = np.where(is_allowed, (deviation - mean_on_line) ** 2, 0.0).sum(axis=0)
-    remaining = counts @ squares / total
+    n_points_on_line = np.maximum(is_allowed.sum(axis=0), 1)
+    mean_on_line = deviation.sum(axis=0) / n_points_on_line
+    squares = np.where(is_allowed, (deviation - mean_on_line) ** 2, 0.0)
+    remaining = counts @ squares.sum(axis=0) / n_all_points
     return np.array([explained, remaining]) / variance
 
 
@@ -514,8 +517,8 @@ def analyse_from_file(
             value=str(error),
             allowed="responses that vary",
         ) from None
-    write_table(Path(out_dir) / "sobol.csv", result.indices)
-    write_table(Path(out_dir) / "main_effects.csv", result.effects)
+    write_table(Path(out_dir) / INDICES_FILE, result.indices)
+    write_table(Path(out_dir) / EFFECTS_FILE, result.effects)
     return result.indices
 
 

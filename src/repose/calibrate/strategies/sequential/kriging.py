@@ -114,10 +114,10 @@ class ObservedSamples(NamedTuple):
         to_good = cdist(unit, self.unit).min(axis=1)
         return to_failed >= to_good
 
-    def noise(self) -> np.ndarray:
+    def estimate_noise(self) -> np.ndarray:
         """Estimate the covariance of a single run about the mean of its sample.
 
-        It is assumed to be the same for all samples.
+        The covariance is assumed to be the same for all samples.
 
         Returns
         -------
@@ -204,7 +204,7 @@ class Kriging(CombinedOutputs):
         n_samples = len(observed.unit)
         if n_samples < MIN_SAMPLES:
             raise ValueError(f"{n_samples} samples; expected at least {MIN_SAMPLES}")
-        self.noise = observed.noise() if noise is None else noise
+        self.noise = observed.estimate_noise() if noise is None else noise
         # Model independent combinations of the responses, scaled to variance 1.
         combinations = _find_independent_combinations(observed, self.noise)
         self._combine(observed.means, combinations)

@@ -113,7 +113,8 @@ def find_noise(
     runs_of_samples = observed.counts
     if observed.freedom > len(names):
         try:
-            return Noise(observed.noise(), dict.fromkeys(names, REPLICATES))
+            covariance = observed.estimate_noise()
+            return Noise(covariance, dict.fromkeys(names, REPLICATES))
         except ValueError:
             # The replicates are all alike, so count them as one run.
             runs_of_samples = np.ones_like(runs_of_samples)
