@@ -204,7 +204,7 @@ class Check:
 
     @property
     def prediction_clause(self) -> str:
-        """Clause with the prediction and its optimism; empty without a prediction."""
+        """Clause with the prediction and its optimism; empty if there is none."""
         if self.predicted is None:
             return ""
         text = (
@@ -251,7 +251,7 @@ class Check:
         Returns
         -------
         float or None
-            None without a mean or a standard error.
+            None if the mean or its standard error is unknown.
         """
         if self.simulated is None or self.standard_error is None or self.runs < 2:
             return None
@@ -271,8 +271,8 @@ class Check:
     def margin(self) -> float:
         """Distance of the simulated mean from the nearer end of the range.
 
-        It is positive inside the range, negative outside, and NaN without a simulated
-        mean.
+        It is positive inside the range and negative outside. It is NaN if there is no
+        simulated mean.
         """
         if self.simulated is None:
             return math.nan

@@ -123,7 +123,7 @@ class ParameterSpace:
     def with_constraints(self, texts: Sequence[str] | None) -> "ParameterSpace":
         """Return a copy with the constraints of the key `constraints`.
 
-        `texts` are the constraints as the user wrote them, or None without any.
+        `texts` are the constraints as the user wrote them, or None if there are none.
         """
         constraints = tuple(Constraint.parse(text, self.names) for text in texts or ())
         return replace(self, constraints=constraints)

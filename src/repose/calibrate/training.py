@@ -546,8 +546,8 @@ def compute_corrected_r2(
     Returns
     -------
     float or None
-        An estimate, which may exceed 1 by chance. None without standard errors, or if
-        the noise explains all of SST.
+        An estimate, which may exceed 1 by chance. It is None if standard errors are
+        missing, or if the noise explains all of SST.
     """
     noise = np.sum(errors**2)
     between = np.sum((y - np.mean(y)) ** 2) - (1 - 1 / len(y)) * noise

@@ -163,7 +163,7 @@ def _compute_press(model: Model) -> float:
     """Sum the squared errors of predicting each run from all others.
 
     The error of predicting a run from all others is its residual divided by
-    1 - leverage. The sum is NaN without degrees of freedom.
+    1 - leverage. The sum is NaN if there are no degrees of freedom.
     """
     if not model.df:
         return math.nan
@@ -213,7 +213,7 @@ def compute_pareto_limits(model: Model) -> dict[str, float]:
     The line `t` is for testing a single term: a term above it is significant. The line
     `bonferroni` is for testing all terms at once: if no term has an effect, the
     probability that any lies above this line is at most `SIGNIFICANCE_LEVEL`. Both
-    lines are NaN without degrees of freedom.
+    lines are NaN if there are no degrees of freedom.
     """
     from scipy import stats
 
@@ -225,7 +225,7 @@ def compute_pareto_limits(model: Model) -> dict[str, float]:
 
 
 def _compute_mean_square(total: float, df: float) -> float:
-    """Compute a mean square; NaN without degrees of freedom."""
+    """Compute a mean square; NaN if there are no degrees of freedom."""
     return total / df if df else math.nan
 
 

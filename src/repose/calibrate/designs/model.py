@@ -97,7 +97,7 @@ class Model:
 
     @property
     def variance(self) -> float:
-        """Mean square of the residuals; nan without a degree of freedom."""
+        """Mean square of the residuals; NaN if they have no degrees of freedom."""
         return self.residual_squares / self.df if self.df else math.nan
 
     def predict(self, coded: ArrayLike) -> np.ndarray:
@@ -107,7 +107,7 @@ class Model:
     def standard_error(self, coded: ArrayLike) -> np.ndarray:
         """Compute the standard error (n,) of the mean at points (n, k) in coded units.
 
-        nan without degrees of freedom.
+        It is NaN if the residuals have no degrees of freedom.
         """
         rows = _prepend_ones(compute_terms(coded, self.terms))
         covariance = self.variance * self.inverse

@@ -234,7 +234,7 @@ def _find_most_central(
 
 
 def _make_scipy_constraints(region: Region | None) -> list[dict[str, Any]]:
-    """Make SciPy's constraints for a region; the list is empty without a region."""
+    """Make SciPy's constraints for a region; the list is empty if there is none."""
     return [] if region is None else [{"type": "ineq", "fun": region.compute_slack}]
 
 

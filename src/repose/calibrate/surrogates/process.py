@@ -86,7 +86,7 @@ class Process:
     kernel : kernel
         The kernel with the estimated hyperparameters, without the noise.
     noise_level : float
-        Estimated variance of `noise`; 0 without it.
+        Estimated variance of `noise`; 0 if `noise` is None.
     root : array (n, n)
         Cholesky root L of the covariance K of the values, noise included.
     weights : array (n,)

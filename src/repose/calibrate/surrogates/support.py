@@ -201,7 +201,7 @@ class Support:
         is_at_bound = self.at_bounds(points)
         distances = self.distance(points)
         leverages = self.leverage(points)
-        texts = []
+        descriptions = []
         for k in range(len(points)):
             reasons = []
             if is_at_bound[k].any():
@@ -216,8 +216,8 @@ class Support:
                     f"leverage {leverages[k]:.2f}, "
                     f"samples' largest {self.largest_leverage:.2f}"
                 )
-            texts.append("; ".join(reasons))
-        return texts
+            descriptions.append("; ".join(reasons))
+        return descriptions
 
     def _describe_bounds(self, point: np.ndarray, is_at_bound: np.ndarray) -> str:
         """Name the parameters of a point (d,) that are at a bound, and which end.

@@ -146,7 +146,7 @@ def make_screening_samples(
         If allowed runs do not determine a linear model.
     """
     corners = plackett_burman(space.dimensions, section.screening_runs)
-    region = _region_of_ranges(space)
+    region = _make_region_of_ranges(space)
     # The linear model is fitted to the corners alone.
     runs = move_forbidden_runs(corners, region, "linear", space)
     centre = np.zeros(space.dimensions) if region is None else region.centre
@@ -156,8 +156,8 @@ def make_screening_samples(
     return add_new_run_column(table, is_new, space)
 
 
-def _region_of_ranges(space: ParameterSpace) -> Region | None:
-    """Make the region of the whole ranges that is allowed; None without constraints."""
+def _make_region_of_ranges(space: ParameterSpace) -> Region | None:
+    """Make the allowed region of the whole ranges; None if all of it is allowed."""
     return make_region(space, lambda coded: (1 + coded) / 2, space.dimensions)
 
 
@@ -295,7 +295,7 @@ def make_ascent_samples(
         slopes, targets.aim - centre, compute_scale(targets)
     )
     # Start at the centre of the ranges, or of their allowed part.
-    region_of_ranges = _region_of_ranges(space)
+    region_of_ranges = _make_region_of_ranges(space)
     start = np.zeros(space.dimensions)
     if region_of_ranges is not None:
         start = region_of_ranges.centre

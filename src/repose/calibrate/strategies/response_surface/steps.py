@@ -126,7 +126,7 @@ def make_region(
     convert_to_unit: Callable[[np.ndarray], np.ndarray],
     factors: int,
 ) -> Region | None:
-    """Make the allowed region of the cube of a step; None without constraints.
+    """Make the region of the cube of a step that the constraints allow.
 
     Parameters
     ----------
@@ -136,6 +136,11 @@ def make_region(
         unit cube.
     factors : int
         Number of factors that the step varies.
+
+    Returns
+    -------
+    Region or None
+        None if there are no constraints.
     """
     if not space.constraints:
         return None

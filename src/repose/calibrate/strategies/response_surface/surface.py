@@ -114,9 +114,10 @@ def make_surface_samples(
 
 
 def make_surface_region(table: pd.DataFrame, space: ParameterSpace) -> Region | None:
-    """Make the allowed region of the surface's cube; None without constraints.
+    """Make the region of the surface's cube that the constraints allow.
 
-    `table` has the samples of the surface.
+    `table` has the samples of the surface. The result is None if there are no
+    constraints.
     """
     return make_region(space, _make_conversion(table, space), len(list_factors(table)))
 
