@@ -53,10 +53,11 @@ def compute_target_probabilities(
             target for target in targets if target.response.apparatus == bench
         ]
         # Collect the responses of the good runs in this bench test.
-        rows = []
-        for run in runs.get(bench, ()):
-            if run["status"] == "ok":
-                rows.append([run[target.name] for target in targets_of_bench])
+        rows = [
+            [run[target.name] for target in targets_of_bench]
+            for run in runs.get(bench, ())
+            if run["status"] == "ok"
+        ]
         # A single run does not show the scatter. The remaining probabilities, among
         # them that of `all`, stay None.
         if len(rows) < 2:

@@ -276,17 +276,11 @@ def find_constraint_faults(
         Number of the constraint from 0, and what is allowed. A fault of all constraints
         together has an empty text as number.
     """
-    names = tuple(parameters)
-    fixed_names = {name for name, entry in parameters.items() if "fixed" in entry}
     faults = []
     for k, text in enumerate(constraints):
-        try:
-            constraint = Constraint.parse(text, names)
-        except ValueError as error:
-            faults.append((str(k), str(error)))
-            continue
-        if {constraint.smaller.name, constraint.larger.name} <= fixed_names:
-            faults.append((str(k), "a constraint with a parameter that is not fixed"))
+        allowed = _find_constraint_fault(text, parameters)
+        if allowed is not None:
+            faults.append((str(k), allowed))
     if faults:
         yield from faults
         return
@@ -301,6 +295,31 @@ def find_constraint_faults(
             f"and of their priors; these allow {100 * share:.2g} %: narrow the ranges to "
             "where they hold",
         )
+
+
+def _find_constraint_fault(text: str, parameters: Mapping[str, Any]) -> str | None:
+    """Find the fault of a single constraint.
+
+    Parameters
+    ----------
+    text : str
+        The constraint as the user wrote it.
+    parameters : mapping
+        The section `parameters`, without faults.
+
+    Returns
+    -------
+    str or None
+        What is allowed; None if the constraint has no fault.
+    """
+    try:
+        constraint = Constraint.parse(text, tuple(parameters))
+    except ValueError as error:
+        return str(error)
+    names = (constraint.smaller.name, constraint.larger.name)
+    if all("fixed" in parameters[name] for name in names):
+        return "a constraint with a parameter that is not fixed"
+    return None
 
 
 def count_free(parameters: Mapping[str, Any]) -> int:

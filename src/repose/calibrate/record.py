@@ -410,20 +410,22 @@ class Record:
         numbers = []
         for row, point in zip(rows, _list_points(sets, names), strict=True):
             index = _find_match(unmatched_runs, row, point, names)
-            if index is not None:
-                # The strategy asked for this run. No later row can be the same run, so
-                # remove it from the runs to match.
+            was_requested = index is not None
+            if was_requested:
+                # The row has the numbers of the request. No later row can be the same
+                # run, so remove it from the runs to match.
                 sample = str(unmatched_runs.at[index, "sample"])
                 run = str(unmatched_runs.at[index, "run"])
                 unmatched_runs = unmatched_runs.drop(index=index)
             else:
-                # Keep the numbers that the row has. A row without a sample belongs to
-                # the sample with the same parameters.
+                # The row keeps the numbers that it has. Without a sample, it belongs to
+                # the sample with the same parameters. Without a run, it gets the next
+                # free number.
                 if point not in sample_of_point:
                     sample_of_point[point] = next(new_samples)
                 sample = row.get("sample", str(sample_of_point[point]))
                 run = row.get("run", _find_free_run(sample, used_numbers))
-            numbers.append(_RunNumber(sample, run, was_requested=index is not None))
+            numbers.append(_RunNumber(sample, run, was_requested))
             used_numbers.add((sample, run))
         return numbers
 

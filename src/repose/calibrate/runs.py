@@ -106,25 +106,36 @@ def summarise_runs(
         raise ValueError("runs is empty; expected at least one run")
     ok = [run for run in runs if run["status"] == "ok"]
     failed = [run for run in runs if run["status"] != "ok"]
-    is_usable = len(ok) > 0 and 2 * len(ok) >= len(runs)
-    # Begin with None for all keys. The numbers of an unusable sample stay None.
-    summary: dict[str, Any] = dict.fromkeys(recorded.summary)
     remarks = [describe_failures(failed, len(runs)), describe_overlaps(runs)]
+    # All keys begin with None, in the order of the result. The means and errors of an
+    # unusable sample stay None.
+    summary: dict[str, Any] = dict.fromkeys(recorded.summary)
     summary["reason"] = "; ".join(filter(None, remarks))
     summary["n_seeds"] = len(ok)
-    if not is_usable:
+    is_usable = len(ok) > 0 and 2 * len(ok) >= len(runs)
+    if is_usable:
+        summary["status"] = "ok"
+        summary |= _average_responses(ok, recorded)
+    else:
         statuses = Counter(run["status"] for run in failed)
         summary["status"] = statuses.most_common(1)[0][0]
-        return summary
-    summary["status"] = "ok"
-
-    # Average the responses of the good runs.
-    for name in recorded.means:
-        values = [run[name] for run in ok if run.get(name) is not None]
-        summary[name], error = mean_and_error(values)
-        if name not in recorded.without_error:
-            summary[name_error_column(name)] = error
     return summary
+
+
+def _average_responses(
+    runs: Sequence[Mapping[str, Any]], recorded: Recorded
+) -> dict[str, float | None]:
+    """Compute the mean of each response over runs, and its standard error.
+
+    A run without a number for a response is left out of its mean.
+    """
+    averages: dict[str, float | None] = {}
+    for name in recorded.means:
+        values = [run[name] for run in runs if run.get(name) is not None]
+        averages[name], error = mean_and_error(values)
+        if name not in recorded.without_error:
+            averages[name_error_column(name)] = error
+    return averages
 
 
 def mean_and_error(values: Sequence[float]) -> tuple[float | None, float | None]:

@@ -371,18 +371,10 @@ def search_points(
     for round_number in range(1, settings.rounds + 1):
         populations = []
         for _ in range(settings.generations):
-            points = miga.ask()
-            population = _evaluate_population(points, respond, objective, preference)
-            if violation is None:
-                miga.tell(population.fitness)
-            else:
-                # A point that violates a constraint only guides the search back to the
-                # allowed part. It does not count as a result.
-                excess = violation(points)
-                is_allowed = excess <= 0
-                penalty = FORBIDDEN_FITNESS * (1 + excess)
-                miga.tell(np.where(is_allowed, population.fitness, penalty))
-                population = population.select(is_allowed)
+            population = _evaluate_population(
+                miga.ask(), respond, objective, preference
+            )
+            population = _tell_fitness(miga, population, violation)
             populations.append(population)
             n_feasible += population.count_feasible()
 
@@ -437,3 +429,35 @@ def _evaluate_population(
     if preference is not None:
         fitness += preference(points)
     return _Population(points, fitness, V)
+
+
+def _tell_fitness(
+    miga: MIGA, population: _Population, violation: ArrayFunction | None
+) -> _Population:
+    """Tell the fitness of a generation to the search.
+
+    A point that violates a constraint between parameters gets a penalty in place of its
+    fitness, which guides the search back to the allowed part.
+
+    Parameters
+    ----------
+    miga : MIGA
+        The search. Afterwards it is at the next generation.
+    population : _Population
+        The present generation.
+    violation : callable or None
+        As in `search_points`.
+
+    Returns
+    -------
+    _Population
+        The allowed points, which count as results of the search.
+    """
+    if violation is None:
+        miga.tell(population.fitness)
+        return population
+    excess = violation(population.points)
+    is_allowed = excess <= 0
+    penalty = FORBIDDEN_FITNESS * (1 + excess)
+    miga.tell(np.where(is_allowed, population.fitness, penalty))
+    return population.select(is_allowed)

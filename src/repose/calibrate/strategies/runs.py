@@ -695,25 +695,30 @@ def _refuse_repeated_rows(table: pd.DataFrame, rows: Rows, source: object) -> No
         If there are such rows; the message lists all of them.
     """
     has_run_numbers = "run" in rows[0]
-    # Index of the first row of each run, by the key that identifies the run.
+    keys: dict[int, tuple[Any, ...]]  # by index of the row
+    # Collect what identifies the run of each row. A failed run without a number cannot be
+    # identified, because it has no responses.
+    if has_run_numbers:
+        run_numbers = [str(row["run"]).strip() for row in rows]
+        keys = dict(enumerate(zip(table["sample"], run_numbers, strict=True)))
+    else:
+        all_values = enumerate(table.itertuples(index=False, name=None))
+        is_good = (table["status"] == OK).tolist()
+        keys = {k: values for k, values in all_values if is_good[k]}
+
     first_row: dict[tuple[Any, ...], int] = {}
     faults: list[Fault] = []
-    values_of_rows = table.itertuples(index=False, name=None)
-    for k, (row, values) in enumerate(zip(rows, values_of_rows, strict=True)):
-        # The first two columns of the table.
-        sample, status = values[:2]
+    for k, key in keys.items():
+        first = first_row.setdefault(key, k)
+        if first == k:
+            continue
         if has_run_numbers:
-            numbers = (sample, str(row["run"]).strip())
-            first = first_row.setdefault(numbers, k)
-            if first != k:
-                allowed = f"each once; row {first + 1} has them, too"
-                faults.append((k, "sample and run", list(numbers), allowed))
-        elif status == OK:
-            first = first_row.setdefault(values, k)
-            if first != k:
-                allowed = (
-                    "a run of its own, or a column `run`: all numbers of this row stand "
-                    f"in row {first + 1}"
-                )
-                faults.append((k, "row", "there twice", allowed))
+            allowed = f"each once; row {first + 1} has them, too"
+            faults.append((k, "sample and run", list(key), allowed))
+        else:
+            allowed = (
+                "a run of its own, or a column `run`: all numbers of this row stand "
+                f"in row {first + 1}"
+            )
+            faults.append((k, "row", "there twice", allowed))
     refuse(source, faults)

@@ -74,22 +74,15 @@ def draw_chains(
     """
     import emcee
 
-    def compute_log_density(points: np.ndarray) -> np.ndarray:
-        """Compute the log density (n,) of points (n, d); -inf outside the unit cube."""
-        values = np.full(len(points), -np.inf)
-        is_inside = ((points >= 0) & (points <= 1)).all(axis=1)
-        if is_inside.any():
-            values[is_inside] = log_density(points[is_inside])
-        return values
-
+    density_in_cube = partial(_compute_density_in_cube, log_density=log_density)
     burn_in = int(BURN_IN_SHARE * steps)
     draws_of_ensembles = []
     times_of_ensembles = []
     for k in range(N_ENSEMBLES):
         random = np.random.RandomState([seed, k])
-        start_points = _draw_starts(compute_log_density, dimensions, random)[:walkers]
+        start_points = _draw_starts(density_in_cube, dimensions, random)[:walkers]
         ensemble = _make_ensemble(
-            len(start_points), dimensions, compute_log_density, random
+            len(start_points), dimensions, density_in_cube, random
         )
         ensemble.run_mcmc(start_points, steps)
 
@@ -111,6 +104,15 @@ def draw_chains(
         times=mean_times[:-1],
         density_time=float(mean_times[-1]),
     )
+
+
+def _compute_density_in_cube(points: np.ndarray, log_density: Density) -> np.ndarray:
+    """Compute the log density (n,) of points (n, d); -inf outside the unit cube."""
+    values = np.full(len(points), -np.inf)
+    is_inside = ((points >= 0) & (points <= 1)).all(axis=1)
+    if is_inside.any():
+        values[is_inside] = log_density(points[is_inside])
+    return values
 
 
 def _make_ensemble(

@@ -69,21 +69,27 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     )
     why = "the places near the targets are simulated: the search on all runs answers"
     answer = make_answer(study, training.model, inversion, data, why, section.seeds)
-    n_places = int(is_second_stage.sum())
-    steps = (
+    notes = {
+        **answer.notes,
+        "steps": _describe_steps(study, n_places=int(is_second_stage.sum())),
+        "fit": training.metrics,
+        "optimism": _estimate_optimism(study, training, support, samples, data),
+    }
+    return replace(answer, notes=notes)
+
+
+def _describe_steps(study: Study, n_places: int) -> tuple[str, ...]:
+    """Describe in sentences the steps that led to the answer.
+
+    `n_places` is the number of samples of the second stage.
+    """
+    return (
         f"Design: {study.settings.design.samples} parameter sets, and a surrogate of "
         "their runs.",
         f"Second stage: {n_places} places where this surrogate may meet the targets, a "
         "run at each.",
         "Search: the surrogate of all runs, over the whole ranges.",
     )
-    notes = {
-        **answer.notes,
-        "steps": steps,
-        "fit": training.metrics,
-        "optimism": _estimate_optimism(study, training, support, samples, data),
-    }
-    return replace(answer, notes=notes)
 
 
 def _mark_second_stage(numbers: pd.Series, study: Study) -> pd.Series:

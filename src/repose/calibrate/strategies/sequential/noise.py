@@ -102,8 +102,7 @@ def find_noise(
     InputError
         If replicates, `noise_sd` and single runs are all too few.
     """
-    n_samples, n_parameters = observed.unit.shape
-    if n_samples == 0:
+    if len(observed.unit) == 0:
         raise InputError(
             source="runs",
             key="samples with a good run",
@@ -119,23 +118,9 @@ def find_noise(
             # The replicates are all alike, so count them as one run.
             runs_of_samples = np.ones_like(runs_of_samples)
 
-    # The noise of a response without a `noise_sd` is estimated from single runs, if there
-    # are enough of them.
-    fewest = RUNS_PER_PARAMETER * n_parameters
-    has_all_from_user = set(names) <= set(noise_sd)
-    if not has_all_from_user and n_samples < fewest:
-        raise InputError(
-            source="runs",
-            key="runs beyond the first of a sample",
-            value=observed.freedom,
-            allowed=(
-                f"at least {len(names) + 1}: replicates, rows with the same "
-                "parameters, determine the noise; or targets.NAME.noise_sd for each "
-                f"response; or at least {fewest} samples, for an estimate of it"
-            ),
-        )
-
     # Without replicates the correlation is unknown, so treat the responses separately.
+    if not set(names) <= set(noise_sd):
+        _require_enough_samples(observed, len(names))
     sources = {}
     variances = []
     for k, name in enumerate(names):
@@ -149,6 +134,27 @@ def find_noise(
             )
             variances.append(variance)
     return Noise(np.diag(variances), sources)
+
+
+def _require_enough_samples(observed: ObservedSamples, n_responses: int) -> None:
+    """Refuse too few samples for an estimate of the noise from single runs.
+
+    The error names all ways to determine the noise.
+    """
+    n_samples, n_parameters = observed.unit.shape
+    fewest = RUNS_PER_PARAMETER * n_parameters
+    if n_samples >= fewest:
+        return
+    raise InputError(
+        source="runs",
+        key="runs beyond the first of a sample",
+        value=observed.freedom,
+        allowed=(
+            f"at least {n_responses + 1}: replicates, rows with the same "
+            "parameters, determine the noise; or targets.NAME.noise_sd for each "
+            f"response; or at least {fewest} samples, for an estimate of it"
+        ),
+    )
 
 
 def estimate_nugget(unit: np.ndarray, means: np.ndarray, shares: np.ndarray) -> float:
