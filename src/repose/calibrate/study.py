@@ -527,8 +527,17 @@ def _simulate_runs(
     if executor is None:
         for run in runs:
             yield run, simulate(dict(run))
-        return
-    # Start all runs, and yield their results in the order in which they end.
+    else:
+        yield from _simulate_in_parallel(simulate, runs, executor)
+
+
+def _simulate_in_parallel(
+    simulate: Simulate, runs: Sequence[Run], executor: Executor
+) -> Iterator[tuple[Run, Any]]:
+    """Simulate runs by an executor; see `_simulate_runs`.
+
+    All runs are submitted at once, and yielded in the order in which they end.
+    """
     run_of_future = {executor.submit(simulate, dict(run)): run for run in runs}
     first_error: BaseException | None = None
     try:

@@ -355,7 +355,7 @@ def _check_strategy(config: Mapping[str, Any], source: str | Origin) -> None:
             allowed=obeying_strategies(),
         )
     # The general rules of `sequential` do not hold here: with the user's own simulator,
-    # the key `noise_sd` may replace repeated runs. `OwnSequential` checks the budget.
+    # the key `noise_sd` may replace repeated runs. `StudyFile` checks the budget.
     if name == "sequential":
         return
     contradictions = cost.find_contradictions(

@@ -447,7 +447,10 @@ def analyse_surrogate(
 def compute_variance_shares(
     respond: ArrayFunction, parameters: ParameterSpace, settings: SensitivitySettings
 ) -> dict[str, np.ndarray]:
-    """Compute Sobol indices; with constraints the result of `compute_allowed_shares`."""
+    """Compute Sobol indices, or with constraints the shares that replace them.
+
+    The result is that of `compute_sobol_indices` or of `compute_allowed_shares`.
+    """
     low, high = parameters.coordinate_ends
     if parameters.constraints:
         return compute_allowed_shares(

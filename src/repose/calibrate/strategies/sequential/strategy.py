@@ -198,10 +198,11 @@ def give_answer(
     space = study.parameters
     targets = study.targets
     observed = arrange_runs(data, space, targets)
-    try:
-        model = model or Kriging(observed, find_known_noise(study, observed))
-    except ValueError as error:
-        raise _make_input_error(error, data, targets) from None
+    if model is None:
+        try:
+            model = Kriging(observed, find_known_noise(study, observed))
+        except ValueError as error:
+            raise _make_input_error(error, data, targets) from None
     goal = _make_goal(study)
     ranking = rank_points(model, goal, observed, _make_generator(study, data))
     others = find_alternatives(ranking, model, targets, study.settings.miga)
@@ -255,7 +256,11 @@ def _are_ends_simulated(
 def _compute_probabilities(
     mean: np.ndarray, covariance: np.ndarray, targets: Targets, space: ParameterSpace
 ) -> dict[str, float]:
-    """Return the probabilities of `Answer` for a mean (1, k)."""
+    """Compute the probabilities that an answer meets the targets.
+
+    `mean` (1, k) and `covariance` (1, k, k) are those of its prediction. The keys are
+    those of the attribute `probability` of `Answer`.
+    """
     probabilities = {}
     for percent, column in WITHIN_COLUMNS.items():
         goal = Goal.from_targets(targets, percent, space)
