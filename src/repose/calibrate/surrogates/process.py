@@ -107,36 +107,41 @@ class Process:
     ) -> None:
         """Fit the free hyperparameters, and condition the process on the values.
 
-        The docstring of the class describes the parameters. If `noise` is not None, its
-        variance is fitted together with the kernel, and separated from it afterwards.
+        The docstring of the class describes the parameters.
         """
         self.x = x
         self.values = values
         self.noise_level = 0.0
         self.errors = errors
-        # Without noise and optimizer, there is nothing to fit.
         if noise is None and optimizer is None:
             self._condition(kernel)
-            return
+        else:
+            self._fit(kernel, noise, optimizer)
 
+    def _fit(self, kernel: Any, noise: Any, optimizer: str | Callable | None) -> None:
+        """Fit the free hyperparameters with scikit-learn, and set all attributes.
+
+        The variance of `noise` is fitted together with the kernel. Afterwards the noise
+        is separated from the kernel, and added to the known errors.
+        """
         kernel_with_noise = kernel if noise is None else kernel + noise
         model = GaussianProcessRegressor(
-            kernel_with_noise, alpha=errors, optimizer=optimizer
+            kernel_with_noise, alpha=self.errors, optimizer=optimizer
         )
         with warnings.catch_warnings():
             # scikit-learn warns if a length is at its bound. Here this is expected for
             # an input without effect.
             warnings.simplefilter("ignore")
-            model.fit(x, values)
+            model.fit(self.x, self.values)
 
-        # Separate the fitted noise, which is the second part of the kernel.
         if noise is None:
             self.kernel = model.kernel_
         else:
+            # The sum of two kernels has its parts as k1 and k2.
             self.kernel = model.kernel_.k1
             fitted_noise = model.kernel_.k2
             self.noise_level = float(fitted_noise.noise_level)
-            self.errors = errors + np.diagonal(fitted_noise(x))
+            self.errors = self.errors + np.diagonal(fitted_noise(self.x))
         self.root = model.L_
         self.weights = model.alpha_
         self.log_likelihood = float(model.log_marginal_likelihood_value_)
@@ -144,8 +149,8 @@ class Process:
     def _condition(self, kernel: Any) -> None:
         """Condition a process whose hyperparameters are known (RW06, Algorithm 2.1).
 
-        The results have the bits of scikit-learn's, without its checks and copies, which
-        take most of the time for tens of values.
+        The results are exactly those of scikit-learn. Its checks and copies are left
+        out, because they take most of the time for tens of values.
         """
         covariance = kernel(self.x)
         covariance[np.diag_indices_from(covariance)] += self.errors

@@ -70,7 +70,7 @@ class QuadraticSurface(Surrogate):
         """
         X, Y, _, precision = check_samples(X, Y, **noise)
         n_outputs = Y.shape[1]
-        # Only check the covariance. The mixing itself is not needed.
+        # This call only checks the covariance, because the mixing itself is not needed.
         find_independent_mixing(
             noise.get("noise_covariance"), np.ones(n_outputs), precision
         )

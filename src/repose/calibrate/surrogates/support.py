@@ -198,7 +198,7 @@ class Support:
         """
         points = np.atleast_2d(np.asarray(points, dtype=float))
         coordinates = to_coordinates(points, self.names, self.scale)
-        is_at_bound = self.at_bounds(points)
+        is_at_bound = self.at_bounds(points)  # (m, d)
         distances = self.distance(points)
         leverages = self.leverage(points)
         descriptions = []
