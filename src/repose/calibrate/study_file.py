@@ -546,8 +546,8 @@ def make_settings(config: Mapping[str, Any]) -> CalibrationSettings:
         model = strategy(name).settings
         if model is not None and name not in StudyFile.model_fields:
             others[name] = model.model_validate(config[name])
-    # `complete_configuration` has checked `sequential` and `posterior` by the bounds of
-    # this module. Those of the following models are others, so skip their checks.
+    # `complete_configuration` has already checked `sequential` and `posterior`. The two
+    # models below have other bounds than this module, so construct them without checks.
     own_sequential = SequentialSettings.model_construct(
         start_samples=sequential["start_samples"],
         seeds=sequential["seeds"],

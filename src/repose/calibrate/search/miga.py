@@ -190,7 +190,7 @@ class MIGA:
             population,
             size=(self.settings.tournament, generations, islands, 2 * population),
         )
-        # The smallest rank wins, (generations, islands, 2 population).
+        # The smallest rank wins. The shape is (generations, islands, 2 * population).
         self._winners = ranks.min(axis=0)
         # A child is a weighted mean of its parents. This is the weight of the first one.
         self._share = self.random.uniform(size=(generations, islands, population, 1))

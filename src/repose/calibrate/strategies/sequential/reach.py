@@ -245,7 +245,7 @@ def _draw_prior(
     callable
         It maps points (m, d) to values (m, n_functions).
     """
-    # The kernel was composed in this order.
+    # The kernel is the sum of these two parts, and each part is a product.
     linear = kernel.k1
     smooth = kernel.k2
     slope_variance = linear.k1.constant_value
