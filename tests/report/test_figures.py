@@ -253,7 +253,9 @@ def test_failed_samples_are_counted(inputs):
     )
 
 
-def test_a_drum_that_never_slips_is_shown_at_the_reported_time(inputs, tmp_path, monkeypatch):
+def test_a_drum_that_never_slips_is_shown_at_the_reported_time(
+    inputs, tmp_path, monkeypatch
+):
     monkeypatch.setattr(rotation, "PICTURE_PIXELS", 120)
     states = tmp_path / "states.npz"
     with np.load(inputs["states"]) as file:
@@ -614,9 +616,7 @@ def test_the_outline_has_the_measured_height_and_slope_at_one_scale(drawn, input
     simulated = [line for line in panel.lines if "simulated slope" in line.get_label()]
     assert len(simulated) == 2
     files = inputs_of("outline", inputs)
-    settings = StudyView(CONFIG).settings.measure.for_grain(
-        read_grain(files["berry"])
-    )
+    settings = StudyView(CONFIG).settings.measure.for_grain(read_grain(files["berry"]))
     pour = saved_pours.read_first_pour(files["heap"])
     grains = Grains.of(pour, Particle.load(files["particle"]))
     pile_result = pile.measure_pile(grains, settings, pour["in_pile"])
