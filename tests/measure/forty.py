@@ -460,7 +460,7 @@ def photograph(scene: Scene) -> tuple[np.ndarray, np.ndarray]:
         light_of(scene.exposed) / picture.mean(),
         240 / np.quantile(picture[::9, ::9], 0.995),
     )
-    page = sheet.draw_sheet()[0]
+    page = sheet.draw_sheet()
     wide, tall = sheet.compute_size_mm()
     turn = [np.cos(scene.yaw), np.sin(scene.yaw), 0]
     corners = np.array([scene.left, 0, 0]) + np.outer(

@@ -265,7 +265,8 @@ def _room(scene, eye, rays):
     colour[near] = _sample(ground, at[..., 0], at[..., 1])[near]
     depth[near] = to_ground[near]
     if scene.with_sheet:
-        page, mm = sheet.draw_sheet(20.0, 8)
+        mm = 8
+        page = sheet.draw_sheet(20.0, mm)
         turn = np.radians(scene.sheet_yaw)
         along = np.array([np.cos(turn), np.sin(turn), 0])
         _stand(

@@ -163,7 +163,7 @@ def measured(
     focal = drawn.focal / max(drawn.size) if focal_stated else None
     path = saved(
         path,
-        lambda: photograph(drawn, sheet.draw_sheet()[0], sheet.compute_size_mm()),
+        lambda: photograph(drawn, sheet.draw_sheet(), sheet.compute_size_mm()),
         focal,
     )
     return photographs.measure_photographs([path], settings, photographs.Scale())[0]

@@ -205,8 +205,7 @@ def test_tilted_light_noise_and_loose_berries_in_either_polarity(
         assert m.aor_deg == pytest.approx(angle, abs=DISTURBED_DEG)
         assert m.height_mm == pytest.approx(HEIGHT_MM, abs=DISTURBED_MM)
         if background != (77, 77, 77):
-            expected = "darker" if np.mean(pile) < np.mean(background) else "brighter"
-            assert m.pile_is == expected
+            assert m.is_darker == (np.mean(pile) < np.mean(background))
 
 
 def test_a_light_or_lumpy_pile_is_measured_as_it_is():
@@ -215,8 +214,8 @@ def test_a_light_or_lumpy_pile_is_measured_as_it_is():
     inverse = measure_image(255 - picture, MM)
     assert inverse.aor_deg == pytest.approx(plain.aor_deg, abs=0.02)
     assert inverse.height_mm == pytest.approx(plain.height_mm, abs=0.02)
-    assert plain.pile_is == "darker"
-    assert inverse.pile_is == "brighter"
+    assert plain.is_darker
+    assert not inverse.is_darker
     picture = toned(drawn(lambda u: rounded(30, u), half_width(30)), 40, 220)
     fine = measure_image(picture, 0.1)
     coarse = measure_image(picture, 0.4)

@@ -19,7 +19,8 @@ from repose.measure.settings import MeasureSettings
 
 
 def test_the_sheet_is_printed_in_its_size_and_found_by_its_corners(tmp_path):
-    picture, per_mm = sheet.draw_sheet(20.0, 8)
+    per_mm = 8
+    picture = sheet.draw_sheet(20.0, per_mm)
     seen = sheet.find_sheet(
         cv2.copyMakeBorder(picture, 50, 50, 50, 50, cv2.BORDER_CONSTANT, value=200)
     )
@@ -111,7 +112,7 @@ def test_a_cone_seen_from_above_or_below_gets_its_angle_and_its_foot_back(above,
     cv2.fillPoly(mask, [hull], 1, shift=4)
     mask[701:] = 0
     pile = Segmentation(
-        255 * mask, mask.astype(np.float32), 0.5, mask, base, "brighter"
+        255 * mask, mask.astype(np.float32), 0.5, mask, base, is_darker=False
     )
     photograph = photographs.Photograph(
         Path(), mask, pile, geometry={"mm_per_pixel": px}
@@ -157,7 +158,7 @@ def test_what_floats_over_the_plate_or_in_a_deep_shadow_is_left_out(tmp_path):
     deep = measured(tmp_path, Scene(**SMALL | {"shadow": 0.7})).measurement
     assert deep.height_mm == pytest.approx(light.height_mm, abs=0.1)
     assert deep.aor_deg == pytest.approx(light.aor_deg, abs=0.5)
-    assert light.pile_is == "darker"  # yellow peas before a white wall
+    assert light.is_darker  # yellow peas before a white wall
     mask = np.zeros((100, 400), np.uint8)
     cv2.fillPoly(mask, [np.array([(100, 99), (200, 10), (300, 99)])], 1)
     pile = mask.copy()

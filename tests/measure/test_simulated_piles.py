@@ -149,7 +149,7 @@ def test_a_silhouette_is_split_as_any_picture_of_its_tones_to_the_last_bit(
     found = segment(image, largest_only, base_row=image.shape[0] - 0.5)
     assert known.level == found.level
     assert known.base_row == found.base_row
-    assert known.pile_is == found.pile_is
+    assert known.is_darker == found.is_darker
     for name in ("grey", "contrast", "mask"):
         assert getattr(known, name).dtype == getattr(found, name).dtype
         np.testing.assert_array_equal(getattr(known, name), getattr(found, name))

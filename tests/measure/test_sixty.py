@@ -133,14 +133,14 @@ def outlined(*tops):
     mask = np.zeros((200, 600), np.uint8)
     corners = [(column, 199 - height) for column, height in ((50, 0), *tops, (550, 0))]
     cv2.fillPoly(mask, [np.array(corners)], 1)
-    return Segmentation(mask, mask.astype(np.float32), 0.5, mask, 199.5, "darker")
+    return Segmentation(mask, mask.astype(np.float32), 0.5, mask, 199.5, is_darker=True)
 
 
 @pytest.mark.parametrize(
     ("tops", "doubt"),
     [
         ([(300, 150)], None),
-        ([(200, 100), (280, 40), (420, 80)], "as of two heaps"),
+        ([(200, 100), (280, 40), (420, 80)], "as of two piles"),
         ([(150, 60), (450, 62)], "its top is level"),
         (
             [(230, 50), (299, 50), (300, 150), (301, 50), (370, 50)],
@@ -176,7 +176,7 @@ def test_a_second_heap_beside_it_is_doubtful(tmp_path):
         settings = MeasureSettings.with_defaults(berry_height_mm=6.0)
         scale = photographs.Scale(mm_per_pixel=0.5)
         (seen,) = photographs.measure_photographs([file], settings, scale)
-        assert ("another heap stands beside it" in seen.remarks) == known
+        assert ("another pile stands beside it" in seen.remarks) == known
 
 
 def test_a_doubt_is_printed_beside_its_photograph_and_a_layer_is_refused(tmp_path):

@@ -133,14 +133,20 @@ def measure_segmented(pile: "Segmentation", settings: MeasureSettings) -> Measur
         The pile in the picture.
     settings : MeasureSettings
         Settings of the lines, with the scale of the picture.
+
+    Returns
+    -------
+    Measurement
+        Angles and Height.
     """
     profile, crest = find_profile(pile)
     measured, reasons = measure_sides(profile, crest, settings)
+    last_column = profile.size - 1
     angles = {}
     for name, (aor_deg, left, right) in measured.items():
-        # Distances and heights become columns and rows of the picture. The right side was
-        # measured backwards, from its foot to the crest.
-        last_column = profile.size - 1
+        # Convert the ends of both lines, which are distances and heights, to columns and
+        # rows of the picture. Distances on the right side are counted from the last
+        # column backwards.
         left_line = tuple(
             (distance, pile.base_row - height) for distance, height in left.ends
         )
@@ -163,7 +169,7 @@ def measure_segmented(pile: "Segmentation", settings: MeasureSettings) -> Measur
         base_row=pile.base_row,
         top=(float(crest), pile.base_row - crest_height),
         contour=pile.contour,
-        pile_is=pile.pile_is,
+        is_darker=pile.is_darker,
     )
 
 
@@ -235,7 +241,7 @@ def measure_profiles(
         measured, reasons = measure_sides(profile, crest, settings)
         for name, angle in measured.items():
             angles[name][view] = angle.angle_deg
-        # Keep the reason of the first view in which an angle was not measured.
+        # If several views have a reason for a missing angle, that of the first view counts.
         first_reasons = reasons | first_reasons
     return PileResult(
         response=settings.response,
@@ -319,9 +325,9 @@ def _draw_silhouettes(
 
     scale = settings.mm_per_pixel
     azimuths_deg = np.arange(settings.views) * 180.0 / settings.views
-    # OpenCV fills half a pixel too much on all sides, so move the outlines inwards by
-    # this distance.
-    for polygons in compute_outlines(grains, azimuths_deg, inset_m=scale * 0.5e-3):
+    # OpenCV fills half a pixel too much on all sides, so move the outlines inwards.
+    half_pixel_m = scale * 0.5e-3
+    for polygons in compute_outlines(grains, azimuths_deg, inset_m=half_pixel_m):
         image = paint_outlines(polygons, scale, find_extent(polygons, scale))
         if min(image.shape) < MIN_SIDE_PX:
             rows, columns = image.shape

@@ -28,7 +28,7 @@ class Measurement:
     base_row: float  # row of the plate
     top: tuple  # column and row of the highest point
     contour: np.ndarray  # (M, 2), column and row of the boundary's pixels
-    pile_is: str  # "darker" or "brighter" than the background
+    is_darker: bool  # whether the pile is darker than the background
 
     @property
     def angle(self) -> Angle:

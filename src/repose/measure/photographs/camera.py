@@ -32,6 +32,9 @@ PHONE_FOCAL = 0.75  # the main camera of most phones
 CALIBRATED_FOCALS = (0.3, 10)  # plausible results of a calibration
 TRIAL_FOCALS = np.geomspace(0.5, 16.0, 41)
 
+# OpenCV's flags for fits of two coefficients of distortion, of one, and of none
+FIXED_COEFFICIENTS = (0, cv2.CALIB_FIX_K2, cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2)
+
 # Limits of a calibration that is used
 LARGEST_LENS_ERROR = 0.004  # share by which a point at half the longer side moves
 LARGEST_FOCAL_ERROR = 0.05  # relative standard error of the focal length
@@ -39,13 +42,21 @@ LARGEST_FOCAL_CHANGE = (
     1.6  # factor between the focal length with and without distortion
 )
 SINGULAR_FIT = 1e-6  # a smaller relative error of the focal length means a singular fit
+# An assumed focal length is kept within this number of standard errors of the best one.
+KEPT_STANDARD_ERRORS = 3
 
 # Limits of the pose of a camera
 LARGEST_RESIDUAL = 1.5e-3  # rms distance of the corners from a flat sheet, longer sides
 LARGEST_TILT_DEG = 25.0
 LARGEST_LOOK_DOWN_DEG = 8.0
 
+# A view coarser than this, in pixels of the photograph, is blurred before it is drawn.
+# The standard deviation of the blur is given in pixels of the view.
+SMALLEST_BLURRED_REDUCTION = 1.5
+BLUR_SHARE = 0.4
+
 STRIP_BELOW_PLATE_MM = 3.0  # height of the strip below the plate in a side view
+POINTS_PER_BORDER = 9  # on each border of a photograph, to find what it shows
 # Width of a strip around the sheet that counts as hidden, too, in widths of the sheet
 SHEET_MARGIN_SHARE = 0.02
 # OpenCV solves for a sheet in the plane of its first two axes: (x, y, z) of the world
@@ -112,11 +123,11 @@ def calibrate_camera(
 ) -> Camera:
     """Estimate focal length and distortion of a camera from photographs of the sheet.
 
-    The lens is centred on the picture, pixels are square, and the distortion is radial.
-    The model has as many coefficients of distortion (two, one or none) as the corners
-    determine, see `_is_reliable`. If the corners do not determine the focal length
-    either, the camera has no distortion. Its focal length is then that of
-    `_estimate_focal`, which is `focal_px` unless the corners clearly contradict it.
+    The model assumes that the lens is centred on the picture, that pixels are square, and
+    that the distortion is radial. It has two coefficients of distortion, one or none: as
+    many as the corners determine (`_is_reliable`). If the corners do not even determine
+    the focal length, it is that of `_estimate_focal`: `focal_px`, unless the corners
+    clearly contradict it.
 
     Parameters
     ----------
@@ -130,7 +141,8 @@ def calibrate_camera(
     Returns
     -------
     Camera
-        It has a note for the user if the distortion or the focal length is unknown.
+        The camera. It has a note for the user if the distortion or the focal length is
+        unknown.
 
     References
     ----------
@@ -141,10 +153,11 @@ def calibrate_camera(
     focal = _estimate_focal(views, assumed_focal, size)
     guess = _make_camera_matrix(focal, size)
     # Fit two coefficients of distortion, then one, then none, until the fit is reliable.
-    for fixed_flags in (0, cv2.CALIB_FIX_K2, cv2.CALIB_FIX_K1 | cv2.CALIB_FIX_K2):
+    for fixed_flags in FIXED_COEFFICIENTS:
         fit = _fit_lens(views, size, guess, fixed_flags)
         if fit is not None and _is_reliable(fit, focal, longer_side):
-            note = NO_DISTORTION if fixed_flags & cv2.CALIB_FIX_K1 else ""
+            has_distortion = not fixed_flags & cv2.CALIB_FIX_K1
+            note = "" if has_distortion else NO_DISTORTION
             return Camera(fit.matrix, fit.distortion, note)
 
     # No fit is reliable. Keep the guess, and note where its focal length comes from.
@@ -197,24 +210,25 @@ def _fit_lens(
         )
     except cv2.error:
         return None
-    # OpenCV's order: two focal lengths, the centre (2), k1, k2, ...
-    errors = errors.ravel()
+    # OpenCV lists the errors of both focal lengths, of both coordinates of the centre,
+    # of k1, of k2, and of coefficients that are fixed here.
+    focal_x, focal_y, _, _, k1_error, k2_error, *_ = errors.ravel()
     return _LensFit(
         matrix=matrix,
         distortion=distortion.ravel()[:5],
-        focal_error=errors[:2].max(),
-        k1_error=errors[4],
-        k2_error=errors[5],
+        focal_error=float(np.maximum(focal_x, focal_y)),
+        k1_error=k1_error,
+        k2_error=k2_error,
     )
 
 
 def _is_reliable(fit: _LensFit, undistorted_focal: float, longer_side: int) -> bool:
-    """Return whether the corners determine all unknowns of a fit.
+    """Tell whether the corners determine all unknowns of a fit.
 
     Three conditions must hold: the fit is not singular, the focal length is plausible
-    and has a small error, and the error of the distortion hardly moves a point. A
-    singular fit has an error of 0, or ends far from the focal length that fits best
-    without distortion.
+    and has a small error, and the error of the distortion hardly moves a point. A fit
+    counts as singular if its focal length has an error of nearly 0, or differs much from
+    the one that fits best without distortion.
 
     Parameters
     ----------
@@ -251,14 +265,14 @@ def _estimate_focal(
     """Estimate the focal length [px] of a lens without distortion.
 
     Several trial values are compared, and the one that fits the views best is chosen.
-    The assumed focal length is kept if it lies within three standard errors of the best.
+    The assumed focal length is preferred if it fits nearly as well.
 
     Parameters
     ----------
     views : sequence of SheetCorners
         The sheet in each photograph.
     assumed : float
-        The assumed focal length [px], which is one of the trial values.
+        The assumed focal length [px], which is the last of the trial values.
     size : tuple of int
         Width and height of the photographs in pixels.
     """
@@ -269,13 +283,15 @@ def _estimate_focal(
             for focal in trials
         ]
     )
+    best_residual = residuals.min()
+    assumed_residual = residuals[-1]
     # Estimate the variance of a corner's coordinate from the residuals of the best fit.
     n_values = 2 * sum(len(view.pixels) for view in views)
     n_unknowns = 6 * len(views) + 1  # a pose for each view, and the focal length
-    variance = residuals.min() / (n_values - n_unknowns)
-    # Three standard errors away from the best value, the sum of squared residuals is
-    # 3^2 variances larger. The assumed focal length is the last trial.
-    if residuals[-1] - residuals.min() < 9 * variance:
+    variance = best_residual / (n_values - n_unknowns)
+    # At a distance of n standard errors from the best value, the sum of squared residuals
+    # is larger by n² variances.
+    if assumed_residual - best_residual < KEPT_STANDARD_ERRORS**2 * variance:
         return float(assumed)
     return float(trials[residuals.argmin()])
 
@@ -382,9 +398,10 @@ class Pose:
 
     def _require_flat(self, sheet: SheetCorners) -> None:
         """Raise NoFlankError if the corners lie too far from those of a flat sheet."""
-        corners = np.insert(sheet.positions_mm, 1, 0.0, axis=1)
-        distances = ((self.project(corners) - sheet.pixels) ** 2).sum(axis=1)
-        residual = np.sqrt(distances.mean())
+        # Insert y = 0 between x and z.
+        corners_mm = np.insert(sheet.positions_mm, 1, 0.0, axis=1)
+        offsets_px = self.project(corners_mm) - sheet.pixels
+        residual = np.sqrt((offsets_px**2).sum(axis=1).mean())
         if residual > LARGEST_RESIDUAL * max(self.size):
             raise NoFlankError(
                 f"the corners of the sheet lie {residual:.1f} pixels from those of a "
@@ -404,7 +421,7 @@ class Pose:
         x = points[..., 0] / points[..., 2]
         y = points[..., 1] / points[..., 2]
 
-        # The lens moves a point along its distance from the centre.
+        # The lens moves a point towards the centre of the picture or away from it.
         k1, k2 = self.camera.distortion[:2]
         squared_distance = x * x + y * y
         distortion = 1 + k1 * squared_distance + k2 * squared_distance**2
@@ -464,12 +481,12 @@ def draw_side_view(
     pose : Pose
         The camera's pose.
     axis_mm : float or None
-        Distance of the axis from the sheet's lower left corner. None means the plane of
-        the sheet; the axis is that corner then.
+        Distance of the axis from the sheet's lower left corner. With None, the view lies
+        in the plane of the sheet, and this corner takes the place of the axis.
     longest_side_px : int
         Largest number of pixels of a side.
     crop : Extent, optional
-        The part that is drawn; the default is all that the photograph shows.
+        The part that is drawn. By default, it is all that the photograph shows.
 
     Returns
     -------
@@ -481,16 +498,11 @@ def draw_side_view(
     NoFlankError
         If the camera is tilted too much, or does not show the plane above the plate.
     """
+    _require_upright_camera(pose)
     if axis_mm is None:
-        plane = Plane(np.array([0.0, 0.0, 0.0]), np.array([1.0, 0, 0]))
+        plane = Plane(origin=np.zeros(3), right=np.array([1.0, 0, 0]))
     else:
         plane = pose.facing_plane(axis_mm)
-    tilt_deg = pose.tilt_deg
-    if tilt_deg > LARGEST_TILT_DEG or pose.position_mm[1] >= 0:
-        raise NoFlankError(
-            f"the camera is tilted by {tilt_deg:.0f} degrees (180: upside down); "
-            f"{LARGEST_TILT_DEG:.0f} can be corrected"
-        )
     extent = _find_visible_extent(pose, plane)
     if crop is not None:
         extent = Extent(
@@ -502,49 +514,107 @@ def draw_side_view(
     # The view is as fine as the photograph, but has at most `longest_side_px` pixels.
     width_mm = extent.right - extent.left
     height_mm = extent.top + STRIP_BELOW_PLATE_MM
-    one_mm = plane.origin + np.outer([0, 1.0], plane.right)
-    pixels_per_mm = float(np.linalg.norm(np.diff(pose.project(one_mm), axis=0)))
-    scale = float(
+    pixels_per_mm = _measure_resolution(pose, plane)
+    mm_per_pixel = float(
         max(1 / pixels_per_mm, width_mm / longest_side_px, height_mm / longest_side_px)
     )
-    columns = math.ceil(width_mm / scale)
-    rows = math.ceil(height_mm / scale)
-    base_row = rows - 1 - STRIP_BELOW_PLATE_MM / scale
+    n_columns = math.ceil(width_mm / mm_per_pixel)
+    n_rows = math.ceil(height_mm / mm_per_pixel)
+    base_row = n_rows - 1 - STRIP_BELOW_PLATE_MM / mm_per_pixel
 
     # Find the place in the photograph of each pixel of the view, and take its colour.
-    along = extent.left + scale * np.arange(columns)
-    up = scale * (base_row - np.arange(rows))
+    along = extent.left + mm_per_pixel * np.arange(n_columns)
+    up = mm_per_pixel * (base_row - np.arange(n_rows))
     pixels = pose.project(plane.points(along, up)).astype(np.float32)
-    # A pixel of a coarser view averages those of the photograph that fall into it.
-    reduction = scale * pixels_per_mm
-    if reduction > 1.5:
-        image = cv2.GaussianBlur(image, (0, 0), 0.4 * reduction)
-    view = cv2.remap(
-        image,
+    view = _take_colours(image, pixels, reduction=mm_per_pixel * pixels_per_mm)
+
+    # Mark the pixels outside the photograph, and those that the sheet hides.
+    sheet_mm = _find_outline_of_sheet(pose, plane)
+    sheet_px = np.column_stack(
+        [
+            (sheet_mm[:, 0] - extent.left) / mm_per_pixel,
+            base_row - sheet_mm[:, 1] / mm_per_pixel,
+        ]
+    )
+    is_sheet = np.zeros((n_rows, n_columns), np.uint8)
+    cv2.fillPoly(is_sheet, [np.rint(sheet_px).astype(np.int32)], 1)
+    return SideView(
+        image=view,
+        hidden=_mark_outside(pixels, pose.size) | (is_sheet > 0),
+        mm_per_pixel=mm_per_pixel,
+        base_row=base_row,
+        left_mm=extent.left,
+    )
+
+
+def _require_upright_camera(pose: Pose) -> None:
+    """Raise NoFlankError if a camera is tilted too much, or stands behind the sheet."""
+    tilt_deg = pose.tilt_deg
+    if tilt_deg > LARGEST_TILT_DEG or pose.position_mm[1] >= 0:
+        raise NoFlankError(
+            f"the camera is tilted by {tilt_deg:.0f} degrees (180: upside down); "
+            f"{LARGEST_TILT_DEG:.0f} can be corrected"
+        )
+
+
+def _measure_resolution(pose: Pose, plane: Plane) -> float:
+    """Measure how many pixels of a photograph show 1 mm of a plane, at its origin."""
+    ends_of_1_mm = plane.origin + np.outer([0, 1.0], plane.right)
+    return float(np.linalg.norm(np.diff(pose.project(ends_of_1_mm), axis=0)))
+
+
+def _take_colours(
+    image: np.ndarray, pixels: np.ndarray, reduction: float
+) -> np.ndarray:
+    """Take the colours of a view from a photograph.
+
+    Parameters
+    ----------
+    image : ndarray
+        The photograph, BGR.
+    pixels : ndarray
+        Column and row (H, W, 2) in the photograph, float32, for each pixel of the view.
+    reduction : float
+        Side of a pixel of the view, in pixels of the photograph.
+
+    Returns
+    -------
+    ndarray
+        The view (H, W, 3). A pixel of a coarse view averages those of the photograph that
+        fall into it.
+    """
+    source = image
+    if reduction > SMALLEST_BLURRED_REDUCTION:
+        source = cv2.GaussianBlur(image, (0, 0), BLUR_SHARE * reduction)
+    return cv2.remap(
+        source,
         pixels[..., 0],
         pixels[..., 1],
         cv2.INTER_LINEAR,
         borderMode=cv2.BORDER_REPLICATE,
     )
-    # Mark the pixels outside the photograph, and those that the sheet hides.
-    width, height = pose.size
-    is_outside = (
+
+
+def _mark_outside(pixels: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """Mark the places that lie outside a photograph or on its border.
+
+    Parameters
+    ----------
+    pixels : ndarray
+        Columns and rows (H, W, 2).
+    size : tuple of int
+        Width and height of the photograph.
+
+    Returns
+    -------
+    ndarray
+        Mask (H, W).
+    """
+    width, height = size
+    return (
         (pixels <= 0).any(-1)
         | (pixels[..., 0] >= width - 1)
         | (pixels[..., 1] >= height - 1)
-    )
-    outline = _find_outline_of_sheet(pose, plane)
-    outline_px = np.column_stack(
-        [(outline[:, 0] - extent.left) / scale, base_row - outline[:, 1] / scale]
-    )
-    is_sheet = np.zeros(is_outside.shape, np.uint8)
-    cv2.fillPoly(is_sheet, [np.rint(outline_px).astype(np.int32)], 1)
-    return SideView(
-        image=view,
-        hidden=is_outside | (is_sheet > 0),
-        mm_per_pixel=scale,
-        base_row=base_row,
-        left_mm=extent.left,
     )
 
 
@@ -594,8 +664,8 @@ def _find_visible_extent(pose: Pose, plane: Plane) -> Extent:
         If a part of the photograph does not show the plane, or if the photograph shows
         nothing over the plate.
     """
-    # Points on the border of the photograph, as shares of its width and height
-    shares = np.linspace(0, 1, 9)
+    # Choose points on the border of the photograph, as shares of its width and height.
+    shares = np.linspace(0, 1, POINTS_PER_BORDER)
     border = []
     for x_share in shares:
         for y_share in shares:
@@ -603,11 +673,12 @@ def _find_visible_extent(pose: Pose, plane: Plane) -> Extent:
                 border.append((x_share, y_share))
     pixels = np.array(border) * np.subtract(pose.size, 1)
 
-    # Their rays meet the plane at the border of the visible part.
+    # Find the rays through them, first in the frame of the camera, which looks along z.
     camera = pose.camera
     rays = cv2.undistortPoints(pixels[:, None], camera.matrix, camera.distortion)[:, 0]
     directions = np.column_stack([rays, np.ones(len(rays))]) @ pose.rotation
 
+    # The rays meet the plane at the border of the visible part.
     distances, points = _intersect(pose.position_mm, directions, plane)
     if (distances <= 0).any():
         raise NoFlankError(
@@ -637,8 +708,8 @@ def _intersect(
     Returns
     -------
     distances : ndarray
-        Distance (N,) of each intersection, in lengths of the ray's direction; negative
-        behind the camera.
+        Distance (N,) of each intersection from the camera, in lengths of the ray's
+        direction. It is negative behind the camera.
     places : ndarray
         Its place (N, 2) on the plane, along and up in mm.
     """

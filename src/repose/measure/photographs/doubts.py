@@ -1,8 +1,7 @@
-"""List doubts about a measured photograph: signs that it does not show a single heap.
+"""List doubts about a measured photograph: signs that it does not show a single pile.
 
-A sign that leaves the measurement possible is a doubt. A doubt is a sentence for the
-user, and the photograph then does not count in the mean. Other signs raise NoFlankError,
-which refuses the photograph.
+A doubt is a sentence for the user. A photograph with a doubt is measured, but does not
+count in the mean. Worse signs raise NoFlankError, which refuses the photograph.
 """
 
 import math
@@ -27,6 +26,8 @@ LOW_BASE_REASON = (
 
 MIN_HEIGHT_PX = 80  # of a pile: with fewer pixels its angle is off by up to 1.5 degrees
 
+TYPICAL_PILE_GRAINS = 8  # height of a pile whose grains are not known, in grains
+
 # Limits of the pile's shape, in heights of a grain and in heights of the pile
 LOWEST_PILE_GRAINS = 1.5  # below it is a layer
 LARGEST_RISE_GRAINS = 1.5  # of the outline, away from the crest
@@ -39,9 +40,11 @@ HIGHEST_MEETING = 1.3
 # Limits of a base that was found without the sheet
 LARGEST_SHADOW_GRAINS = 0.3  # rows of shadow below the grains
 LARGEST_UNDERSIDE_GRAINS = 0.6  # rows below the widest one
+WIDEST_SHARE = 0.99  # width of a row that counts as widest, over that of the widest one
 # Round grains have upright ends of less than 0.75 of their height.
 LARGEST_UPRIGHT_GRAINS = 0.75
 LARGEST_UPRIGHT_PX = 12
+SMALLEST_STRIP_PX = 4  # height of the strip below the base that is compared
 SMALLEST_STEP = 30  # tones between what lies below the pile and beside it: no plate
 LARGEST_SHADOW_SHARE = 0.03  # of a pile of another colour than the background's
 
@@ -54,8 +57,8 @@ class _Size(NamedTuple):
     mm_per_pixel: float
 
 
-class _Foot(NamedTuple):
-    """Rows of a pile and its distance from both borders of the picture."""
+class _Margins(NamedTuple):
+    """Widths of the background on both sides of a pile, for each row of the pile."""
 
     rows: np.ndarray  # (N,), from the crest to the lowest row
     left: np.ndarray  # (N,), pixels between the picture's left border and the pile
@@ -64,20 +67,20 @@ class _Foot(NamedTuple):
 
 def estimate_grain_mm(height_mm: float) -> float:
     """Estimate the height of a grain, if it is not known, from that of a pile."""
-    return height_mm / 8
+    return height_mm / TYPICAL_PILE_GRAINS
 
 
 def list_doubts_of_pile(
     pile: Segmentation, measurement: Measurement, grain_mm: float, mm_per_pixel: float
 ) -> list[str]:
-    """List the doubts that a pile is a single heap and has enough pixels.
+    """List the doubts whether a photograph shows a single pile, and in enough pixels.
 
     Parameters
     ----------
     pile : Segmentation
         The pile in the photograph.
     measurement : Measurement
-        Its result.
+        The result of its measurement.
     grain_mm : float
         Height of a grain.
     mm_per_pixel : float
@@ -91,7 +94,7 @@ def list_doubts_of_pile(
     Raises
     ------
     NoFlankError
-        For a layer of grains.
+        If the grains are a layer and not a pile.
     """
     height_mm = measurement.height_mm
     if height_mm < LOWEST_PILE_GRAINS * grain_mm:
@@ -110,13 +113,13 @@ def list_doubts_of_pile(
         _check_flanks(measurement, pile.base_row, mm_per_pixel),
     ]
     if pile.has_neighbour:
-        doubts.append(f"{DOUBT}: another heap stands beside it")
+        doubts.append(f"{DOUBT}: another pile stands beside it")
     doubts.append(_check_resolution(measurement, mm_per_pixel))
     return [doubt for doubt in doubts if doubt]
 
 
 def _check_rise(sides: Sequence[np.ndarray], size: _Size) -> str:
-    """Write a doubt if the outline rises again on its way from the crest.
+    """Write a doubt if the outline of the pile rises again away from the crest.
 
     Parameters
     ----------
@@ -128,11 +131,11 @@ def _check_rise(sides: Sequence[np.ndarray], size: _Size) -> str:
     Returns
     -------
     str
-        The doubt. The text is empty if there is none.
+        The doubt, or an empty text.
     """
-    # The rise at a place is its height over the lowest place between it and the crest.
-    rises = [float((side - np.minimum.accumulate(side)).max()) for side in sides]
-    rise_mm = size.mm_per_pixel * max(rises)
+    # Compare each place with the lowest place between it and the crest.
+    rises_px = [float((side - np.minimum.accumulate(side)).max()) for side in sides]
+    rise_mm = size.mm_per_pixel * max(rises_px)
     limit_mm = max(
         LARGEST_RISE_GRAINS * size.grain_mm, LARGEST_RISE_SHARE * size.height_mm
     )
@@ -140,7 +143,7 @@ def _check_rise(sides: Sequence[np.ndarray], size: _Size) -> str:
         return ""
     return (
         f"{DOUBT}: away from its crest the outline rises by "
-        f"{rise_mm / size.height_mm:.0%} of the Height, as of two heaps"
+        f"{rise_mm / size.height_mm:.0%} of the Height, as of two piles"
     )
 
 
@@ -157,7 +160,7 @@ def _check_drop(sides: Sequence[np.ndarray], size: _Size) -> str:
     Returns
     -------
     str
-        The doubt. The text is empty if there is none.
+        The doubt, or an empty text.
     """
     half_grain_px = max(1, round(0.5 * size.grain_mm / size.mm_per_pixel))
     drops_px = []
@@ -172,7 +175,7 @@ def _check_drop(sides: Sequence[np.ndarray], size: _Size) -> str:
         return ""
     return (
         f"{DOUBT}: the outline falls by {drop_mm / size.height_mm:.0%} of the Height at "
-        "once, as of a box behind the heap"
+        "once, as of a box behind the pile"
     )
 
 
@@ -193,8 +196,8 @@ def _check_flanks(
     Returns
     -------
     str
-        The doubt. The text is empty if they meet near the crest, or if there are no
-        lines.
+        The doubt. The text is empty if the lines meet near the crest, or if the flanks
+        have no lines.
     """
     flank = measurement.angles.get("flank")
     if flank is None:
@@ -215,7 +218,7 @@ def _check_flanks(
 
 
 def _check_resolution(measurement: Measurement, mm_per_pixel: float) -> str:
-    """Write a doubt if the pile has too few pixels, else an empty text."""
+    """Write a doubt if the pile has too few pixels; otherwise, the text is empty."""
     height_px = math.floor(measurement.height_mm / mm_per_pixel)
     if height_px >= MIN_HEIGHT_PX:
         return ""
@@ -260,10 +263,10 @@ def _compute_meeting_height(lines: tuple, base_row: float) -> float:
 def require_foot(
     image: np.ndarray, pile: Segmentation, grain_mm: float | None, mm_per_pixel: float
 ) -> None:
-    """Check that the lowest rows of a pile are its foot, if no sheet shows the plate.
+    """Check that the lowest rows of a pile show its foot.
 
-    Instead of the foot, they may show a shadow, or the near rim of a pile that is seen
-    from above.
+    Without the printed sheet, these rows may instead show a shadow, or the near rim of a
+    pile that is seen from above.
 
     Parameters
     ----------
@@ -279,7 +282,7 @@ def require_foot(
     Raises
     ------
     NoFlankError
-        If the lowest rows are no foot, or if the picture cuts the pile off.
+        If the lowest rows do not show the foot, or if the picture cuts the pile off.
     """
     if pile.mask[-1].any():
         raise NoFlankError(
@@ -292,27 +295,26 @@ def require_foot(
         grain_mm = estimate_grain_mm(rows.size * mm_per_pixel)
     grain_px = grain_mm / mm_per_pixel
 
-    shadow_rows = finding.count_shadow_rows(image, pile.mask)
-    if shadow_rows > LARGEST_SHADOW_GRAINS * grain_px:
+    n_shadow_rows = finding.count_shadow_rows(image, pile.mask)
+    if n_shadow_rows > LARGEST_SHADOW_GRAINS * grain_px:
         part = "grains, with the colour of the background"
-        raise NoFlankError(
-            LOW_BASE_REASON.format(depth=shadow_rows / rows.size, part=part)
-        )
+        depth = n_shadow_rows / rows.size
+        raise NoFlankError(LOW_BASE_REASON.format(depth=depth, part=part))
 
     # The lower rows of a pile that is seen from above show its near rim, which is
-    # narrower than the rows over it. Find the lowest of the widest rows.
-    is_widest = widths[rows] >= 0.99 * widths.max()
-    widest_row = rows[np.flatnonzero(is_widest)[-1]]
-    underside_rows = rows[-1] - widest_row
-    if underside_rows > LARGEST_UNDERSIDE_GRAINS * grain_px:
-        depth = underside_rows / rows.size
+    # narrower than the rows over it. Count the rows below the lowest of the widest rows.
+    is_widest = widths[rows] >= WIDEST_SHARE * widths.max()
+    lowest_widest_row = rows[np.flatnonzero(is_widest)[-1]]
+    n_rim_rows = rows[-1] - lowest_widest_row
+    if n_rim_rows > LARGEST_UNDERSIDE_GRAINS * grain_px:
+        depth = n_rim_rows / rows.size
         raise NoFlankError(LOW_BASE_REASON.format(depth=depth, part="widest row"))
 
 
 def list_doubts_of_base(
     image: np.ndarray, pile: Segmentation, grain_px: float
 ) -> list[str]:
-    """List the doubts about a base and flanks that were found without the sheet.
+    """List the doubts about the base and the flanks of a pile found without the sheet.
 
     Parameters
     ----------
@@ -328,23 +330,24 @@ def list_doubts_of_base(
     list of str
         A sentence for each doubt. The list is empty if there is none.
     """
-    # In each row, count the columns to the left and to the right of the pile.
     rows = np.flatnonzero(pile.mask.any(axis=1))
-    foot = _Foot(
+    margins = _Margins(
         rows=rows,
         left=pile.mask[rows].argmax(axis=1),
         right=pile.mask[rows, ::-1].argmax(axis=1),
     )
     doubts = []
 
-    upright_px = max(_count_upright_rows(foot.left), _count_upright_rows(foot.right))
-    if upright_px > max(LARGEST_UPRIGHT_GRAINS * grain_px, LARGEST_UPRIGHT_PX):
+    n_upright_rows = max(
+        _count_upright_rows(margins.left), _count_upright_rows(margins.right)
+    )
+    if n_upright_rows > max(LARGEST_UPRIGHT_GRAINS * grain_px, LARGEST_UPRIGHT_PX):
         doubts.append(
-            f"{DOUBT}: an end of its foot is upright over {upright_px} pixels, as of a "
-            f"plate or a ruler: {BASE_ROW_ADVICE}"
+            f"{DOUBT}: an end of its foot is upright over {n_upright_rows} pixels, as of "
+            f"a plate or a ruler: {BASE_ROW_ADVICE}"
         )
 
-    if _continues_below(image, pile, foot, grain_px):
+    if _continues_below(image, pile, margins, grain_px):
         doubts.append(
             f"{DOUBT}: below its base the picture has the pile's colour and no "
             f"plate's: {BASE_ROW_ADVICE}"
@@ -359,21 +362,22 @@ def list_doubts_of_base(
     return doubts
 
 
-def _count_upright_rows(distance: np.ndarray) -> int:
-    """Count the rows in which one side of a pile is at most 2 pixels from its outermost.
+def _count_upright_rows(margin: np.ndarray) -> int:
+    """Count the rows in which a pile ends within 2 pixels of its outermost end.
 
-    Many such rows are an upright edge, which grains do not have.
+    Grains end within so few pixels in a few rows only. Many such rows are an upright
+    edge.
 
     Parameters
     ----------
-    distance : ndarray
-        Distance (N,) of the pile from the border of the picture on this side, by row.
+    margin : ndarray
+        Pixels (N,) between the pile and the border of the picture, on one side, by row.
     """
-    return int((distance <= distance.min() + 2).sum())
+    return int((margin <= margin.min() + 2).sum())
 
 
 def _continues_below(
-    image: np.ndarray, pile: Segmentation, foot: _Foot, grain_px: float
+    image: np.ndarray, pile: Segmentation, margins: _Margins, grain_px: float
 ) -> bool:
     """Tell whether the picture below the base has the pile's colour.
 
@@ -386,36 +390,38 @@ def _continues_below(
         The picture (H, W, 3), BGR, or (H, W).
     pile : Segmentation
         The pile found in it.
-    foot : _Foot
-        Its distance from both borders of the picture.
+    margins : _Margins
+        The background on both sides of the pile.
     grain_px : float
         Height of a grain in pixels.
     """
+    # Select a strip below the base. It is about a grain high, and begins 2 rows below the
+    # base to keep away from the edge of the pile.
     channels = image.reshape(*image.shape[:2], -1)
-    # The strip below the base and its parts beside the foot. It is about a grain high,
-    # and begins 2 rows below the base to keep away from the edge of the pile.
     first_row = math.ceil(pile.base_row) + 2
-    n_rows = max(4, round(grain_px))
+    n_rows = max(SMALLEST_STRIP_PX, round(grain_px))
     strip = channels[first_row : first_row + n_rows]
-    left_part = strip[:, : foot.left.min()]
-    right_part = strip[:, strip.shape[1] - foot.right.min() :]
-    sides = np.concatenate([left_part, right_part], axis=1)
-    if sides.size == 0:
+
+    # Select the parts of the strip that do not lie below the pile.
+    left_part = strip[:, : margins.left.min()]
+    right_part = strip[:, strip.shape[1] - margins.right.min() :]
+    beside_foot = np.concatenate([left_part, right_part], axis=1)
+    if beside_foot.size == 0:
         return False
 
-    # The middle third of the foot, and the grains above it
-    rows = foot.rows
-    low_row = rows[0] + 2 * len(rows) // 3
-    columns = np.flatnonzero(pile.mask[low_row])
+    # Select the middle third of the foot, and the grains above it.
+    rows = margins.rows
+    foot_row = rows[0] + 2 * len(rows) // 3
+    columns = np.flatnonzero(pile.mask[foot_row])
     middle = slice(columns[len(columns) // 3], columns[2 * len(columns) // 3] + 1)
     grains = channels[rows[len(rows) // 2] : rows[-1], middle]
 
     # Under a pile on a plate, the strip has the colour of the plate beside it, and not
     # that of the grains.
-    grain_colour = np.median(grains, axis=(0, 1))
     colour_below = np.median(strip[:, middle], axis=(0, 1))
-    side_colour = np.median(sides, axis=(0, 1))
-    difference_from_sides = np.abs(colour_below - side_colour).max()
+    colour_beside = np.median(beside_foot, axis=(0, 1))
+    grain_colour = np.median(grains, axis=(0, 1))
+    difference_from_sides = np.abs(colour_below - colour_beside).max()
     difference_from_grains = np.abs(colour_below - grain_colour).max()
     return bool(
         difference_from_grains < difference_from_sides

@@ -10,6 +10,10 @@ from repose.measure.settings import MeasureSettings
 
 # Ends of a nearly level line may lie beyond the coordinates that OpenCV draws.
 LARGEST_COORDINATE = 1e6  # pixels
+# OpenCV takes coordinates as whole numbers, here in units of 1/256 of a pixel.
+SUBPIXEL_BITS = 8
+PICTURE_OVER_LINE = 500  # longer side of a picture over the width of a line in it
+HALF_BAR = 12  # half the length of the bar at the crest over the width of a line
 # Colours, BGR
 RED = (40, 40, 230)
 GREEN = (60, 170, 40)
@@ -44,7 +48,7 @@ def overlay(image: np.ndarray, measurement: Measurement) -> np.ndarray:
     # Draw the Height as a vertical line with a bar at the crest.
     column, top_row = measurement.top
     draw_line(picture, (column, base_row), (column, top_row), BLUE, thickness)
-    half_bar = 12 * thickness
+    half_bar = HALF_BAR * thickness
     bar_start = (column - half_bar, top_row)
     bar_end = (column + half_bar, top_row)
     draw_line(picture, bar_start, bar_end, BLUE, thickness)
@@ -63,7 +67,7 @@ def draw_refused_overlay(image: np.ndarray, pile: Segmentation | None) -> np.nda
     image : ndarray
         The picture, (H, W) or BGR (H, W, 3).
     pile : Segmentation or None
-        The supposed pile. If it is None, because none was found, nothing is drawn.
+        The supposed pile. If none was found, nothing is drawn.
 
     Returns
     -------
@@ -71,13 +75,19 @@ def draw_refused_overlay(image: np.ndarray, pile: Segmentation | None) -> np.nda
         The picture (H, W, 3), BGR.
     """
     if pile is None:
-        no_contour = np.empty((0, 2), int)
-        return _draw_outline(image, no_contour)[0]
+        return _copy_as_bgr(image)
     picture, thickness = _draw_outline(image, pile.contour)
     base_start = (0, pile.base_row)
     base_end = (picture.shape[1] - 1, pile.base_row)
     draw_line(picture, base_start, base_end, BLUE, thickness)
     return picture
+
+
+def _copy_as_bgr(image: np.ndarray) -> np.ndarray:
+    """Copy a picture, (H, W) or BGR (H, W, 3), as BGR (H, W, 3)."""
+    if image.ndim == 2:
+        return cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
+    return image.copy()
 
 
 def _draw_outline(image: np.ndarray, contour: np.ndarray) -> tuple[np.ndarray, int]:
@@ -92,14 +102,13 @@ def _draw_outline(image: np.ndarray, contour: np.ndarray) -> tuple[np.ndarray, i
 
     Returns
     -------
-    tuple
-        The copy, and the width of lines in it.
+    picture : ndarray
+        The copy (H, W, 3), BGR.
+    thickness : int
+        Width in pixels of the lines to draw in it.
     """
-    if image.ndim == 2:
-        picture = cv2.cvtColor(image, cv2.COLOR_GRAY2BGR)
-    else:
-        picture = image.copy()
-    thickness = max(1, round(max(picture.shape) / 500))
+    picture = _copy_as_bgr(image)
+    thickness = max(1, round(max(picture.shape) / PICTURE_OVER_LINE))
     outline = np.zeros(picture.shape[:2], np.uint8)
     outline[contour[:, 1], contour[:, 0]] = 1
     # Thicken the outline to the width of a line.
@@ -131,14 +140,15 @@ def draw_line(
         colour,
         thickness,
         cv2.LINE_AA,
-        shift=8,
+        shift=SUBPIXEL_BITS,
     )
 
 
 def _convert_to_fixed_point(point: tuple) -> tuple[int, ...]:
-    """Convert a place to the units of 1/256 of a pixel in which OpenCV draws."""
+    """Convert a place (column, row) to the whole numbers with which OpenCV draws."""
     limit = LARGEST_COORDINATE
-    return tuple(round(256 * min(max(value, -limit), limit)) for value in point)
+    scale = 1 << SUBPIXEL_BITS
+    return tuple(round(scale * min(max(value, -limit), limit)) for value in point)
 
 
 def draw_steps(

@@ -23,15 +23,18 @@ import numpy as np
 from repose.common.errors import NoFlankError
 from repose.measure.photographs.camera import SideView
 from repose.measure.photographs.segmentation import (
+    SD_OVER_MEDIAN_DEVIATION,
     Segmentation,
-    has_another_heap,
+    has_second_pile,
     pile_component,
     require_upright,
 )
 
 # Features of a pixel
+MEAN_FEATURE = 128  # around which the features lie, so that they fit into 8 bits
 COLOUR_GAIN = 110.0
 BRIGHTNESS_GAIN = 45.0
+MEAN_TONE = 100.0  # of a channel, with the mean brightness
 # Tones that are added to each channel, so that the noise of dark pixels has no colour
 ADDED_TONES = 14.0
 FULL_BRIGHTNESS = np.array([1, 1, COLOUR_GAIN / BRIGHTNESS_GAIN], np.float32)
@@ -39,7 +42,13 @@ FULL_BRIGHTNESS = np.array([1, 1, COLOUR_GAIN / BRIGHTNESS_GAIN], np.float32)
 # Background
 SIDE_SHARE = 0.25  # share of the width, on either side, that shows mostly background
 LARGEST_TEXTURE = 30.0  # difference of the features; a larger one is not background
+N_BACKGROUND_FITS = 3
+FEWEST_NEAR_SHARE = 0.1  # share of a row near its last estimate, for a new estimate
 SMALLEST_LEVEL = 6.0  # of the difference that separates the first guess
+GUESS_MARGIN_PX = 4  # around the first guess of the pile; it is not background
+OBJECT_MARGIN_PX = 3  # around other objects, so that their blurred edges belong to them
+BORDER_SHARE = 0.02  # width of the border that shows no pile, over that of the picture
+BRIGHTNESS_WEIGHT = 0.5  # of the brightness in the difference, beside the colours
 
 # Shapes of the parts that differ from the background
 LOWEST_BASE_SHARE = (
@@ -65,6 +74,7 @@ LARGEST_UPPER_SHADOW = 0.12
 SMALLEST_PATCH_PX = 5
 PATCHES_IN_HEIGHT = 30
 COMPARED_PX = 1200  # longer side of the picture in which shadows are looked for
+COLUMNS_OVER_END = 20  # width of this picture over that of an end of a row
 
 # The boundary in the fine view; lengths are in heights of a grain
 N_ROUNDS = 4  # of GrabCut, and of moving the boundary
@@ -78,6 +88,7 @@ NEIGHBOURHOOD_GRAINS = (
 CERTAIN_SHARE = 0.75  # share of a side in a pixel's colour that makes it one of it
 LIGHT_PX = 2  # distance within which the boundary is moved by light, in pixels
 TONE_CURVE = 2.2  # exponent from tones to light
+LARGEST_TONE = 255
 PENUMBRA_SHARE = 0.6  # share of the background's ratios in a penumbra, at least
 PENUMBRA_HEIGHT_GRAINS = 0.2
 PENUMBRA_WIDTH_GRAINS = 0.8
@@ -85,9 +96,13 @@ NECK_GRAINS = 0.3  # half the width of the neck between a loose grain and the pi
 GAP_GRAINS = 0.4  # a part with more background below it does not stand on the plate
 # Difference of features that texture and noise can also have
 FAINT_DIFFERENCE = 10.0
+# Smallest squared distances between the values of both sides, to avoid divisions by zero
+SMALLEST_SPAN = 1e-9
+SMALLEST_RATIO_SPAN = 1e-6
 
 # Roughness
 ROUGHNESS_GAIN = 3.0  # difference of features for one scatter of the background
+GAP_RADIUS_GRAINS = 0.25  # radius of the widest gap between grains
 WINDOW_PX = 5  # window of the gradients
 SMALL_GRAIN_PX = 4.0  # height of a grain in the coarse view, where roughness is needed
 SMALLEST_SCATTER = 0.02  # of the roughness of a background without noise
@@ -114,13 +129,13 @@ class _Guess(NamedTuple):
 
     pile: np.ndarray
     others: np.ndarray  # other objects, such as a ruler
-    has_neighbour: bool  # whether another heap stands beside the pile
+    has_neighbour: bool  # whether another pile stands beside it
 
 
 class _SideComparison(NamedTuple):
-    """A picture compared with the two ends of each row, at every `step`-th pixel."""
+    """A reduced picture, compared with the two ends of each row."""
 
-    step: int
+    step: int  # the picture has every `step`-th pixel of the original
     mask: np.ndarray  # (H, W), of the pile
     difference: np.ndarray  # (H, W, 3), of the features
 
@@ -140,28 +155,27 @@ def find_pile(view: SideView, by_roughness: bool = False) -> tuple[np.ndarray, b
     mask : ndarray
         Mask (H, W) of the pile, uint8.
     has_neighbour : bool
-        Whether another heap stands beside it.
+        Whether another pile stands beside it.
 
     Raises
     ------
     NotPlainError
         If no pile differs from the background.
     """
-    n_rows = math.ceil(view.base_row)  # above the plate
+    # Only the rows above the plate can show the pile.
+    n_rows = math.ceil(view.base_row)
     hidden = view.hidden[:n_rows]
-    features = _compute_view_features(
-        view, n_rows, SMALL_GRAIN_PX if by_roughness else None
-    )
+    grain_px = SMALL_GRAIN_PX if by_roughness else None
+    features = _compute_view_features(view, n_rows, grain_px)
     scatter = _compute_local_scatter(features[..., 2])
 
-    # Fit the background twice, the second time without the pile of the first guess and
-    # a margin of 4 pixels around it.
-    not_background = hidden
-    for _ in range(2):
-        background = _fit_background(features, not_background)
-        guess = _guess_pile(features - background, scatter, hidden)
-        pile = cv2.dilate(guess.pile.astype(np.uint8), np.ones((9, 9), np.uint8))
-        not_background = hidden | (pile > 0)
+    # Guess the pile twice. The second time, the background is fitted without the pile
+    # of the first guess.
+    background = _fit_background(features, hidden)
+    first_guess = _guess_pile(features - background, scatter, hidden)
+    around_pile = _widen(first_guess.pile, GUESS_MARGIN_PX)
+    background = _fit_background(features, hidden | around_pile)
+    guess = _guess_pile(features - background, scatter, hidden)
 
     # Replace other objects by the background, and let GrabCut separate the pile.
     painted = np.where(guess.others[..., None], background, features)
@@ -192,9 +206,9 @@ def _make_coarse_marks(guess: _Guess, hidden: np.ndarray) -> np.ndarray:
         One of OpenCV's marks GC_BGD, GC_PR_BGD and GC_PR_FGD for each pixel.
     """
     marks = np.where(guess.pile, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
-    # The border is at both sides and at the top, 2 % of the picture wide. It is not at
-    # the bottom, where the pile stands.
-    width = max(2, round(0.02 * guess.pile.shape[1]))
+    # The border is at both sides and at the top, but not at the bottom, where the pile
+    # stands.
+    width = max(2, round(BORDER_SHARE * guess.pile.shape[1]))
     is_border = np.ones(guess.pile.shape, bool)
     is_border[width:, width:-width] = False
     marks[is_border & ~guess.pile] = cv2.GC_BGD
@@ -221,7 +235,7 @@ def refine_pile(
     Returns
     -------
     RefinedPile
-        The pile, and how much of its boundary is faint.
+        The pile, and the share of its boundary that is faint.
 
     Raises
     ------
@@ -230,13 +244,13 @@ def refine_pile(
     NoFlankError
         If the pile is upside down or runs out of the picture at the top.
     """
-    n_rows = math.ceil(view.base_row)  # above the plate
+    # Only the rows above the plate can show the pile.
+    n_rows = math.ceil(view.base_row)
     coarse_mask = coarse[:n_rows]
     hidden = view.hidden[:n_rows]
     features = _compute_view_features(
         view, n_rows, grain_px if by_roughness else None, coarse_mask
     )
-    near_px = NEIGHBOURHOOD_GRAINS * grain_px
 
     # Decide which pixels near the coarse boundary belong to the pile.
     reach_grains = REACH_ROUGH_GRAINS if by_roughness else REACH_GRAINS
@@ -245,13 +259,17 @@ def refine_pile(
     mask = _apply_grab_cut(features, marks)
     if not by_roughness:
         mask = _remove_penumbra(mask, features, grain_px)
-    is_near_hidden = cv2.dilate(hidden.astype(np.uint8), _make_disc(reach)) > 0
-    is_free = (marks >= cv2.GC_PR_BGD) & ~is_near_hidden
+    mask = _keep_largest_part(mask)
 
-    # Move the boundary by colours, and then more finely by light.
+    # Move the boundary by colours, and then more finely by light. Pixels far from the
+    # coarse boundary, or near hidden ones, do not change.
+    is_near_hidden = cv2.dilate(hidden.astype(np.uint8), _make_disc(reach)) > 0
+    is_uncertain = (marks == cv2.GC_PR_BGD) | (marks == cv2.GC_PR_FGD)
+    is_free = is_uncertain & ~is_near_hidden
+    near_px = NEIGHBOURHOOD_GRAINS * grain_px
     _, mask = _move_boundary(
         features,
-        _keep_largest_part(mask),
+        mask,
         is_free,
         neighbourhood_px=near_px,
         reach_px=near_px,
@@ -262,14 +280,11 @@ def refine_pile(
         light, mask, is_free, neighbourhood_px=near_px, reach_px=LIGHT_PX
     )
 
-    # Remove loose grains.
-    mask = _remove_floating(_keep_largest_part(mask), GAP_GRAINS * grain_px)
-    mask = _keep_largest_part(_remove_touching(mask, round(NECK_GRAINS * grain_px)))
+    mask = _remove_loose_grains(mask, grain_px)
     require_upright(mask)
 
     grey = cv2.cvtColor(view.image[:n_rows], cv2.COLOR_BGR2GRAY)
     is_background = (mask == 0) & ~hidden
-    is_darker = grey[mask > 0].mean() < grey[is_background].mean()
     # The boundary is where the share of the pile in a pixel is one half.
     pile = Segmentation(
         grey=grey,
@@ -277,7 +292,7 @@ def refine_pile(
         level=0.5,
         mask=mask,
         base_row=view.base_row,
-        pile_is="darker" if is_darker else "brighter",
+        is_darker=bool(grey[mask > 0].mean() < grey[is_background].mean()),
     )
     weights = np.ones(3, np.float32) if by_roughness else FULL_BRIGHTNESS
     return RefinedPile(pile, _compute_faint_share(features, mask, near_px, weights))
@@ -300,7 +315,7 @@ def _make_fine_marks(coarse: np.ndarray, hidden: np.ndarray, reach: int) -> np.n
     ndarray
         One of OpenCV's marks GC_FGD, GC_PR_FGD, GC_PR_BGD and GC_BGD for each pixel.
     """
-    # Continue the pile below the plate, so that its base is no boundary.
+    # Continue the pile below the plate, so that its base does not count as boundary.
     n_rows = len(coarse)
     extended = cv2.copyMakeBorder(coarse, 0, reach, 0, 0, cv2.BORDER_REPLICATE)
     is_inside = cv2.erode(extended, _make_disc(reach))[:n_rows] > 0
@@ -353,7 +368,7 @@ def _compute_light(view: SideView, n_rows: int) -> np.ndarray:
     ndarray
         Light (n_rows, W, 3) of the three colours, 0 to 1.
     """
-    light = (view.image.astype(np.float32) / 255) ** TONE_CURVE
+    light = (view.image.astype(np.float32) / LARGEST_TONE) ** TONE_CURVE
     smooth = cv2.GaussianBlur(light, (0, 0), 0.8)
     return _fill_hidden(smooth, view.hidden)[:n_rows]
 
@@ -369,8 +384,9 @@ def _move_boundary(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Move the boundary of a mask to where pile and background have equal shares.
 
-    The share of the pile in a pixel follows from its value. It is 0 at the local mean of
-    the background, and 1 at the local mean of the pile.
+    A pixel on the boundary shows some of the pile and some of the background, and its
+    value is a mixture of both. The share of the pile in it is 0 at the local mean value
+    of the background, and 1 at the local mean value of the pile.
 
     Parameters
     ----------
@@ -385,8 +401,9 @@ def _move_boundary(
     reach_px : float
         Distance from the boundary within which pixels change.
     certain_share : float
-        Share of the other side from which a pixel changes. Above 0.5 a grain in the
-        shade, which is like neither side, stays.
+        A pixel changes its side if the other side has at least this share in it. With
+        more than 0.5, a pixel that is like neither side, such as that of a grain in the
+        shade, stays where it is.
 
     Returns
     -------
@@ -401,17 +418,45 @@ def _move_boundary(
     # Each move changes the local means, which are then computed again.
     for _ in range(N_ROUNDS):
         pile, background = _average_sides(values, mask, neighbourhood_px)
-        span = pile - background
-        # The share is the place of a value along the line between the two means.
-        projection = ((values - background) * span).sum(-1)
-        squared_span = (span * span).sum(-1)
-        share = np.clip(projection / np.maximum(squared_span, 1e-9), 0, 1)
+        position, _ = _project_onto_span(values, pile, background, SMALLEST_SPAN)
+        share = np.clip(position, 0, 1)
         is_pile = may_change & (share >= certain_share)
         is_background = may_change & (share < 1 - certain_share)
         moved_mask = np.where(is_background, 0, mask)
         moved_mask = np.where(is_pile, 1, moved_mask)
         mask = _keep_largest_part(moved_mask.astype(np.uint8))
     return share, mask
+
+
+def _project_onto_span(
+    values: np.ndarray,
+    pile: np.ndarray,
+    background: np.ndarray,
+    smallest_squared_span: float,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Compute where values lie on the line from the background's values to the pile's.
+
+    Parameters
+    ----------
+    values : ndarray
+        Values (H, W, N) of the pixels.
+    pile, background : ndarray
+        Mean values (H, W, N) of the two sides near each pixel.
+    smallest_squared_span : float
+        Takes the place of a smaller squared distance between the two means, to avoid a
+        division by zero.
+
+    Returns
+    -------
+    position : ndarray
+        Positions (H, W): 0 at the value of the background, 1 at that of the pile.
+    squared_span : ndarray
+        Squared distances (H, W) between the two means.
+    """
+    span = pile - background
+    projection = ((values - background) * span).sum(-1)
+    squared_span = (span * span).sum(-1)
+    return projection / np.maximum(squared_span, smallest_squared_span), squared_span
 
 
 def _remove_penumbra(
@@ -436,34 +481,32 @@ def _remove_penumbra(
     ndarray
         The pile (H, W) without the shadow.
     """
-    # Colours of the pile and of the background near each pixel, away from the boundary
+    # Average the pile and the background near each pixel, away from the boundary.
     disc = _make_disc(max(3, round(grain_px)))
     core = cv2.erode(mask, disc, borderValue=1)
     surroundings = 1 - cv2.dilate(mask, disc[::2, ::2])
     pile = _average_locally(features, core, 2 * grain_px)
     background = _average_locally(features, surroundings, 2 * grain_px)
 
-    # Share of the pile in the ratios of a pixel
-    ratio_span = (pile - background)[..., :2]
-    difference = features - background
-    squared_span = (ratio_span * ratio_span).sum(-1)
-    projection = (difference[..., :2] * ratio_span).sum(-1)
-    pile_share = projection / np.maximum(squared_span, 1e-6)
-
-    # Pixels of the boundary that have the background's ratios
-    is_boundary = (mask > 0) & (core == 0)
-    has_contrast = squared_span > SHADOW_COLOUR**2
-    # Black grains have no colour of their own, but are darker than a shadow.
-    is_light_enough = -difference[..., 2] < BRIGHTNESS_GAIN * SHADOW_DARKEST
-    is_shadow = (
-        is_boundary & has_contrast & (pile_share < 1 - PENUMBRA_SHARE) & is_light_enough
+    # The ratios of the colours, which are the first two features, tell the share of the
+    # pile in a pixel.
+    pile_share, squared_span = _project_onto_span(
+        features[..., :2], pile[..., :2], background[..., :2], SMALLEST_RATIO_SPAN
     )
 
-    # Patches that are smaller than a shadow are gaps between grains. Keep them in the
-    # pile.
+    # Find pixels of the boundary that have the background's ratios.
+    is_boundary = (mask > 0) & (core == 0)
+    has_contrast = squared_span > SHADOW_COLOUR**2
+    has_background_ratios = pile_share < 1 - PENUMBRA_SHARE
+    # Black grains have no colour of their own, but are darker than a shadow.
+    darkening = background[..., 2] - features[..., 2]
+    is_light_enough = darkening < BRIGHTNESS_GAIN * SHADOW_DARKEST
+    is_shadow = is_boundary & has_contrast & has_background_ratios & is_light_enough
+
+    # Keep smaller patches in the pile, because they are gaps between grains.
     height = max(3, round(PENUMBRA_HEIGHT_GRAINS * grain_px))
     width = max(3, round(PENUMBRA_WIDTH_GRAINS * grain_px))
-    smallest_patch = np.ones([height, width], np.uint8)
+    smallest_patch = np.ones((height, width), np.uint8)
     shadow = cv2.morphologyEx(
         is_shadow.astype(np.uint8), cv2.MORPH_OPEN, smallest_patch
     )
@@ -483,18 +526,19 @@ def count_shadow_rows(image: np.ndarray, mask: np.ndarray) -> int:
     mask : ndarray
         The pile (H, W) in it.
     """
-    # The comparison is made in a reduced picture.
+    # Compare the widths of shadow and pile in each row of a reduced picture.
     comparison = _compare_with_sides(image, mask)
     small_mask = comparison.mask
     shadow = _mark_shadow(small_mask, comparison.difference)
     rows = np.flatnonzero(small_mask.any(axis=1))
     shadow_widths = shadow[rows].sum(axis=1)
     pile_widths = small_mask[rows].sum(axis=1, dtype=int)
-    # Rows below the last one of grains are shadow.
+    # All rows below the lowest row that is mostly grains are shadow.
     grain_rows = np.flatnonzero(2 * shadow_widths < pile_widths)
     if grain_rows.size == 0:
         return 0
     n_shadow_rows = int(rows.size - 1 - grain_rows[-1])
+    # Convert the count to rows of the original picture.
     return comparison.step * n_shadow_rows
 
 
@@ -540,8 +584,8 @@ def _compare_with_sides(image: np.ndarray, mask: np.ndarray) -> _SideComparison:
     """
     step = max(1, max(mask.shape) // COMPARED_PX)
     colours = compute_features(np.ascontiguousarray(image[::step, ::step]))
-    # Narrow ends: a shadow may be wider than the pile.
-    width = max(2, colours.shape[1] // 20)
+    # The ends are narrow, because a shadow may be wider than the pile.
+    width = max(2, colours.shape[1] // COLUMNS_OVER_END)
     ends = np.hstack([colours[:, :width], colours[:, -width:]])
     background = np.median(ends, axis=1, keepdims=True)
     return _SideComparison(step, mask[::step, ::step], colours - background)
@@ -558,14 +602,16 @@ def compute_features(image: np.ndarray) -> np.ndarray:
     Returns
     -------
     ndarray
-        Features (H, W, 3), float32. They are logarithms, scaled to lie around 128.
+        Features (H, W, 3), float32. They are logarithms, scaled to lie around
+        `MEAN_FEATURE`.
     """
     smooth = cv2.GaussianBlur(image, (0, 0), 0.8).astype(np.float32) + ADDED_TONES
     blue, green, red = cv2.split(smooth)
     red_ratio = COLOUR_GAIN * np.log(red / green)
     blue_ratio = COLOUR_GAIN * np.log(blue / green)
-    brightness = BRIGHTNESS_GAIN * (np.log(red + green + blue) - math.log(3 * 100.0))
-    return 128 + np.stack([red_ratio, blue_ratio, brightness], axis=-1)
+    relative_brightness = np.log(red + green + blue) - math.log(3 * MEAN_TONE)
+    brightness = BRIGHTNESS_GAIN * relative_brightness
+    return MEAN_FEATURE + np.stack([red_ratio, blue_ratio, brightness], axis=-1)
 
 
 def _compute_view_features(
@@ -606,7 +652,7 @@ def _compute_roughness(
     grain_px: float,
     pile: np.ndarray | None,
 ) -> np.ndarray:
-    """Compute the roughness of a picture as a feature around 128.
+    """Compute the roughness of a picture as a feature of its pixels.
 
     Roughness is the smallest gradient over all directions (Shi and Tomasi 1994). It is
     zero at a straight edge, such as that of a table. The roughness of the background in
@@ -626,27 +672,35 @@ def _compute_roughness(
     Returns
     -------
     ndarray
-        Roughness (H, W).
+        Roughness (H, W), at least `MEAN_FEATURE`.
     """
     smallest_gradient = cv2.cornerMinEigenVal(
         np.ascontiguousarray(brightness), WINDOW_PX
     )
     # Close the gaps between grains, and remove the margin that the window adds.
-    radius = max(1, round(0.25 * grain_px))
+    radius = max(1, round(GAP_RADIUS_GRAINS * grain_px))
     gradient_root = np.sqrt(np.maximum(smallest_gradient, 0))
     closed = cv2.dilate(gradient_root, _make_disc(radius))
-    rough = cv2.erode(closed, _make_disc(radius + WINDOW_PX // 2))
+    raw_roughness = cv2.erode(closed, _make_disc(radius + WINDOW_PX // 2))
 
+    # Subtract the roughness of the background in each row. Use a quantile below the
+    # median, because the pile may fill half of a row.
     not_background = hidden
     if pile is not None:
         not_background = hidden | (cv2.dilate(pile, _make_disc(radius)) > 0)
-    # Use a quantile below the median, because the pile may fill half of a row.
-    background = _hide_excluded(rough, not_background)
-    roughness = rough - np.nanquantile(background, SIDE_SHARE, axis=1, keepdims=True)
-    # The factor turns a median deviation into a standard deviation.
-    scatter = 1.4826 * np.median(np.abs(roughness[~not_background]))
-    scaled = ROUGHNESS_GAIN * roughness / max(scatter, SMALLEST_SCATTER)
-    return 128 + np.clip(scaled, 0, 127)
+    background = np.nanquantile(
+        _hide_excluded(raw_roughness, not_background),
+        SIDE_SHARE,
+        axis=1,
+        keepdims=True,
+    )
+    roughness = raw_roughness - background
+
+    median_deviation = np.median(np.abs(roughness[~not_background]))
+    scatter = max(SD_OVER_MEDIAN_DEVIATION * median_deviation, SMALLEST_SCATTER)
+    # The feature must fit into 8 bits.
+    largest = 255 - MEAN_FEATURE
+    return MEAN_FEATURE + np.clip(ROUGHNESS_GAIN * roughness / scatter, 0, largest)
 
 
 def _hide_excluded(values: np.ndarray, excluded: np.ndarray) -> np.ndarray:
@@ -683,27 +737,25 @@ def _fill_hidden(colours: np.ndarray, hidden: np.ndarray) -> np.ndarray:
         The completed colours (H, W, N).
     """
     columns = np.arange(hidden.shape[1])
-    # The last visible column up to each pixel, and the first from it on
-    beyond = 10**6  # number of a column that does not exist
-    left = np.maximum.accumulate(np.where(hidden, -1, columns), axis=1)
-    from_right = np.where(hidden, beyond, columns)[:, ::-1]
+    # Find the nearest visible column to the left and to the right of each pixel. A
+    # visible pixel is its own neighbour on both sides.
+    far_left, far_right = -(10**6), 10**6  # stand for "no visible column"
+    left = np.maximum.accumulate(np.where(hidden, far_left, columns), axis=1)
+    from_right = np.where(hidden, far_right, columns)[:, ::-1]
     right = np.minimum.accumulate(from_right, axis=1)[:, ::-1]
 
     # The nearer one of the two gives its colour.
-    left_distance = np.where(left >= 0, columns - left, beyond)
-    right_distance = right - columns
-    nearest = np.where(left_distance <= right_distance, left, right)
-    exists = (nearest >= 0) & (nearest < beyond)
-    source = np.where(exists, nearest, columns)
+    nearest = np.where(columns - left <= right - columns, left, right)
+    has_visible = ~hidden.all(axis=1, keepdims=True)
+    source = np.where(has_visible, nearest, columns)
     return np.take_along_axis(colours, source[..., None], axis=1)
 
 
 def _fit_background(features: np.ndarray, excluded: np.ndarray) -> np.ndarray:
-    """Estimate the features of the background by a line through each row of a picture.
+    """Estimate the features of the background by a line along each row of a picture.
 
-    The first estimate is the median of the row's outer parts. The next estimate is a
-    line, fitted to those pixels that are near the last estimate. There are three such
-    steps.
+    The first estimate is the median of the row's outer parts. Then a line is fitted to
+    the pixels whose features are near the last estimate. This is repeated twice.
 
     Parameters
     ----------
@@ -725,12 +777,12 @@ def _fit_background(features: np.ndarray, excluded: np.ndarray) -> np.ndarray:
     has_no_outer = ~is_outer.any(axis=1, keepdims=True)
     outer = np.where(is_outer | has_no_outer, features, np.nan)
     background = np.repeat(np.nanmedian(outer, axis=1, keepdims=True), width, axis=1)
-    for _ in range(3):
+    for _ in range(N_BACKGROUND_FITS):
         distance = np.linalg.norm(features - background, axis=-1, keepdims=True)
         is_kept = (distance < LARGEST_TEXTURE) & is_allowed
         line, n_kept = _fit_lines(x, features, is_kept.astype(np.float32))
         # Keep the last estimate of a row if few of its pixels are near.
-        has_few = n_kept < 0.1 * width
+        has_few = n_kept < FEWEST_NEAR_SHARE * width
         background = np.where(has_few, background, line).astype(np.float32)
     return background
 
@@ -814,18 +866,8 @@ def _guess_pile(
     NotPlainError
         If there is no such part.
     """
-    # Add up the differences in colour, brightness and scatter. Subtract the median
-    # scatter of each row, because a level edge of a table also has scatter.
-    row_scatter = np.nanmedian(_hide_excluded(scatter, hidden), axis=1, keepdims=True)
-    squares = (
-        (difference[..., :2] ** 2).sum(-1)
-        + (0.5 * difference[..., 2]) ** 2
-        + np.maximum(scatter - row_scatter, 0) ** 2
-    )
-    smooth_strength = cv2.GaussianBlur(np.sqrt(squares), (0, 0), 1.5)
-    strength = np.where(hidden, 0, smooth_strength)
-    # Find Otsu's level of the strength.
-    level, _ = cv2.threshold(
+    strength = _combine_differences(difference, scatter, hidden)
+    otsu_level, _ = cv2.threshold(
         np.clip(strength, 0, 255).astype(np.uint8),
         0,
         1,
@@ -833,21 +875,59 @@ def _guess_pile(
     )
     # Try lower levels if no pile is found. The foot of the pile needs one if the plate is
     # more similar to the grains than the wall is.
-    for lower_level in (level, level / 2, level / 4):
-        if lower_level < SMALLEST_LEVEL:
+    for level in (otsu_level, otsu_level / 2, otsu_level / 4):
+        if level < SMALLEST_LEVEL:
             break
-        stands_out = (strength > lower_level).astype(np.uint8)
+        stands_out = (strength > level).astype(np.uint8)
         pile, others = _find_standing_parts(stands_out)
         if pile is not None:
-            # Widen the other objects by 3 pixels, so that their blurred edges belong to
-            # them.
-            widened = cv2.dilate(others.astype(np.uint8), np.ones((7, 7), np.uint8))
-            return _Guess(pile, widened > 0, has_another_heap(stands_out))
+            return _Guess(
+                pile,
+                others=_widen(others, OBJECT_MARGIN_PX),
+                has_neighbour=has_second_pile(stands_out),
+            )
     raise NotPlainError(NO_PILE)
 
 
+def _combine_differences(
+    difference: np.ndarray, scatter: np.ndarray, hidden: np.ndarray
+) -> np.ndarray:
+    """Combine the differences in colour, brightness and scatter from the background.
+
+    The arguments are those of `_guess_pile`.
+
+    Returns
+    -------
+    ndarray
+        How much each pixel (H, W) differs; 0 for a hidden pixel.
+    """
+    # Subtract the median scatter of each row, because a level edge of a table also has
+    # scatter.
+    row_scatter = np.nanmedian(_hide_excluded(scatter, hidden), axis=1, keepdims=True)
+    squares = (
+        (difference[..., :2] ** 2).sum(-1)
+        + (BRIGHTNESS_WEIGHT * difference[..., 2]) ** 2
+        + np.maximum(scatter - row_scatter, 0) ** 2
+    )
+    smooth = cv2.GaussianBlur(np.sqrt(squares), (0, 0), 1.5)
+    return np.where(hidden, 0, smooth)
+
+
+def _widen(mask: np.ndarray, margin_px: int) -> np.ndarray:
+    """Widen a mask (H, W) by a number of pixels in all directions."""
+    side = 2 * margin_px + 1
+    square = np.ones((side, side), np.uint8)
+    return cv2.dilate(mask.astype(np.uint8), square) > 0
+
+
 def _find_standing_parts(mask: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
-    """Find the pile and other objects among the parts of a mask (H, W).
+    """Find the pile and other objects among the parts of a mask.
+
+    Parameters
+    ----------
+    mask : ndarray
+        Mask (H, W), uint8, of all that differs from the background. The plate lies below
+        its last row.
 
     Returns
     -------
@@ -862,18 +942,19 @@ def _find_standing_parts(mask: np.ndarray) -> tuple[np.ndarray | None, np.ndarra
     _, labels, boxes, _ = cv2.connectedComponentsWithStats(opened)
     _, tops, widths, heights, areas = boxes.T
 
-    # The plate is below the last row. Part 0 is the background.
     n_rows = len(mask)
     is_on_plate = tops + heights >= LOWEST_BASE_SHARE * n_rows
-    is_pile = is_on_plate & (widths > NARROWEST_PILE * heights)
-    is_object = heights > NARROWEST_OBJECT * widths
-    is_object &= heights > LOWEST_OBJECT_SHARE * n_rows
-    is_pile[0] = False
+    may_be_pile = is_on_plate & (widths > NARROWEST_PILE * heights)
+    is_narrow = heights > NARROWEST_OBJECT * widths
+    is_object = is_narrow & (heights > LOWEST_OBJECT_SHARE * n_rows)
+    # Part 0 is the background.
+    may_be_pile[0] = False
     is_object[0] = False
 
-    # Without a pile all areas are multiplied by 0, and the largest one is that of part 0.
-    largest = int(np.argmax(is_pile * areas))
-    pile = labels == largest if largest > 0 else None
+    pile = None
+    if may_be_pile.any():
+        largest = int(np.argmax(np.where(may_be_pile, areas, 0)))
+        pile = labels == largest
     return pile, is_object[labels]
 
 
@@ -928,11 +1009,11 @@ def _remove_shadow(
         Local scatter (H, W) of the brightness.
     """
     is_smooth = scatter < SMOOTH_SHARE * np.median(scatter[mask > 0])
-    shadow = _mark_shadow(mask, difference) & is_smooth
-    shadow = cv2.morphologyEx(
-        shadow.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)
+    is_shadow = _mark_shadow(mask, difference) & is_smooth
+    without_specks = cv2.morphologyEx(
+        is_shadow.astype(np.uint8), cv2.MORPH_OPEN, np.ones((3, 3), np.uint8)
     )
-    return np.where(shadow > 0, 0, mask).astype(np.uint8)
+    return np.where(without_specks > 0, 0, mask).astype(np.uint8)
 
 
 def _mark_shadow(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
@@ -953,6 +1034,7 @@ def _mark_shadow(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
     rows = np.flatnonzero(mask.any(axis=1))
     if rows.size == 0:
         return shadow
+    # The upper part is two thirds of the height.
     upper_part = slice(rows[0], rows[0] + (2 * rows.size) // 3)
     upper_area = mask[upper_part].sum()
     if shadow[upper_part].sum() > LARGEST_UPPER_SHADOW * upper_area:
@@ -963,7 +1045,8 @@ def _mark_shadow(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
 def _mark_darker_background(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
     """Mark pixels of a pile that have the background's colour but are darker.
 
-    The arguments are those of `_mark_shadow`.
+    Neither black grains, which are darker than a shadow, nor noise count. The arguments
+    are those of `_mark_shadow`.
     """
     colour_distance = np.sqrt((difference[..., :2] ** 2).sum(-1))
     darkening = -difference[..., 2] / BRIGHTNESS_GAIN
@@ -973,6 +1056,21 @@ def _mark_darker_background(mask: np.ndarray, difference: np.ndarray) -> np.ndar
         & (darkening > SHADOW_LIGHTEST)
         & (darkening < SHADOW_DARKEST)
     )
+
+
+def _remove_loose_grains(mask: np.ndarray, grain_px: float) -> np.ndarray:
+    """Remove loose grains behind a pile, and those that touch its foot.
+
+    Parameters
+    ----------
+    mask : ndarray
+        The pile (H, W).
+    grain_px : float
+        Height of a grain in pixels.
+    """
+    standing = _remove_floating(_keep_largest_part(mask), GAP_GRAINS * grain_px)
+    without_loose = _remove_touching(standing, round(NECK_GRAINS * grain_px))
+    return _keep_largest_part(without_loose)
 
 
 def _remove_floating(mask: np.ndarray, gap_px: float) -> np.ndarray:
@@ -1015,19 +1113,23 @@ def _remove_touching(mask: np.ndarray, radius: int) -> np.ndarray:
     if radius < 1:
         return mask
 
-    # Eroded by the radius, the mask falls apart at its necks.
+    # Erode the mask by the radius, so that it falls apart at its necks. It is continued
+    # below the plate first, because its lower edge is no boundary.
     extended = cv2.copyMakeBorder(mask, 0, 2 * radius, 0, 0, cv2.BORDER_REPLICATE)
     core = cv2.erode(extended, _make_disc(radius))[: len(mask)]
     n_labels, labels, boxes, _ = cv2.connectedComponentsWithStats(core)
-    if n_labels < 3:  # background and one part
+    n_parts = n_labels - 1  # without the background, which has label 0
+    if n_parts < 2:
         return mask
 
-    # Assign each pixel to the part of the core that is nearest.
-    _, nearest = cv2.distanceTransformWithLabels(
+    # Assign each pixel to the nearest part. OpenCV numbers the pixels of all parts, and
+    # gives each pixel of the picture the number of the nearest one.
+    _, nearest_pixel = cv2.distanceTransformWithLabels(
         1 - core, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
     )
-    parts = np.zeros(nearest.max() + 1, int)
-    parts[nearest[core > 0]] = labels[core > 0]
+    part_of_pixel = np.zeros(nearest_pixel.max() + 1, int)
+    part_of_pixel[nearest_pixel[core > 0]] = labels[core > 0]
+    nearest_part = part_of_pixel[nearest_pixel]
 
     # Parts whose top is below the middle of the pile are loose. The background and the
     # largest part are never loose.
@@ -1035,7 +1137,7 @@ def _remove_touching(mask: np.ndarray, radius: int) -> np.ndarray:
     is_loose = boxes[:, cv2.CC_STAT_TOP] > middle
     largest = 1 + int(boxes[1:, cv2.CC_STAT_AREA].argmax())
     is_loose[[0, largest]] = False
-    return np.where(is_loose[parts[nearest]], 0, mask).astype(np.uint8)
+    return np.where(is_loose[nearest_part], 0, mask).astype(np.uint8)
 
 
 def _make_disc(radius: int) -> np.ndarray:
@@ -1106,7 +1208,7 @@ def _average_locally(
 
 
 def _keep_largest_part(mask: np.ndarray) -> np.ndarray:
-    """Keep the largest part of a mask and fill its holes.
+    """Keep the largest part of a mask (H, W), and fill its holes.
 
     Raises NotPlainError if the mask is empty.
     """

@@ -19,13 +19,13 @@ class Viewpoint(NamedTuple):
 
 
 class _SourcePixels(NamedTuple):
-    """The pixel of the old view that each pixel of the new view shows."""
+    """For each pixel of the new view, the place in the old view that it shows."""
 
     column: np.ndarray  # (H, W), float32
     row: np.ndarray  # (H, W), float32
 
     def redraw(self, picture: np.ndarray) -> np.ndarray:
-        """Redraw a picture, which may lack rows at the bottom of the view."""
+        """Redraw a picture of the old view; it may lack rows at the bottom."""
         return cv2.remap(
             picture,
             self.column[: len(picture)],
@@ -67,8 +67,8 @@ def remove_perspective(
     pile : Segmentation
         The pile in it.
     """
-    # The tangent of the angle at which the camera looks down on the apex is negative if
-    # the camera is lower than the apex.
+    # Compute the tangent of the angle at which the camera looks down on the apex. It is
+    # negative if the camera is lower than the apex.
     tan_down = (viewpoint.height_px - pile_height_px) / viewpoint.distance_px
     source = _find_source_pixels(
         view.shape[:2],
@@ -82,8 +82,8 @@ def remove_perspective(
     is_pile = pile_share >= 0.5
     if tan_down > 0:
         # Below the widest row of the foot, the outline is the underside of its grains.
-        # There the model of a cone would widen the foot. But seen from above, the foot
-        # is as wide as in the old view, so keep only the columns that it has there.
+        # There the model of a cone would make the foot too wide. The true foot is as wide
+        # as in the old view, so keep only its columns there.
         is_pile &= _find_columns_of_pile(pile)
     redrawn_pile = replace(
         pile,
@@ -97,12 +97,12 @@ def remove_perspective(
 def _compute_outline_turn_sines(
     angles_deg: Sequence[float], tan_down: float
 ) -> np.ndarray:
-    """Compute how far the outline of a cone turns out of the plane of the side view.
+    """Compute how far the outline of a cone is turned out of the plane of the side view.
 
-    The outline of a cone that is seen from above or below is a line from its apex to
-    its foot. This line lies in a half-plane that is turned about the cone's axis, away
-    from a camera that looks down. The sine of the turn is tan(look down) / tan(angle of
-    the cone), which is exact at any distance.
+    Each side of the outline is a line from the apex to the foot. If the camera looks down
+    on the cone, this line lies behind the plane of the side view: it is turned about the
+    cone's axis, away from the camera. The sine of the turn is tan(look down) / tan(angle
+    of the cone). This is exact at any distance.
 
     Parameters
     ----------
@@ -113,8 +113,8 @@ def _compute_outline_turn_sines(
 
     Returns
     -------
-    ndarray (2,)
-        Sines of the turns of the left and the right side.
+    ndarray, (2,)
+        Sines of the turns of the left and the right side; negative if the camera looks up.
     """
     tan_seen = np.tan(np.radians(angles_deg))
     tan_cone = np.hypot(tan_seen, tan_down)
@@ -129,9 +129,9 @@ def _find_source_pixels(
 ) -> _SourcePixels:
     """Find the pixels of the old view that a new view of the same shape shows.
 
-    A pixel of the new view shows a point of the outline's half-plane, which is turned
-    about the axis of the pile. The ray from the camera to this point meets the plane of
-    the old view in the source pixel.
+    A pixel of the new view shows a point in the turned plane in which this side of the
+    outline lies. The ray from the camera to this point meets the plane of the old view in
+    the source pixel.
 
     Parameters
     ----------
@@ -141,7 +141,7 @@ def _find_source_pixels(
         Row of the plate.
     viewpoint : Viewpoint
         Position of the camera.
-    outline_turn_sines : ndarray (2,)
+    outline_turn_sines : ndarray, (2,)
         Sines of the turns on the left and the right side of the pile, from
         `_compute_outline_turn_sines`.
 
@@ -151,19 +151,19 @@ def _find_source_pixels(
         Column and row in the old view for each pixel of the new view.
     """
     n_rows, n_columns = shape
-    # Each column of the new view belongs to one side of the pile, 0 left or 1 right.
+    # Each column of the new view belongs to the left or the right side of the pile.
     axis_offset = np.arange(n_columns) - viewpoint.axis_px
-    side = (axis_offset > 0).astype(int)
-    sine = outline_turn_sines[side]
+    left_sine, right_sine = outline_turn_sines
+    sine = np.where(axis_offset > 0, right_sine, left_sine)
 
-    # The point lies behind the plane of the old view by `depth`. The camera therefore
-    # sees it nearer to the middle of its view by `ratio`.
+    # The point lies behind the plane of the old view. The camera therefore sees it nearer
+    # to the middle of its view than a point in this plane.
     depth = np.abs(axis_offset) * sine
-    ratio = viewpoint.distance_px / (viewpoint.distance_px + depth)
-    column = viewpoint.axis_px + axis_offset * np.sqrt(1 - sine**2) * ratio
+    reduction = viewpoint.distance_px / (viewpoint.distance_px + depth)
+    column = viewpoint.axis_px + axis_offset * np.sqrt(1 - sine**2) * reduction
 
     height = base_row - np.arange(n_rows)[:, None]
-    source_height = viewpoint.height_px + (height - viewpoint.height_px) * ratio
+    source_height = viewpoint.height_px + (height - viewpoint.height_px) * reduction
     return _SourcePixels(
         column=np.tile(column, (n_rows, 1)).astype(np.float32),
         row=(base_row - source_height).astype(np.float32),

@@ -6,7 +6,7 @@ background; where no length is known, it has angles alone.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
@@ -35,7 +35,7 @@ from repose.measure.pile import measure_segmented, with_response
 from repose.measure.results import Measurement
 from repose.measure.settings import MeasureSettings
 
-# A length that gives the scale
+# Limits of a level line of known length, which gives the scale
 SHORTEST_LENGTH_PX = 10
 LARGEST_LEVEL_DEG = 25.0
 
@@ -50,6 +50,9 @@ LARGEST_DIFFERENCE_DEG = 10.0  # of the two sides of a pile
 LARGEST_FAINT_SHARE = 0.2  # of the upper boundary
 SIDE_MARGIN = 1.3  # half the width of the fine view over the pile's
 TOP_MARGIN = 1.6  # height of the fine view over the pile's
+# Hidden pixels that may lie within 2 pixels of the pile, because its boundary is noisy:
+# their number over that of the rows
+LARGEST_HIDDEN_SHARE = 0.03
 
 NO_SHEET_REASON = (
     "the printed sheet is not seen; without one the scale is given by --mm-per-pixel "
@@ -63,6 +66,8 @@ NO_LENGTH_NOTE = (
 EXIF_CAMERA = 0x8769
 EXIF_FOCAL_LENGTH_35MM = 0xA405
 FILM_WIDTH_MM = 36
+# Few lenses are shorter or longer. A camera may write 0 for an unknown focal length.
+PLAUSIBLE_FOCALS_MM = (5, 1000)
 
 Paths = Sequence[Path]
 Size = tuple[int, int]  # width and height of a photograph in pixels
@@ -117,7 +122,7 @@ class Photograph:
     note : str
         A warning for the reader of the numbers; may be empty.
     doubts : sequence of str
-        Signs that it shows no single heap.
+        Signs that it does not show a single pile.
     """
 
     path: Path
@@ -164,8 +169,8 @@ def measure_level_length(
     Returns
     -------
     tuple or None
-        The scale [mm per pixel] and the rise to the right [degrees]; None if the ends
-        are too near to each other, or the slope is too large.
+        The scale [mm per pixel] and the rise to the right [degrees]. None if the ends
+        are too near to each other, or if the slope is too large.
     """
     length_px = math.hypot(x2 - x1, y2 - y1)
     level_deg = math.degrees(math.atan2(y1 - y2, x2 - x1))
@@ -274,7 +279,7 @@ def measure_photographs(
     settings : MeasureSettings
         Settings of the measurement.
     scale : Scale
-        What the user states about their scale.
+        What the user knows about the scale of the photographs.
     lens : sequence of Path
         Photographs of the sheet alone, by the same camera.
 
@@ -293,16 +298,8 @@ def measure_photographs(
         return [measure_without_sheet(path, settings, scale) for path in paths]
 
     sheets, cameras = calibrate_cameras([*paths, *lens], scale.square_mm)
-    for path in lens:
-        if sheets[path] is None:
-            raise InputError(
-                path,
-                key="sheet",
-                value="not seen",
-                allowed="a photograph that shows the printed sheet",
-            )
-
-    # Without a camera no photograph shows the sheet.
+    _require_sheets(lens, sheets)
+    # If no camera could be calibrated, no photograph shows the sheet.
     if not cameras:
         return [measure_without_sheet(path, settings, scale) for path in paths]
     if scale.base_row is not None:
@@ -325,6 +322,28 @@ def measure_photographs(
     return results
 
 
+def _require_sheets(
+    paths: Paths, sheets: Mapping[Path, sheet.SheetCorners | None]
+) -> None:
+    """Raise InputError if the sheet was not found in one of these photographs.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        The photographs.
+    sheets : mapping
+        The sheet by photograph, from `calibrate_cameras`.
+    """
+    for path in paths:
+        if sheets[path] is None:
+            raise InputError(
+                path,
+                key="sheet",
+                value="not seen",
+                allowed="a photograph that shows the printed sheet",
+            )
+
+
 def _measure_with_sheet(
     path: Path,
     image: np.ndarray,
@@ -340,10 +359,12 @@ def _measure_with_sheet(
 
     Parameters
     ----------
-    path, image
-        The file, and the photograph (H, W, 3) in it.
+    path : Path
+        The file.
+    image : ndarray
+        The photograph (H, W, 3) in it, BGR.
     corners : SheetCorners
-        The sheet in it.
+        The sheet in the photograph.
     lens : Camera
         The calibrated camera.
     settings : MeasureSettings
@@ -365,7 +386,7 @@ def _measure_with_sheet(
         return by_colour
     except NoFlankError as error:
         by_colour.refusal_reason = error.reason
-        # Another method can only help if colours do not show the pile.
+        # The roughness can only help if the colours do not show the pile.
         if not isinstance(error, finding.NotPlainError):
             return by_colour
 
@@ -389,8 +410,8 @@ def _measure_in_pose(
     Parameters
     ----------
     photograph : Photograph
-        The photograph, whose attributes are changed step by step. If the measurement
-        ends with NoFlankError, they have what was found before.
+        The photograph. Its attributes are set step by step, so that after a NoFlankError
+        they contain what was found before.
     pose : Pose
         Position and direction of its camera.
     settings : MeasureSettings
@@ -406,7 +427,7 @@ def _measure_in_pose(
     """
     image = photograph.view
 
-    # Find the pile in the plane of the sheet
+    # Find the pile in a coarse view of the sheet's plane.
     coarse = camera.draw_side_view(image, pose, None, COARSE_PX)
     photograph.view = coarse.image
     photograph.geometry = {
@@ -418,7 +439,7 @@ def _measure_in_pose(
     look_down_deg = pose.look_down_deg(location.crest_mm, location.height_mm)
     photograph.geometry["look_down_deg"] = look_down_deg
 
-    # Find its boundary in the plane through its axis
+    # Find its boundary in a fine view of the plane through its axis.
     grain_mm = settings.berry_height_mm
     if grain_mm is None:
         grain_mm = estimate_grain_mm(location.height_mm)
@@ -429,33 +450,63 @@ def _measure_in_pose(
     grain_px = grain_mm / fine.mm_per_pixel
     pile, faint_share = finding.refine_pile(fine, fine_mask, grain_px, by_roughness)
     photograph.pile = pile
+    _require_camera_at_crest(look_down_deg)
+    _require_complete(pile.mask, fine.hidden)
+
+    _remove_perspective(photograph, pose, location, fine, settings)
+
+    # Measure the pile, and look for signs that it is not a single pile.
+    measurement = _measure_view(photograph, settings)
+    pile = replace(photograph.pile, has_neighbour=has_neighbour)
+    photograph.pile = pile
+    doubts = list_doubts_of_pile(pile, measurement, grain_mm, fine.mm_per_pixel)
+    doubts += _list_doubts_of_boundary(faint_share)
+    photograph.measurement = measurement
+    photograph.doubts = doubts
+
+
+def _require_camera_at_crest(look_down_deg: float) -> None:
+    """Raise NoFlankError if the camera is much higher or lower than the crest.
+
+    `look_down_deg` is the angle at which the camera looks down on the crest.
+    """
     if abs(look_down_deg) > camera.LARGEST_LOOK_DOWN_DEG:
         raise NoFlankError(
             f"the camera looks at the crest from {look_down_deg:.0f} degrees above: "
             "the flanks look flatter; hold the lens as high as the crest, "
             f"{camera.LARGEST_LOOK_DOWN_DEG:g} degrees are allowed"
         )
-    _require_complete(pile.mask, fine.hidden)
 
-    _remove_perspective(photograph, pose, location, fine, settings)
 
-    # Measure, and look for signs that this is no single heap
-    measurement = _measure_view(photograph, settings)
-    pile = replace(photograph.pile, has_neighbour=has_neighbour)
-    photograph.pile = pile
-    doubts = list_doubts_of_pile(pile, measurement, grain_mm, fine.mm_per_pixel)
+def _list_doubts_of_boundary(faint_share: float) -> list[str]:
+    """List the doubts about a boundary at which pile and background look alike.
+
+    Parameters
+    ----------
+    faint_share : float
+        Share of the upper boundary at which both sides hardly differ.
+
+    Returns
+    -------
+    list of str
+        A sentence, or none if the share is small.
+
+    Raises
+    ------
+    NotPlainError
+        If the share is too large for a measurement.
+    """
     if faint_share > LARGEST_FAINT_SHARE:
         raise finding.NotPlainError(
             "the pile hardly differs from its background along its boundary: the "
             "background is not plain"
         )
-    if faint_share > LARGEST_FAINT_SHARE / 2:
-        doubts.append(
-            f"{DOUBT}: the pile hardly differs from its background along "
-            f"{100 * faint_share:.0f} % of its boundary"
-        )
-    photograph.measurement = measurement
-    photograph.doubts = doubts
+    if faint_share <= LARGEST_FAINT_SHARE / 2:
+        return []
+    return [
+        f"{DOUBT}: the pile hardly differs from its background along "
+        f"{100 * faint_share:.0f} % of its boundary"
+    ]
 
 
 def _remove_perspective(
@@ -472,7 +523,7 @@ def _remove_perspective(
     Parameters
     ----------
     photograph : Photograph
-        The photograph, whose view and pile are replaced.
+        The photograph. Its attributes `view` and `pile` are replaced.
     pose : Pose
         Position and direction of its camera.
     location : _Location
@@ -500,8 +551,10 @@ def _remove_perspective(
 
 
 def _locate_pile(mask: np.ndarray, view: camera.SideView) -> _Location:
-    """Locate the pile of a mask (H, W) in the view of the sheet's plane."""
-    # The crest is the middle of the pile's highest row.
+    """Locate the pile of a mask (H, W) in the view of the sheet's plane.
+
+    The crest is the middle of the highest row of the pile.
+    """
     rows = np.flatnonzero(mask.any(axis=1))
     columns = np.flatnonzero(mask.any(axis=0))
     crest = float(np.median(np.flatnonzero(mask[rows[0]])))
@@ -527,8 +580,9 @@ def _draw_fine_view(
     location : _Location
         Crest, height and width of the pile.
     grain_mm : float or None
-        Height of a grain, if roughness is measured, because grains must then be small
-        enough in pixels. None draws the finest view.
+        Height of a grain, if roughness will be measured in the view. The view is then so
+        coarse that a grain has at most `LARGEST_ROUGH_GRAIN_PX` pixels. With None, the
+        view is as fine as `FINE_PX` allows.
     """
     top_mm = TOP_MARGIN * location.height_mm
     longest_side_px = FINE_PX
@@ -553,7 +607,7 @@ def _measure_view(photograph: Photograph, settings: MeasureSettings) -> Measurem
     Raises
     ------
     NoFlankError
-        If the pile has no flank, or if its sides differ much.
+        If the pile has no flank, or if its two sides have very different angles.
     """
     assert photograph.pile is not None
     settings_of_view = settings.with_scale(photograph.mm_per_pixel)
@@ -570,46 +624,49 @@ def _measure_view(photograph: Photograph, settings: MeasureSettings) -> Measurem
 def _transfer_mask(
     mask: np.ndarray, coarse: camera.SideView, fine: camera.SideView, axis_mm: float
 ) -> np.ndarray:
-    """Draw a mask of the coarse view in the pixels of the fine one.
+    """Redraw a mask of the coarse view in the pixels of the fine view.
 
     Parameters
     ----------
     mask : ndarray
         The pile (H, W) in the coarse view.
     coarse : SideView
-        The view of the sheet's plane.
+        The view of the sheet's plane. Its `left_mm` is counted from the sheet's left
+        edge.
     fine : SideView
-        The view of the plane through the pile's axis.
+        The view of the plane through the pile's axis. Its `left_mm` is counted from this
+        axis.
     axis_mm : float
-        Distance of that axis from the sheet's left edge, from which columns of the
-        coarse view are counted.
+        Distance of the axis from the sheet's left edge, positive to the right.
 
     Returns
     -------
     ndarray
-        The pile in the fine view.
+        The pile in the fine view, in the shape of this view.
     """
-    # Find the position of each column and row of the fine view in the coarse view.
     n_rows, n_columns = fine.image.shape[:2]
-    x_mm = axis_mm + fine.left_mm + fine.mm_per_pixel * np.arange(n_columns)
+    # Find the column of the coarse view that each column of the fine view shows. Both
+    # are counted from the sheet's left edge.
+    fine_left_mm = axis_mm + fine.left_mm
+    x_mm = fine_left_mm + fine.mm_per_pixel * np.arange(n_columns)
     source_columns = (x_mm - coarse.left_mm) / coarse.mm_per_pixel
-    rows_above_base = fine.base_row - np.arange(n_rows)
-    source_rows = (
-        coarse.base_row - rows_above_base * fine.mm_per_pixel / coarse.mm_per_pixel
-    )
-    grid_x, grid_y = np.meshgrid(
+
+    # Find the row by the height over the plate. Rows count downwards.
+    height_mm = (fine.base_row - np.arange(n_rows)) * fine.mm_per_pixel
+    source_rows = coarse.base_row - height_mm / coarse.mm_per_pixel
+    column_map, row_map = np.meshgrid(
         source_columns.astype(np.float32), source_rows.astype(np.float32)
     )
-    return cv2.remap(mask, grid_x, grid_y, cv2.INTER_NEAREST)
+    return cv2.remap(mask, column_map, row_map, cv2.INTER_NEAREST)
 
 
 def _require_complete(mask: np.ndarray, hidden: np.ndarray) -> None:
     """Raise NoFlankError if the pile touches a border of the view or hidden pixels."""
-    # Hidden pixels within two pixels of the pile count, up to a few for its noise.
+    # Count the hidden pixels within two pixels of the pile.
     grown = cv2.dilate(mask, np.ones((5, 5), np.uint8)) > 0
-    n_touching = (grown & hidden[: len(mask)]).sum()
+    n_hidden = (grown & hidden[: len(mask)]).sum()
     touches_border = mask[:, :2].any() or mask[:, -2:].any()
-    if n_touching > 0.03 * mask.shape[0] or touches_border:
+    if n_hidden > LARGEST_HIDDEN_SHARE * len(mask) or touches_border:
         raise NoFlankError(
             "the pile runs out of the picture, or the sheet hides a part of it"
         )
@@ -627,41 +684,40 @@ def measure_without_sheet(
     settings : MeasureSettings
         Settings of the measurement.
     scale : Scale
-        The scale, and other facts about the photograph, that the user states. Without
-        `mm_per_pixel`, only the angles that need no length are measured.
+        What the user knows about the scale of the photograph. Without `mm_per_pixel`,
+        only the angles that need no length are measured.
 
     Returns
     -------
     Photograph
         The result, or the reason why it was refused.
     """
-    # The user states rows of the original photograph. Convert the row of the plate to
-    # the reduced and levelled picture.
     image, reduction = read_photograph(path)
-    original_size = (
-        round(image.shape[1] * reduction),
-        round(image.shape[0] * reduction),
-    )
+    rows, columns = image.shape[:2]
+    original_size = (round(columns * reduction), round(rows * reduction))
+    # The user gives the row of the plate in the original photograph. Convert it to the
+    # reduced picture, and then to the level one.
     reduced_row = None if scale.base_row is None else scale.base_row / reduction
     level_image, level_row = _level_photograph(image, scale.level_deg, reduced_row)
 
     photograph = Photograph(path, level_image)
     has_scale = scale.mm_per_pixel is not None
+    usable_settings = settings
     if scale.mm_per_pixel is not None:
         photograph.geometry["mm_per_pixel"] = scale.mm_per_pixel * reduction
     else:
-        # Lengths are in pixels now, so the height of a grain in mm cannot be used.
-        settings = settings.model_copy(update={"berry_height_mm": None})
+        # All lengths are in pixels, so a height of a grain in mm cannot be used.
+        usable_settings = settings.model_copy(update={"berry_height_mm": None})
         photograph.note = NO_LENGTH_NOTE
     try:
         _require_ends_inside(scale.ends, original_size)
-        _measure_level_photograph(photograph, settings, level_row)
+        _measure_level_photograph(photograph, usable_settings, level_row)
     # An InputError may occur, too, for example for a base below the picture.
     except (NoFlankError, InputError) as error:
         photograph.refusal_reason = str(error)
         if not has_scale:
             photograph.refusal_reason += f"; {NO_SHEET_REASON}"
-    # Without a scale, the Height is in pixels, and readers would mistake it for mm.
+    # Remove a Height in pixels, which users would mistake for mm.
     if photograph.measurement is not None and not has_scale:
         photograph.measurement = replace(photograph.measurement, height_mm=math.nan)
     return photograph
@@ -673,18 +729,19 @@ def _require_ends_inside(ends: Sequence[float], size: tuple[int, int]) -> None:
     Parameters
     ----------
     ends : sequence of float
-        Column and row of both ends, or empty without a line.
+        Column and row of one end, then of the other; empty if there is no line.
     size : tuple of int
         Width and height of the picture.
     """
-    limits = size * (len(ends) // 2)
-    is_inside = all(0 <= end <= limit for end, limit in zip(ends, limits, strict=True))
-    if not is_inside:
+    width, height = size
+    columns_are_inside = all(0 <= column <= width for column in ends[0::2])
+    rows_are_inside = all(0 <= row <= height for row in ends[1::2])
+    if not (columns_are_inside and rows_are_inside):
         raise InputError(
             "command line",
             key="--length",
             value=tuple(ends),
-            allowed=f"ends inside the picture, of {size[0]} x {size[1]} pixels",
+            allowed=f"ends inside the picture, of {width} x {height} pixels",
         )
 
 
@@ -696,18 +753,19 @@ def _measure_level_photograph(
     Parameters
     ----------
     photograph : Photograph
-        The photograph, into which the results are written.
+        The photograph. Its pile, its measurement and its doubts are set.
     settings : MeasureSettings
         Settings of the measurement.
     base_row : float or None
-        Row of the plate, if the user gave it. With None the base is found and judged.
+        Row of the plate, if the user gave it. With None, the base is found, and doubts
+        about it are listed, too.
 
     Raises
     ------
     NoFlankError
-        If there is no pile.
+        If there is no pile, or if the pile cannot be measured.
     InputError
-        If its base is impossible.
+        If `base_row` lies outside of the picture.
     """
     image = photograph.view
     mm_per_pixel = photograph.mm_per_pixel
@@ -719,7 +777,7 @@ def _measure_level_photograph(
     if base_row is None:
         require_foot(image, pile, grain_mm, mm_per_pixel)
 
-    # Measure the pile, and look for signs that it is not a single heap.
+    # Measure the pile, and look for signs that it is not a single pile.
     measurement = _measure_view(photograph, settings)
     if grain_mm is None:
         grain_mm = estimate_grain_mm(measurement.height_mm)
@@ -766,7 +824,8 @@ def _level_photograph(
     )
     if base_row is None:
         return level_image, None
-    # The rotation shortens the distance of the plate's row from the middle.
+    # The plate is parallel to the line that becomes level. Its distance from the middle
+    # of the picture is shorter than the distance along the middle column.
     distance = base_row - middle_row
     level_row = middle_row + distance * math.cos(math.radians(level_deg))
     return level_image, level_row
@@ -775,7 +834,8 @@ def _level_photograph(
 def _read_focal(path: Path, longer_side: float) -> float | None:
     """Read the focal length in pixels from a photograph's EXIF data.
 
-    The entry is the equivalent focal length in mm on film that is 36 mm wide.
+    The EXIF data have the focal length in mm of a camera with the same angle of view and
+    film that is 36 mm wide.
 
     Parameters
     ----------
@@ -787,7 +847,7 @@ def _read_focal(path: Path, longer_side: float) -> float | None:
     Returns
     -------
     float or None
-        The focal length, or None if the entry is missing or implausible.
+        The focal length. None if the EXIF data have no plausible one.
     """
     try:
         with Image.open(path) as picture:
@@ -795,7 +855,7 @@ def _read_focal(path: Path, longer_side: float) -> float | None:
             equivalent_mm = float(camera_data.get(EXIF_FOCAL_LENGTH_35MM, 0))
     except (OSError, ValueError, TypeError, SyntaxError):
         return None
-    # Few lenses are shorter or longer. A camera may write 0 for an unknown value.
-    if not 5 < equivalent_mm < 1000:
+    shortest_mm, longest_mm = PLAUSIBLE_FOCALS_MM
+    if not shortest_mm < equivalent_mm < longest_mm:
         return None
     return equivalent_mm / FILM_WIDTH_MM * longer_side

@@ -19,7 +19,7 @@ cv2.setNumThreads(1)
 MIN_SIDE_PX = 20  # smallest height and width of a picture
 MIN_PEAK = 8  # contrast in tones that a pile reaches somewhere
 BORDER_SHARE = 0.03  # width of the border strip over the picture's shorter side
-SECOND_HEAP_SHARE = 0.4  # height of another heap over that of the largest part
+SECOND_PILE_SHARE = 0.4  # height of a second pile over that of the largest part
 # Height of a pile's centroid over its own height; a rectangle has 0.5
 HIGHEST_CENTROID = 0.55
 SMALLEST_PART = 0.01  # area of a part of the pile over that of the largest part
@@ -27,9 +27,17 @@ PLATE_SHARE = 0.97  # share of a row that a plate covers, at least
 # The row this far above the plate is covered by less than this share.
 ROWS_ABOVE_PLATE = 4
 SHARE_ABOVE_PLATE = 0.9
-# Distance of another heap's lowest row from that of the largest part, over the height
+# Distance of a second pile's lowest row from that of the largest part, over the height
 # of the largest part, at most
 LARGEST_BASE_DIFFERENCE = 0.1
+EDGE_COLUMNS = 3  # a plate reaches into these columns at both sides of the picture
+
+# The background is fitted several times, each time without the outliers of the last fit.
+N_BACKGROUND_FITS = 4
+OUTLIER_DEVIATIONS = 3.0  # distance of an outlier, in standard deviations
+SMALLEST_OUTLIER_TONES = 2.0  # a pixel nearer to the background is never an outlier
+# Standard deviation over the median of the absolute deviations, in a normal distribution
+SD_OVER_MEDIAN_DEVIATION = 1.4826
 
 
 @dataclass(frozen=True)
@@ -41,8 +49,8 @@ class Segmentation:
     level: float  # the contrast at which the pile begins
     mask: np.ndarray  # uint8 (H, W), 1 in the pile without holes; no plate
     base_row: float  # row of the pile's lower edge
-    pile_is: str  # "darker" or "brighter" than the background
-    has_neighbour: bool = False  # whether another heap stands beside the pile
+    is_darker: bool  # whether the pile is darker than the background
+    has_neighbour: bool = False  # whether another pile stands beside it
 
     @property
     def contour(self) -> np.ndarray:
@@ -71,8 +79,8 @@ def segment(
     largest_pile_only : bool
         Whether the pile is the largest part alone, without loose grains.
     base_row : float, optional
-        Row of the plate. By default, it is found by `find_plate_row`. If this finds no
-        plate, the base is the lowest row of the pile.
+        Row of the plate. By default, `find_plate_row` looks for a plate. If there is
+        none, the base is the lowest row of the pile.
 
     Returns
     -------
@@ -87,40 +95,22 @@ def segment(
         If the picture is unusable, or `base_row` lies outside of it.
     """
     picture = prepare_picture(image)
-    is_grey = picture.ndim == 2
-    grey = picture if is_grey else cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
+    contrast, level, mask = _separate_from_background(picture)
 
-    # Find the pixels that differ from the background. A picture with more than two tones
-    # has no two-tone contrast.
-    contrast = compute_two_tone_contrast(picture) if is_grey else None
-    if contrast is not None:
-        level, mask = threshold(contrast)
-    else:
-        smooth = cv2.GaussianBlur(cv2.medianBlur(picture, 3), (0, 0), 1.0)
-        contrast = compute_background_contrast(smooth)
-        level, mask = threshold(contrast)
-        # Close gaps of a pixel between grains.
-        mask = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
-
-    # Cut off what lies below the plate, if its row is given or can be found.
+    # Leave out the plate, if its row is given or can be found.
     plate_row = find_plate_row(mask) if base_row is None else base_row
     if plate_row is not None:
-        n_rows = mask.shape[0]
-        if not 0 < plate_row <= n_rows:
-            raise InputError(
-                "picture",
-                key="base_row",
-                value=plate_row,
-                allowed=f"above 0, at most {n_rows}",
-            )
-        mask[math.ceil(plate_row) :] = 0
+        mask = _cut_off_plate(mask, plate_row)
 
-    # Select the pile. Without a plate it stands on its lowest row.
-    has_neighbour = largest_pile_only and has_another_heap(mask)
+    # Select the pile among the parts of the mask.
+    has_neighbour = largest_pile_only and has_second_pile(mask)
     pile_mask = pile_component(mask, largest_pile_only)
     if plate_row is None:
         plate_row = find_lower_edge(pile_mask, contrast, level)
 
+    grey = picture
+    if picture.ndim == 3:
+        grey = cv2.cvtColor(picture, cv2.COLOR_BGR2GRAY)
     pile_tone = cv2.mean(grey, pile_mask)[0]
     background_tone = grey[mark_border(grey.shape)].mean()
     return Segmentation(
@@ -129,17 +119,69 @@ def segment(
         level=level,
         mask=pile_mask,
         base_row=float(plate_row),
-        pile_is="darker" if pile_tone < background_tone else "brighter",
+        is_darker=bool(pile_tone < background_tone),
         has_neighbour=has_neighbour,
     )
+
+
+def _separate_from_background(
+    picture: np.ndarray,
+) -> tuple[np.ndarray, float, np.ndarray]:
+    """Find the pixels that differ from the background.
+
+    Parameters
+    ----------
+    picture : ndarray
+        The picture, uint8: BGR (H, W, 3) or grey (H, W).
+
+    Returns
+    -------
+    contrast : ndarray
+        Difference (H, W) of each pixel from the background, in tones.
+    level : float
+        The contrast above which a pixel does not belong to the background.
+    mask : ndarray
+        Mask (H, W), uint8, of these pixels.
+    """
+    # A silhouette has only two tones, and is not smoothed.
+    if picture.ndim == 2:
+        two_tone_contrast = compute_two_tone_contrast(picture)
+        if two_tone_contrast is not None:
+            level, mask = threshold(two_tone_contrast)
+            return two_tone_contrast, level, mask
+
+    smooth = cv2.GaussianBlur(cv2.medianBlur(picture, 3), (0, 0), 1.0)
+    contrast = compute_background_contrast(smooth)
+    level, mask = threshold(contrast)
+    # Close gaps of a pixel between grains.
+    closed = cv2.morphologyEx(mask, cv2.MORPH_CLOSE, np.ones((3, 3), np.uint8))
+    return contrast, level, closed
+
+
+def _cut_off_plate(mask: np.ndarray, plate_row: float) -> np.ndarray:
+    """Return a mask (H, W) without the plate and what lies below it.
+
+    Raises InputError if the row of the plate lies outside the picture.
+    """
+    n_rows = len(mask)
+    if not 0 < plate_row <= n_rows:
+        raise InputError(
+            "picture",
+            key="base_row",
+            value=plate_row,
+            allowed=f"above 0, at most {n_rows}",
+        )
+    above_plate = mask.copy()
+    above_plate[math.ceil(plate_row) :] = 0
+    return above_plate
 
 
 def segment_silhouette(
     picture: np.ndarray, pile_tone: int, background: int, largest_only: bool
 ) -> Segmentation:
-    """Split a simulated pile's picture, whose two tones and base are known.
+    """Split the silhouette of a simulated pile, whose two tones and base are known.
 
-    The result is that of `segment`, to the last bit.
+    It is faster than `segment`, and has the same result to the last bit.
 
     Parameters
     ----------
@@ -149,6 +191,11 @@ def segment_silhouette(
         The two tones.
     largest_only : bool
         Whether the pile is the largest part alone, without loose grains.
+
+    Returns
+    -------
+    Segmentation
+        The pile in the picture.
     """
     is_pile = (picture == pile_tone).view(np.uint8)
     contrast = is_pile * np.float32(abs(background - pile_tone))
@@ -162,7 +209,7 @@ def segment_silhouette(
         level=level,
         mask=pile_component(is_pile, largest_only),
         base_row=picture.shape[0] - 0.5,
-        pile_is="darker" if pile_tone < background else "brighter",
+        is_darker=pile_tone < background,
     )
 
 
@@ -272,17 +319,21 @@ def compute_background_contrast(image: np.ndarray) -> np.ndarray:
     for channel in image.reshape(n_rows, n_columns, -1).transpose(2, 0, 1):
         strip_tones = channel[is_strip].astype(float)
         coefficients = _fit_without_outliers(strip_terms, strip_tones)
-        # The surface at all pixels, with the terms of `_compute_quadratic_terms`
-        c = coefficients.astype(np.float32)
-        surface = (
-            (c[0] + c[1] * x + c[2] * x * x) + (c[3] * y + c[4] * y * y) + c[5] * y * x
-        )
+        # Compute the surface at all pixels. Sums over one row and one column are much
+        # faster than the terms of each pixel.
+        constant, x1, x2, y1, y2, xy = coefficients.astype(np.float32)
+        along_row = constant + x1 * x + x2 * x * x
+        along_column = y1 * y + y2 * y * y
+        surface = along_row + along_column + xy * y * x
         squared_distance += (channel - surface) ** 2
     return np.sqrt(squared_distance)
 
 
 def _compute_quadratic_terms(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Compute the terms (N, 6) of a quadratic surface at points x, y (N,)."""
+    """Compute the terms (N, 6) of a quadratic surface at points x, y (N,).
+
+    They are 1, x, x², y, y² and xy.
+    """
     terms = (np.ones_like(x), x, x**2, y, y**2, x * y)
     return np.stack(terms, axis=1).astype(float)
 
@@ -290,9 +341,9 @@ def _compute_quadratic_terms(x: np.ndarray, y: np.ndarray) -> np.ndarray:
 def _fit_without_outliers(terms: np.ndarray, tones: np.ndarray) -> np.ndarray:
     """Fit the coefficients of a surface to the tones of the border strip.
 
-    A plate or a stray grain covers only a small part of the strip. Therefore the fit
-    begins at the median tone. It is repeated four times, each time without the pixels
-    more than three standard deviations away from the last fit.
+    A plate or a stray grain covers only a small part of the strip. Its pixels are
+    outliers, which the fits leave out. The first fit leaves out pixels far from the
+    median tone. Each further fit leaves out pixels far from the fit before it.
 
     Parameters
     ----------
@@ -307,11 +358,11 @@ def _fit_without_outliers(terms: np.ndarray, tones: np.ndarray) -> np.ndarray:
         The coefficients (K,).
     """
     surface = np.full(tones.size, np.median(tones))
-    for _ in range(4):
+    for _ in range(N_BACKGROUND_FITS):
         distances = np.abs(tones - surface)
-        # The factor turns a median deviation into a standard deviation.
-        deviation = 1.4826 * np.median(distances)
-        is_kept = distances <= max(3 * deviation, 2.0)
+        standard_deviation = SD_OVER_MEDIAN_DEVIATION * np.median(distances)
+        limit = max(OUTLIER_DEVIATIONS * standard_deviation, SMALLEST_OUTLIER_TONES)
+        is_kept = distances <= limit
         coefficients, *_ = np.linalg.lstsq(terms[is_kept], tones[is_kept], rcond=None)
         surface = terms @ coefficients
     return coefficients
@@ -372,11 +423,12 @@ def find_plate_row(mask: np.ndarray) -> float | None:
     Returns
     -------
     float or None
-        A position between two rows of pixels, or None if there is no plate.
+        The border between the highest row of the plate and the row above it. None if
+        there is no plate.
     """
     covered_share = mask.mean(axis=1)
-    reaches_left = mask[:, :3].any(axis=1)
-    reaches_right = mask[:, -3:].any(axis=1)
+    reaches_left = mask[:, :EDGE_COLUMNS].any(axis=1)
+    reaches_right = mask[:, -EDGE_COLUMNS:].any(axis=1)
     is_across = reaches_left & reaches_right & (covered_share > PLATE_SHARE)
     if not is_across.any():
         return None
@@ -388,15 +440,15 @@ def find_plate_row(mask: np.ndarray) -> float | None:
 
 
 def pile_component(mask: np.ndarray, largest_only: bool) -> np.ndarray:
-    """Select the pile of a mask and fill its holes.
+    """Select the pile among the parts of a mask, and fill its holes.
 
     Parameters
     ----------
     mask : ndarray
         Mask (H, W), uint8, of all that differs from the background.
     largest_only : bool
-        Whether the pile is the largest part alone. Otherwise it is all parts of at
-        least 1 % of its area.
+        Whether the pile is the largest part alone. Otherwise, the pile consists of all
+        parts that have at least 1 % of the area of the largest part.
 
     Returns
     -------
@@ -429,11 +481,11 @@ def _find_contours(mask: np.ndarray) -> Sequence[np.ndarray]:
     return contours
 
 
-def has_another_heap(mask: np.ndarray) -> bool:
-    """Tell whether a second heap stands beside the largest part of a mask.
+def has_second_pile(mask: np.ndarray) -> bool:
+    """Tell whether a second pile stands beside the largest part of a mask.
 
-    A second heap stands as low as the largest part, is wider than high, and is at least
-    `SECOND_HEAP_SHARE` times as high as the largest part.
+    A part counts as a pile if it stands as low as the largest part, is wider than high,
+    and has at least the share `SECOND_PILE_SHARE` of the height of the largest part.
 
     Parameters
     ----------
@@ -449,10 +501,10 @@ def has_another_heap(mask: np.ndarray) -> bool:
     bottoms = tops + heights
     base_difference = np.abs(bottoms - bottoms[largest])
     stands_as_low = base_difference <= LARGEST_BASE_DIFFERENCE * heights[largest]
-    is_high = heights >= SECOND_HEAP_SHARE * heights[largest]
-    is_heap = stands_as_low & (widths > heights) & is_high
-    # The largest part counts itself.
-    return bool(is_heap.sum() > 1)
+    is_high = heights >= SECOND_PILE_SHARE * heights[largest]
+    is_pile = stands_as_low & (widths > heights) & is_high
+    # The largest part is one of these piles itself.
+    return bool(is_pile.sum() > 1)
 
 
 def require_upright(mask: np.ndarray) -> None:
@@ -506,25 +558,27 @@ def find_upper_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> np.
     top_rows = cv2.transpose(mask).view(bool).argmax(axis=1)
     columns = np.arange(mask.shape[1])
     inner = contrast[top_rows, columns]
+    # Above the first row of the picture, the contrast counts as 0.
     rows_above = np.maximum(top_rows - 1, 0)
     outer = np.where(top_rows > 0, contrast[rows_above, columns], 0.0)
-    # If the contrast does not fall from the inner to the outer pixel, put the edge
-    # half-way between both.
+    # Find the distance from the highest pixel up to the edge. If the contrast does not
+    # fall from the inner to the outer pixel, the edge is half-way between both.
     with np.errstate(divide="ignore", invalid="ignore"):
-        step = np.where(inner > outer, (inner - level) / (inner - outer), 0.5)
+        distance = np.where(inner > outer, (inner - level) / (inner - outer), 0.5)
+    edge = top_rows - np.clip(distance, 0.0, 1.0)
     has_pile = mask[top_rows, columns] > 0
-    return np.where(has_pile, top_rows - np.clip(step, 0.0, 1.0), np.nan)
+    return np.where(has_pile, edge, np.nan)
 
 
 def find_lower_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> float:
-    """Find the row of the pile's lowest point, between pixels.
+    """Find the row of the pile's lowest point, to a fraction of a pixel.
 
-    If the picture cuts the pile off, it is the picture's lower border. The arguments
-    are those of `find_upper_edge`.
+    If the picture cuts the pile off, it is the lower border of the picture. The
+    arguments are those of `find_upper_edge`.
     """
-    rows = mask.shape[0]
+    n_rows = len(mask)
     if mask[-1].any():
-        return rows - 0.5
-    # In the picture upside down the lower edge is the upper one.
+        return n_rows - 0.5
+    # The lower edge is the upper edge of the picture upside down.
     edge_from_below = find_upper_edge(mask[::-1], contrast[::-1], level)
-    return rows - 1 - float(np.nanmin(edge_from_below))
+    return n_rows - 1 - float(np.nanmin(edge_from_below))

@@ -18,6 +18,15 @@ MARKER_SHARE = 0.75  # side of a marker over the side of a square
 MARGIN_SHARE = 0.5  # width of the white margin over the side of a square
 MIN_CORNERS = 8
 PAGE_MM = (210.0, 297.0)  # A4
+MM_PER_INCH = 25.4
+WHITE = 255
+
+# Layout of the page, in mm from its lower edge
+SHEET_BOTTOM_MM = 60.0
+CUTTING_TEXT_MM = 54.0
+CHECK_TEXT_MM = 43.0
+CHECK_LINE_MM = 40.0
+TITLE_ABOVE_SHEET_MM = 4.0
 CHECK_MM = 100.0  # length of the line that shows whether the printer scaled the page
 
 
@@ -56,7 +65,8 @@ def find_sheet(image: np.ndarray, square_mm: float = SQUARE_MM) -> SheetCorners 
     Returns
     -------
     SheetCorners or None
-        None if fewer than 8 corners are visible, or if all of them lie on one line.
+        The corners of squares that are visible. None if there are fewer than
+        `MIN_CORNERS`, or if all of them lie on one line.
     """
     board = _make_board(square_mm)
     parameters = cv2.aruco.CharucoParameters()
@@ -71,7 +81,8 @@ def find_sheet(image: np.ndarray, square_mm: float = SQUARE_MM) -> SheetCorners 
     # Corners on one line do not determine the pose of the camera.
     if np.ptp(board_corners, axis=0).min() < 2 * square_mm:
         return None
-    # The board's y points down from its upper left corner, the sheet's z points up.
+    # Convert positions on the board, whose y points down from its upper left corner, to
+    # those on the sheet, whose z points up from the lower left corner of its margin.
     margin = MARGIN_SHARE * square_mm
     x = margin + board_corners[:, 0]
     z = margin + ROWS * square_mm - board_corners[:, 1]
@@ -79,10 +90,8 @@ def find_sheet(image: np.ndarray, square_mm: float = SQUARE_MM) -> SheetCorners 
     return SheetCorners(np.column_stack([x, z]), pixels, square_mm)
 
 
-def draw_sheet(
-    square_mm: float = SQUARE_MM, pixels_per_mm: int = 8
-) -> tuple[np.ndarray, int]:
-    """Draw the sheet with its margin as a grey picture.
+def draw_sheet(square_mm: float = SQUARE_MM, pixels_per_mm: int = 8) -> np.ndarray:
+    """Draw the sheet, with the white margin around its squares, as a grey picture.
 
     Parameters
     ----------
@@ -93,22 +102,16 @@ def draw_sheet(
 
     Returns
     -------
-    picture : ndarray
-        The picture (H, W).
-    pixels_per_mm : int
-        Its resolution.
+    ndarray
+        The picture (H, W), uint8.
     """
-    # Convert all lengths to pixels.
     width_mm, height_mm = compute_size_mm(square_mm)
-    width = round(width_mm * pixels_per_mm)
-    height = round(height_mm * pixels_per_mm)
-    margin = round(MARGIN_SHARE * square_mm * pixels_per_mm)
-    board = _make_board(square_mm).generateImage(
-        (width - 2 * margin, height - 2 * margin)
-    )
-    picture = np.full((height, width), 255, np.uint8)
-    picture[margin : height - margin, margin : width - margin] = board
-    return picture, pixels_per_mm
+    width_px = round(width_mm * pixels_per_mm)
+    height_px = round(height_mm * pixels_per_mm)
+    margin_px = round(MARGIN_SHARE * square_mm * pixels_per_mm)
+    board_size = (width_px - 2 * margin_px, height_px - 2 * margin_px)
+    board = _make_board(square_mm).generateImage(board_size)
+    return np.pad(board, margin_px, constant_values=WHITE)
 
 
 def make_pdf(square_mm: float = SQUARE_MM) -> bytes:
@@ -132,17 +135,17 @@ def make_pdf(square_mm: float = SQUARE_MM) -> bytes:
     page_width, page_height = PAGE_MM
     width, height = compute_size_mm(square_mm)
     left = (page_width - width) / 2
-    bottom = 60.0
-    top = bottom + height
-    figure = Figure(figsize=(page_width / 25.4, page_height / 25.4))
+    top = SHEET_BOTTOM_MM + height
+
+    # Use axes whose coordinates are millimetres of the page.
+    figure = Figure(figsize=(page_width / MM_PER_INCH, page_height / MM_PER_INCH))
     axes: Any = figure.add_axes((0, 0, 1, 1))
     axes.axis("off")
 
-    # Draw the sheet itself, in millimetres of the page.
-    picture, _ = draw_sheet(square_mm)
+    # Draw the sheet itself.
     axes.imshow(
-        picture,
-        extent=(left, left + width, bottom, top),
+        draw_sheet(square_mm),
+        extent=(left, left + width, SHEET_BOTTOM_MM, top),
         cmap="gray",
         vmin=0,
         vmax=255,
@@ -150,7 +153,12 @@ def make_pdf(square_mm: float = SQUARE_MM) -> bytes:
         aspect="auto",
     )
     cutting_line = Rectangle(
-        (left, bottom), width, height, fill=False, linewidth=0.3, edgecolor="0.5"
+        (left, SHEET_BOTTOM_MM),
+        width,
+        height,
+        fill=False,
+        linewidth=0.3,
+        edgecolor="0.5",
     )
     axes.add_patch(cutting_line)
     axes.set(xlim=(0, page_width), ylim=(0, page_height))
@@ -158,9 +166,9 @@ def make_pdf(square_mm: float = SQUARE_MM) -> bytes:
     # Draw the line of known length.
     middle = page_width / 2
     ends = [middle - CHECK_MM / 2, middle + CHECK_MM / 2]
-    axes.plot(ends, [40, 40], "k|-", linewidth=0.7)
+    axes.plot(ends, [CHECK_LINE_MM, CHECK_LINE_MM], "k|-", linewidth=0.7)
 
-    # The instructions, each with its height on the page in mm
+    # Write the instructions.
     check = (
         f"{CHECK_MM:g} mm: check with a ruler. If it is not, print at 100 % or give "
         "--square-mm"
@@ -170,7 +178,11 @@ def make_pdf(square_mm: float = SQUARE_MM) -> bytes:
         "with its crest"
     )
     title = f"repose: squares of {square_mm:g} mm; glue it to a flat board"
-    for height_on_page, text in ((43, check), (54, cut), (top + 4, title)):
+    for height_on_page, text in (
+        (CHECK_TEXT_MM, check),
+        (CUTTING_TEXT_MM, cut),
+        (top + TITLE_ABOVE_SHEET_MM, title),
+    ):
         axes.text(middle, height_on_page, text, ha="center", fontsize=8)
 
     stream = io.BytesIO()
@@ -179,7 +191,7 @@ def make_pdf(square_mm: float = SQUARE_MM) -> bytes:
 
 
 def _make_board(square_mm: float) -> cv2.aruco.CharucoBoard:
-    """Make OpenCV's description of the board."""
+    """Make OpenCV's model of the chessboard with markers."""
     markers = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_4X4_50)
     marker_mm = MARKER_SHARE * square_mm
     return cv2.aruco.CharucoBoard((COLUMNS, ROWS), square_mm, marker_mm, markers)

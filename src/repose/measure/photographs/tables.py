@@ -18,7 +18,10 @@ from repose.measure.photographs.photograph import Photograph
 from repose.measure.results import Measurement
 from repose.measure.settings import MeasureSettings, line_of
 
+DECIMALS_OF_GEOMETRY = 5  # of a scale or a tilt in the table of photographs
+DECIMALS_OF_STATISTICS = 3
 TARGETED_NUMBERS = ("aor_deg", "height_mm")  # numbers that become targets
+TARGETS_FILE = "targets.yaml"
 # Settings of the line that are written beside the targets
 LINE_SETTINGS = ("response", "fit_from", "fit_to", "flank", "smallest_window")
 NO_SCATTER_NOTE = (
@@ -58,13 +61,16 @@ def make_tables(
         Settings of the measurement.
     doubtful : bool
         Whether photographs with a doubt count in the summary, too.
+
+    Returns
+    -------
+    Tables
+        Both tables.
     """
     rows = [_make_row(photograph, settings) for photograph in measured]
     table = pd.DataFrame(rows)
-    counted_rows = table
-    if not doubtful:
-        has_no_doubt = [not photograph.doubts for photograph in measured]
-        counted_rows = table[has_no_doubt]
+    is_counted = [doubtful or not photograph.doubts for photograph in measured]
+    counted_rows = table[is_counted]
     summary = summarise_columns(counted_rows, (*TARGETED_NUMBERS, *MEAN_KEYS.values()))
     return Tables(table, summary, doubtful)
 
@@ -75,15 +81,15 @@ def _make_row(photograph: Photograph, settings: MeasureSettings) -> dict[str, An
     Parameters
     ----------
     photograph : Photograph
-        The result. A refused one has no measured numbers.
+        The result. A refused photograph has no measured numbers.
     settings : MeasureSettings
-        Settings with the height of a grain, which is a column, too.
+        Settings of the measurement. The height of a grain in them is a column, too.
     """
     row: dict[str, Any] = {"photograph": photograph.path.name}
     if photograph.measurement is not None:
         row |= photograph.measurement.record()
     for name, value in photograph.geometry.items():
-        row[name] = round(value, 5)
+        row[name] = round(value, DECIMALS_OF_GEOMETRY)
     row["grain_mm"] = settings.berry_height_mm
     row["refused"] = photograph.refusal_reason
     row["note"] = photograph.remarks
@@ -109,7 +115,8 @@ def summarise_columns(
         repetitions.
     """
     numbers = photographs[list(columns)].astype(float)
-    statistics = numbers.agg(["mean", "std", "count"]).T.round(3)
+    statistics = numbers.agg(["mean", "std", "count"]).T
+    statistics = statistics.round(DECIMALS_OF_STATISTICS)
     statistics.columns = ["value", "sd", "repetitions"]
     summary = statistics.rename_axis("response").reset_index()
     is_measured = summary["repetitions"] > 0
@@ -140,7 +147,7 @@ def write_tables(
     """
     write_table(out / "photographs.csv", results.photographs)
     write_table(out / "summary.csv", results.summary)
-    targets_yaml = out / "targets.yaml"
+    targets_yaml = out / TARGETS_FILE
     if results.summary.empty:
         targets_yaml.unlink(missing_ok=True)
     else:
@@ -252,40 +259,47 @@ def describe_results(
     out : Path
         The folder of the overlays.
     """
-    # Begin with the numbers of each photograph, and their means.
     lines = _describe_photographs(photographs)
     lines.append("mean, standard deviation, number of photographs:")
     lines += _describe_means(results, settings)
     grain_mm = settings.berry_height_mm
     grain = "not known" if grain_mm is None else f"{grain_mm:.2f} mm"
     lines.append(f"height of a grain: {grain}")
+    lines += _list_notes(photographs, results)
+    if results.summary.empty:
+        targets = "no targets: no photograph counts"
+    else:
+        targets = f"the targets of a study: {out / TARGETS_FILE}"
+    lines.append(f"look at the overlays in {out}; {targets}")
+    return "\n".join(lines)
+
+
+def _list_notes(photographs: Sequence[Photograph], results: Tables) -> list[str]:
+    """List the notes on the numbers, each once and in a line.
+
+    They are the notes of single photographs, the number of doubtful photographs, and
+    whether a single pile gives no standard deviation.
+    """
+    lines = []
     if results.summary["sd"].isna().any():
         lines.append(NO_SCATTER_NOTE)
-
-    # Add each note once, and the number of doubtful photographs.
     notes = {photograph.note for photograph in photographs if photograph.note}
     lines += sorted(f"note: {note}" for note in notes)
     n_doubtful = sum(bool(photograph.doubts) for photograph in photographs)
-    if n_doubtful:
+    if n_doubtful > 0:
         if results.doubtful:
             effect = "the mean counts them"
         else:
             effect = "not in the mean; --doubtful counts them"
         lines.append(f"doubtful photographs: {n_doubtful}, {effect}")
-
-    # Tell what to look at next.
-    if results.summary.empty:
-        result = "no targets: no photograph counts"
-    else:
-        result = f"the targets of a study: {out / 'targets.yaml'}"
-    lines.append(f"look at the overlays in {out}; {result}")
-    return "\n".join(lines)
+    return lines
 
 
 def _describe_photographs(photographs: Sequence[Photograph]) -> list[str]:
     """Describe each photograph in a line: its numbers, or why it was refused.
 
-    There must be at least one photograph. The names are padded to the longest one.
+    There must be at least one photograph. Names are padded with blanks, so that the texts
+    after them are aligned.
     """
     name_width = max(len(photograph.path.name) for photograph in photographs)
     lines = []
@@ -320,13 +334,13 @@ def _describe_means(results: Tables, settings: MeasureSettings) -> list[str]:
 
     A line has the mean, the standard deviation and the number of photographs.
     """
-    summary = results.summary.set_index("response")
     quantities = [("Height", "height_mm", "mm")]
     for definition in DEFINITIONS:
         quantities.append((definition, MEAN_KEYS[definition], "deg"))
+    summary = results.summary.set_index("response")
     lines = []
     for name, column, unit in quantities:
-        # No photograph could be measured by this definition.
+        # The summary lacks a quantity that could not be measured in any photograph.
         if column not in summary.index:
             continue
         row = summary.loc[column]
