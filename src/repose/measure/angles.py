@@ -120,8 +120,9 @@ def fit_steepest(
     """Fit the definition "steepest": the steepest line over at least half of a band.
 
     A stretch is the band without some whole pixels at its lower and its upper end. The
-    whole band is one of the stretches, so the line is never flatter than the flank. It
-    is too steep on a lumpy flank, because it has the largest of many slopes.
+    line is fitted to the steepest of all stretches. One of them is the whole band, so
+    the line is never flatter than the flank. On a lumpy flank the line is too steep,
+    because it is the steepest of many.
 
     Parameters
     ----------
@@ -169,16 +170,16 @@ def fit_straightest(
 ) -> Line:
     """Fit the definition "straightest": the window of the largest correlation.
 
-    A window is a run of successive points of the side. The line is fitted to the window
-    in which distance and height correlate most, as by Li et al. They do not state the
-    size of their smallest window, so it is a parameter here.
+    A window consists of successive points of the side. The line is fitted to the window
+    in which distance and height correlate most, as in Li et al. (2020). They do not state
+    the size of their smallest window, so it is a parameter here.
 
     Parameters
     ----------
     profile : ndarray
         Heights (M,) of one side in pixels, from outside the foot to the crest.
     smallest_share : float
-        Smallest share of the side's points in a window.
+        Number of points of the smallest window, as a share of all points of the side.
     rule : str
         The rule of `FLANK_RULES` that selects the points.
 
@@ -196,15 +197,7 @@ def fit_straightest(
     min_points = max(MIN_LEVELS, math.ceil(smallest_share * n_points))
     if n_points < min_points:
         raise NoFlankError(WALL_REASON)
-    # Windows begin and end at a limited number of borders between points. Each pair of
-    # borders with enough points between them is a window.
-    n_steps = min(n_points, WINDOW_STEPS)
-    borders = np.linspace(0, n_points, n_steps + 1).round().astype(int)
-    # Entry (i, j) is the number of points between borders i and j.
-    n_inside = borders - borders[:, None]
-    first_index, last_index = np.nonzero(n_inside >= min_points)
-    first = borders[first_index]
-    last = borders[last_index]
+    first, last = _list_windows(n_points, min_points)
     correlations = compute_window_correlations(distance, height, first, last)
     straightest = _find_best_window(correlations)
     window = slice(first[straightest], last[straightest])
@@ -212,6 +205,32 @@ def fit_straightest(
     low = float(window_height.min())
     high = float(window_height.max())
     return fit_line(distance[window], window_height, low, high)
+
+
+def _list_windows(n_points: int, min_points: int) -> tuple[np.ndarray, np.ndarray]:
+    """List windows of successive points, which begin and end at a limited number of places.
+
+    Parameters
+    ----------
+    n_points : int
+        Number of points of the side.
+    min_points : int
+        Smallest number of points in a window.
+
+    Returns
+    -------
+    first, last : ndarray
+        Number of the first point of each window, and of the point after its last one
+        (windows,).
+    """
+    # Place borders between points. Each pair of borders with enough points between them
+    # is a window.
+    n_steps = min(n_points, WINDOW_STEPS)
+    borders = np.linspace(0, n_points, n_steps + 1).round().astype(int)
+    # Entry (i, j) is the number of points from border i to border j.
+    n_between = borders - borders[:, None]
+    first_index, last_index = np.nonzero(n_between >= min_points)
+    return borders[first_index], borders[last_index]
 
 
 def _find_best_window(values: np.ndarray) -> int:
@@ -225,7 +244,7 @@ def _find_best_window(values: np.ndarray) -> int:
     Returns
     -------
     int
-        Number of the window.
+        Index of the window.
 
     Raises
     ------
@@ -302,7 +321,7 @@ def _compute_window_moments(
 ) -> _Moments:
     """Compute the sums of squares and products of the points in each window.
 
-    Differences of running sums make it fast for many windows.
+    They are differences of running sums, which are fast to compute for many windows.
 
     Parameters
     ----------
@@ -317,7 +336,7 @@ def _compute_window_moments(
     sums = np.concatenate([np.zeros((len(sums), 1)), sums], axis=1)
     in_window = sums.take(last, axis=1) - sums.take(first, axis=1)
     sum_x, sum_z, sum_xx, sum_zz, sum_xz = in_window
-    # Subtracting the squared mean refers the sums to the means of the window.
+    # Refer the sums to the means of the window. An empty window has sums of 0.
     n = np.maximum(last - first, 1)
     return _Moments(
         n=n,
@@ -345,13 +364,14 @@ def fit_line(distance: np.ndarray, height: np.ndarray, low: float, high: float) 
     if distance.size < MIN_LEVELS:
         raise NoFlankError(WALL_REASON)
     deviation = distance - distance.mean()
-    if deviation @ deviation < distance.size * SMALLEST_SD_PX**2:
+    sum_of_squares = deviation @ deviation
+    if sum_of_squares < distance.size * SMALLEST_SD_PX**2:
         raise NoFlankError(WALL_REASON)
-    # Least squares: the slope is the covariance over the variance of the distance.
-    slope = float(deviation @ (height - height.mean()) / (deviation @ deviation))
+    # By least squares, the slope is the covariance over the variance of the distance.
+    slope = float(deviation @ (height - height.mean()) / sum_of_squares)
     if slope <= 0:
         raise NoFlankError("the boundary does not rise towards the crest")
-    # The line goes through the means; solve it for the distances of its ends.
+    # The line goes through the means. Find where it reaches both heights.
     intercept = float(height.mean() - slope * distance.mean())
     lower_end = ((low - intercept) / slope, low)
     upper_end = ((high - intercept) / slope, high)
@@ -375,15 +395,16 @@ def fit_secant(profile: np.ndarray, grain_px: float) -> Line:
     NoFlankError
         If the pile is not higher than a grain, or if the side has no foot.
     """
-    crest = profile.size - 1
+    crest = float(profile.size - 1)
     height = float(profile[-1])
     if not 0 < grain_px < height:
         raise NoFlankError("the pile is not higher than one grain")
     if profile[0] >= grain_px:
         raise NoFlankError(NO_FOOT)
-    foot = float(find_outermost_crossing(profile, np.array([grain_px]))[0])
+    (crossing,) = find_outermost_crossing(profile, np.array([grain_px]))
+    foot = float(crossing)
     angle_deg = math.degrees(math.atan2(height, crest - foot))
-    return Line(angle_deg, ((foot, 0.0), (float(crest), height)))
+    return Line(angle_deg, ((foot, 0.0), (crest, height)))
 
 
 def compute_secant(left: Line, right: Line) -> float:
@@ -411,7 +432,7 @@ def measure_sides(
     profile : ndarray
         Heights (W,) of both sides over the plate in pixels.
     crest : int
-        The column that divides the sides. It belongs to both.
+        The column of the crest, which belongs to both sides.
     settings : MeasureSettings
         Settings of the lines.
     definitions : sequence of str
@@ -469,7 +490,7 @@ def _fit_side(side: np.ndarray, definition: str, settings: MeasureSettings) -> L
         return fit_straightest(side, settings.smallest_window)
     if definition == "secant":
         return fit_secant(side, _compute_grain_height(settings))
-    # The flank and its steepest part lie between two heights.
+    # The other two definitions fit a line between two heights.
     height = float(side[-1])
     low = _compute_end_height(settings.fit_from, height, settings)
     high = _compute_end_height(settings.fit_to, height, settings)
@@ -500,7 +521,7 @@ def _compute_end_height(
 
 
 def _compute_grain_height(settings: MeasureSettings) -> float:
-    """Compute the height of a grain in pixels; NoFlankError if it is unknown."""
+    """Compute the height of a grain in pixels; raise NoFlankError if it is unknown."""
     if settings.berry_height_mm is None:
         raise NoFlankError("the grain's height is not known")
     return settings.berry_height_mm / settings.mm_per_pixel

@@ -90,10 +90,11 @@ def surface_of(
     """
     columns = np.flatnonzero(filled.any(axis=0))
     top_rows = filled.argmax(axis=0)[columns]
-    # Convert pixels to positions from the axis. Rows count downwards.
+    # Convert pixels to positions relative to the axis. Rows count downwards.
     pixel_m = 1e-3 * mm_per_pixel
     x = (columns + 0.5) * pixel_m - radius_m
     z = (len(filled) - top_rows) * pixel_m - radius_m
+    # Fit only the middle part. An empty picture has none.
     is_fitted = np.zeros(len(x), dtype=bool)
     if len(x) > 0:
         middle = 0.5 * (x.min() + x.max())
@@ -203,9 +204,9 @@ def surface_heights(
     # upper border of the picture.
     inner_share = occupied[top_rows, columns]
     outer_share = np.where(top_rows > 0, occupied[top_rows - 1, columns], 0.0)
-    # In a column without a bed, any other value than 0 will do.
-    step = np.where(has_bed, inner_share - outer_share, 1.0)
-    depth = top_rows + 0.5 - (inner_share - covered) / step
+    # A column without a bed is replaced below. Until then, avoid a division by zero.
+    difference = np.where(has_bed, inner_share - outer_share, 1.0)
+    depth = top_rows + 0.5 - (inner_share - covered) / difference
     surface = (n_rows - depth) * pixel_m - radius_m
 
     # A column without a bed shows the drum's wall.
@@ -251,7 +252,7 @@ def relative_energy(
     turning_rad_s: np.ndarray,
     frame_rad_s: np.ndarray,
 ) -> float:
-    """Compute the mean kinetic energy of a grain [J] in a turning frame.
+    """Compute the mean kinetic energy of a grain in a turning frame.
 
     It is the energy of translation and rotation, relative to the frame.
 
@@ -263,17 +264,22 @@ def relative_energy(
         Velocities and angular velocities (N, 3) in the frame at rest.
     frame_rad_s : ndarray
         Angular velocity (3,) of the frame, which turns about the origin.
+
+    Returns
+    -------
+    float
+        The energy in J.
     """
     particle: Any = grains.particle
     scales = grains.scales
-    velocity = velocities_m_s - np.cross(frame_rad_s, grains.centres_m)
-    # Turn the angular velocities to the frames of the bodies, whose axes are the
-    # principal axes.
+    relative_velocity = velocities_m_s - np.cross(frame_rad_s, grains.centres_m)
+    # Express the angular velocities in the frames of the bodies, whose axes are the
+    # principal axes of inertia.
     rotations = rotation_matrices(grains.quaternions)
     spin = np.einsum("nij,ni->nj", rotations, turning_rad_s - frame_rad_s)
     # The mass of a grain grows with the cube of its size. Its moments of inertia grow
     # with the fifth power.
-    twice_energy = scales**3 * particle.mass_kg * np.sum(velocity**2, axis=1)
+    twice_energy = scales**3 * particle.mass_kg * np.sum(relative_velocity**2, axis=1)
     twice_energy += scales**5 * (spin**2 @ particle.inertia_kg_m2)
     return 0.5 * float(twice_energy.mean())
 
@@ -344,8 +350,8 @@ def slip_displacement(
     motion : ndarray
         Motion (N,) of each grain down along the surface in m; NaN for the same grains.
     """
-    # Two directions in the cross section (x, z) of the drum: up along the surface, and
-    # out of the bed
+    # Find two directions in the cross section (x, z) of the drum: up along the surface,
+    # and perpendicular to it, out of the bed.
     slope = math.radians(surface.angle_deg)
     along = np.array([math.cos(slope), math.sin(slope)])
     normal = np.array([-math.sin(slope), math.cos(slope)])
@@ -366,7 +372,7 @@ def slip_displacement(
 
 
 def depth_profile(depth_m: np.ndarray, moved_m: np.ndarray, bin_m: float) -> np.ndarray:
-    """Summarise the motion of grains in layers of equal thickness, by their depth.
+    """Summarise the motion of grains in layers of equal thickness below the surface.
 
     Parameters
     ----------

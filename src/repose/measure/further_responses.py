@@ -71,8 +71,8 @@ def measure_half_widths(
     mm_per_pixel : float
         Scale of the views.
     levels_mm : array_like
-        Heights (N,) over the plate at which the width is measured. In a view that does
-        not reach a height the width is 0.
+        Heights (N,) over the plate at which the width is measured. The width is 0 in a
+        view in which the pile is lower.
 
     Returns
     -------
@@ -138,7 +138,7 @@ def measure_silhouettes(
     lower_slope = math.atan2(middle_mm - grain_mm, base_radius - middle_radius)
     upper_slope = math.atan2(upper_mm - middle_mm, middle_radius - upper_radius)
 
-    # Compute the volume of the pile as a stack of thin discs.
+    # Add up the volume of the pile as a stack of thin discs.
     disc_mm = height_mm / N_LEVELS
     disc_middles_mm = disc_mm * (np.arange(N_LEVELS) + 0.5)
     radii = measure_half_widths(profiles, mm_per_pixel, disc_middles_mm)
@@ -202,7 +202,7 @@ def measure_pour(
         The pour's arrays by name: ``position``, ``quaternion``, ``in_pile`` and, if
         sizes differ, ``scale``.
     particle : SolidBody
-        The grains' body.
+        The shape of the grains.
     settings : MeasureSettings
         Settings of the measurement.
     plate_diameter_mm : float
@@ -218,21 +218,21 @@ def measure_pour(
     NoFlankError
         If there is no pile.
     """
-    settings = pile.with_grain_height(settings, particle)
-    assert settings.berry_height_mm is not None
+    complete_settings = pile.with_grain_height(settings, particle)
+    assert complete_settings.berry_height_mm is not None
     grains = Grains.of(arrays, particle)
     in_pile = arrays["in_pile"]
-    height_m, views = pile.draw_views(grains, settings, in_pile)
+    height_m, views = pile.draw_views(grains, complete_settings, in_pile)
     profiles = [pile.find_profile(view)[0] for view in views]
-    # The packing needs the volume of the grains that the silhouettes show.
+    # The packing needs the volume of all grains that the silhouettes show.
     scales = grains.scales[in_pile] if settings.largest_pile_only else grains.scales
-    relative_volume = float((scales**3).sum())
+    volume_over_particle = float((scales**3).sum())
     shape = measure_silhouettes(
         profiles,
-        mm_per_pixel=settings.mm_per_pixel,
+        mm_per_pixel=complete_settings.mm_per_pixel,
         height_mm=1e3 * height_m,
-        grain_mm=settings.berry_height_mm,
-        grains_mm3=1e9 * particle.volume_m3 * relative_volume,
+        grain_mm=complete_settings.berry_height_mm,
+        grains_mm3=1e9 * particle.volume_m3 * volume_over_particle,
     )
     scatter = measure_scatter(grains.centres_m, in_pile, plate_diameter_mm / 2)
     return shape | scatter

@@ -18,20 +18,22 @@ if TYPE_CHECKING:
 MIN_SIDE_PX = 20
 MAX_PIXELS = 200_000_000
 PICTURE_FORMATS = "PNG, JPEG, TIFF, BMP"
-# Bytes 4 to 12 of a phone's HEIC file
-HEIC_BRANDS = tuple(
-    b"ftyp" + brand
-    for brand in (
-        b"heic",
-        b"heix",
-        b"hevc",
-        b"hevx",
-        b"heim",
-        b"heis",
-        b"mif1",
-        b"msf1",
-    )
+# A phone's HEIC file has four bytes of another meaning, these four, and one of the brands.
+HEIC_MARK = b"ftyp"
+HEIC_BRANDS = (
+    b"heic",
+    b"heix",
+    b"hevc",
+    b"hevx",
+    b"heim",
+    b"heis",
+    b"mif1",
+    b"msf1",
 )
+# The brightest tone of a picture is estimated by this quantile, because single hot pixels
+# are brighter. A part of the rows and columns is enough for it.
+PEAK_QUANTILE = 0.999
+PEAK_STEP = 8
 
 
 def read_image(path: str | PathLike) -> np.ndarray:
@@ -63,11 +65,14 @@ def read_image(path: str | PathLike) -> np.ndarray:
         )
 
     # Check the header first, because decoding a huge picture could take all the memory.
+    _refuse_heic(path)
     _check_header(path)
     content = np.frombuffer(path.read_bytes(), dtype=np.uint8)
+    image: np.ndarray | None
     try:
         image = cv2.imdecode(content, cv2.IMREAD_COLOR | cv2.IMREAD_ANYDEPTH)
-    except cv2.error:  # an empty file, or more pixels than OpenCV accepts
+    except cv2.error:
+        # The file is empty, or has more pixels than OpenCV accepts.
         image = None
     if image is None:
         problem = "not a picture" if content.size else "an empty file"
@@ -78,16 +83,16 @@ def read_image(path: str | PathLike) -> np.ndarray:
             allowed=f"a picture file ({PICTURE_FORMATS}), whole",
         )
 
+    if image.dtype == np.uint8:
+        return image
     if image.dtype == np.uint16:
         return _keep_upper_bits(image)
-    if image.dtype != np.uint8:
-        raise InputError(
-            path,
-            key="picture",
-            value=f"of {image.dtype} numbers",
-            allowed="a picture of 8 to 16 bits a colour: save it so",
-        )
-    return image
+    raise InputError(
+        path,
+        key="picture",
+        value=f"of {image.dtype} numbers",
+        allowed="a picture of 8 to 16 bits a colour: save it so",
+    )
 
 
 def _keep_upper_bits(image: np.ndarray) -> np.ndarray:
@@ -95,29 +100,36 @@ def _keep_upper_bits(image: np.ndarray) -> np.ndarray:
 
     The upper eight of the bits that the picture uses are kept.
     """
-    # The quantile ignores single hot pixels, which the maximum would not.
-    peak = int(np.quantile(image[::8, ::8], 0.999))
+    peak = int(np.quantile(image[::PEAK_STEP, ::PEAK_STEP], PEAK_QUANTILE))
     shift = max(peak.bit_length() - 8, 0)
     return np.minimum(np.right_shift(image, shift), 255).astype(np.uint8)
 
 
-def _check_header(path: Path) -> None:
-    """Check a picture by its header, before it is decoded.
+def _refuse_heic(path: Path) -> None:
+    """Raise InputError for a HEIC file, which is known by its first bytes."""
+    with path.open("rb") as file:
+        start = file.read(12)
+    if start[4:8] == HEIC_MARK and start[8:12] in HEIC_BRANDS:
+        raise InputError(
+            path,
+            key="picture",
+            value="HEIC",
+            allowed="PNG or JPEG; a phone exports it (`heif-convert a.heic a.jpg`)",
+        )
 
-    Raises InputError for a HEIC file, for several pages and for a picture that is too
-    small or too large. A file whose header Pillow cannot read passes: OpenCV decides
-    then whether it is a picture.
+
+def _check_header(path: Path) -> None:
+    """Check the size of a picture and its number of pages, before it is decoded.
+
+    A file whose header Pillow cannot read is accepted here, because OpenCV decides later
+    whether it is a picture.
+
+    Raises
+    ------
+    InputError
+        If the picture has several pages, or is too small or too large.
     """
     from PIL import Image, UnidentifiedImageError
-
-    with path.open("rb") as file:
-        if file.read(12)[4:] in HEIC_BRANDS:
-            raise InputError(
-                path,
-                key="picture",
-                value="HEIC",
-                allowed="PNG or JPEG; a phone exports it (`heif-convert a.heic a.jpg`)",
-            )
 
     # Pillow's own limit is smaller than a phone's picture, so it is lifted here.
     pillow_limit = Image.MAX_IMAGE_PIXELS
@@ -127,7 +139,7 @@ def _check_header(path: Path) -> None:
             width, height = picture.size
             n_pages = _count_pages(picture)
     except (UnidentifiedImageError, OSError, SyntaxError, ValueError):
-        return  # OpenCV decides whether it is a picture
+        return
     finally:
         Image.MAX_IMAGE_PIXELS = pillow_limit
     if n_pages != 1:

@@ -16,6 +16,7 @@ VTK
 file.
 """
 
+import itertools
 import mimetypes
 import re
 from pathlib import Path
@@ -28,7 +29,10 @@ from repose.common.errors import InputError
 from repose.common.files import StrPath
 from repose.measure import vtk_files
 
-DUMP_ITEM = "ITEM:"  # begins each section of a dump
+# Beginnings of a dump: of each of its sections, of its rows, and of their number
+DUMP_ITEM = "ITEM:"
+ATOMS_ITEM = "ITEM: ATOMS"
+COUNT_ITEM = "ITEM: NUMBER OF ATOMS"
 YADE_FORMAT = "#format "  # begins the text of Yade
 # Names that a column may have, by the quantity, in the order in which they are preferred.
 COLUMN_NAMES = {
@@ -55,6 +59,7 @@ SEMI_AXES = ("a", "b", "c")
 FULL_AXES = ("shapex", "shapey", "shapez")
 QUATERNION = ("qw", "qx", "qy", "qz")
 SIZE_COLUMNS = "radius, diameter, or a, b, c with qw, qx, qy, qz"
+NO_ROTATION = (1.0, 0.0, 0.0, 0.0)  # as a quaternion
 
 
 class Particles(NamedTuple):
@@ -97,7 +102,7 @@ def is_particle_file(path: StrPath) -> bool:
     if kind is not None and kind.startswith("image/"):
         return False
     with Path(path).open("rb") as file:
-        start = file.read(4096)
+        start = file.read(vtk_files.START_BYTES)
     if vtk_files.is_vtk(start):
         return True
     return b"\0" not in start and start.isascii()
@@ -114,6 +119,11 @@ def read_particles(path: StrPath, radius: float | None = None) -> Particles:
         Radius of all particles, for a file without sizes. Such a file may lack a
         header; its columns are then x, y and z.
 
+    Returns
+    -------
+    Particles
+        The particles, in the unit of the file.
+
     Raises
     ------
     InputError
@@ -123,7 +133,7 @@ def read_particles(path: StrPath, radius: float | None = None) -> Particles:
     if radius is None:
         table = _read_table(Path(path))
     else:
-        table = _read_positions(Path(path))
+        table = _read_table_without_sizes(Path(path))
         _refuse_sizes(path, table)
         table["radius"] = radius
     if table.empty:
@@ -136,14 +146,12 @@ def read_particles(path: StrPath, radius: float | None = None) -> Particles:
     columns = _find_columns(table)
     _require_unique_ids(path, table)
     _require_columns(path, table, columns, POSITION)
-    centres = _read_numbers(path, table, columns, POSITION)
-    semi_axes = _read_semi_axes(path, table, columns)
-    # Without columns of an orientation, the axes of a particle are those of the file.
-    quaternions = np.tile([1.0, 0.0, 0.0, 0.0], (len(table), 1))
-    if "qw" in columns:
-        _require_columns(path, table, columns, QUATERNION)
-        quaternions = _normalise(path, _read_numbers(path, table, columns, QUATERNION))
-    return Particles(centres, semi_axes, quaternions, _find_grains(table, columns))
+    return Particles(
+        centres=_read_numbers(path, table, columns, POSITION),
+        semi_axes=_read_semi_axes(path, table, columns),
+        quaternions=_read_quaternions(path, table, columns),
+        grains=_find_grains(table, columns),
+    )
 
 
 def _find_grains(table: pd.DataFrame, columns: dict[str, str]) -> np.ndarray:
@@ -171,7 +179,9 @@ def _find_grains(table: pd.DataFrame, columns: dict[str, str]) -> np.ndarray:
     is_alone = pd.to_numeric(clumps, errors="coerce") < 0
     # Give each single particle a name that no clump has, and then number all names.
     single_names = [f"alone {row}" for row in rows]
-    return pd.factorize(np.where(is_alone, single_names, clumps.astype(str)))[0]
+    names = np.where(is_alone, single_names, clumps.astype(str))
+    numbers, _ = pd.factorize(names)
+    return numbers
 
 
 # --- formats --------------------------------------------------------------------------
@@ -212,25 +222,31 @@ def _read_table(path: Path) -> pd.DataFrame:
         ) from error
 
 
-def _read_positions(path: Path) -> pd.DataFrame:
-    """Read a file without sizes as a table, a row for each particle.
+def _read_table_without_sizes(path: Path) -> pd.DataFrame:
+    """Read a file that has positions but no sizes, with or without a header.
 
-    If its first line is three numbers, the file has no header, and its columns are x, y
-    and z.
+    A file whose first line consists of three numbers has no header. Its columns are x, y
+    and z, separated by blanks, commas or semicolons.
+
+    Returns
+    -------
+    DataFrame
+        A row for each particle.
     """
     with path.open("rb") as file:
         first_line = file.readline()
-    numbers = first_line.replace(b",", b" ").replace(b";", b" ").split()
-    if len(numbers) != len(POSITION) or not all(map(_is_number, numbers)):
+    cells = first_line.replace(b",", b" ").replace(b";", b" ").split()
+    has_header = len(cells) != len(POSITION) or not all(map(_is_number, cells))
+    if has_header:
         return _read_table(path)
-    lines = path.read_text(encoding="utf-8").replace(",", " ").replace(";", " ")
-    return _split_rows(path, list(POSITION), lines.splitlines())
+    text = path.read_text(encoding="utf-8").replace(",", " ").replace(";", " ")
+    return _split_rows(path, list(POSITION), text.splitlines())
 
 
-def _is_number(text: bytes) -> bool:
-    """Return whether a text is a number."""
+def _is_number(cell: bytes) -> bool:
+    """Tell whether a cell of a table is a number."""
     try:
-        float(text)
+        float(cell)
     except ValueError:
         return False
     return True
@@ -238,10 +254,9 @@ def _is_number(text: bytes) -> bool:
 
 def _refuse_sizes(path: StrPath, table: pd.DataFrame) -> None:
     """Raise InputError for a table that has sizes although the user gave a radius."""
-    sizes = {"radius", "diameter", *SEMI_AXES, *FULL_AXES}
-    columns = _find_columns(table)
-    for quantity, column in columns.items():
-        if quantity in sizes:
+    size_quantities = {"radius", "diameter", *SEMI_AXES, *FULL_AXES}
+    for quantity, column in _find_columns(table).items():
+        if quantity in size_quantities:
             raise InputError(
                 path,
                 key=f"column {column}",
@@ -265,59 +280,65 @@ def _read_dump(path: Path, text: str) -> pd.DataFrame:
     InputError
         If the dump has no particles, or if its last time step is not whole.
     """
-    # Each time step has a line before its number of particles, and a header before its
-    # rows. Note the numbers of these lines.
     lines = text.splitlines()
-    header_lines = []
-    count_lines = []
-    for number, line in enumerate(lines):
-        if line.startswith("ITEM: ATOMS"):
-            header_lines.append(number)
-        if line == "ITEM: NUMBER OF ATOMS":
-            count_lines.append(number)
-    if not header_lines:
+    headers = [n for n, line in enumerate(lines) if line.startswith(ATOMS_ITEM)]
+    if not headers:
         raise InputError(
-            path, key="file", value="a dump without ITEM: ATOMS", allowed="a whole dump"
+            path,
+            key="file",
+            value=f"a dump without {ATOMS_ITEM}",
+            allowed="a whole dump",
         )
-
-    # The header names the columns after the two words ITEM: ATOMS.
-    last_header = header_lines[-1]
-    names = lines[last_header].split()[2:]
+    # The header has the names of the columns after the words of the item. All rows of the
+    # last time step follow it.
+    last_header = headers[-1]
+    names = lines[last_header].removeprefix(ATOMS_ITEM).split()
     rows = lines[last_header + 1 :]
-    # The number of particles is on the line after "ITEM: NUMBER OF ATOMS".
-    count = lines[count_lines[-1] + 1].strip() if count_lines else "missing"
-    if not count.isdecimal():
+    count = _read_count(path, lines)
+    if len(rows) != count:
         raise InputError(
             path,
-            key="ITEM: NUMBER OF ATOMS",
-            value=count,
-            allowed="the number of particles, a whole number",
-        )
-    if len(rows) != int(count):
-        raise InputError(
-            path,
-            key="ITEM: ATOMS",
+            key=ATOMS_ITEM,
             value=f"{len(rows)} rows",
             allowed=f"{count} rows, a whole dump",
         )
     return _split_rows(path, names, rows)
 
 
-def _split_rows(path: Path, names: list[str], rows: list[str]) -> pd.DataFrame:
-    """Split rows at blanks into the columns `names`.
+def _read_count(path: Path, lines: list[str]) -> int:
+    """Read the number of particles in the last time step of a dump.
 
-    Raises InputError for a row that has another number of values.
+    It is on the line after the item. Raises InputError if it is missing.
     """
-    cells = [row.split() for row in rows if row.strip()]
-    for number, row in enumerate(cells, start=1):
-        if len(row) != len(names):
+    count = "missing"
+    for item, next_line in itertools.pairwise([*lines, "missing"]):
+        if item == COUNT_ITEM:
+            count = next_line.strip()
+    if not count.isdecimal():
+        raise InputError(
+            path,
+            key=COUNT_ITEM,
+            value=count,
+            allowed="the number of particles, a whole number",
+        )
+    return int(count)
+
+
+def _split_rows(path: Path, names: list[str], rows: list[str]) -> pd.DataFrame:
+    """Split rows at blanks into the columns `names`; empty rows are left out.
+
+    Raises InputError for a row whose number of cells differs from that of the names.
+    """
+    cells_of_rows = [row.split() for row in rows if row.strip()]
+    for number, cells in enumerate(cells_of_rows, start=1):
+        if len(cells) != len(names):
             raise InputError(
                 path,
                 key=f"row {number}",
-                value=f"{len(row)} values",
+                value=f"{len(cells)} values",
                 allowed=f"{len(names)}: {names}",
             )
-    return pd.DataFrame(cells, columns=names)
+    return pd.DataFrame(cells_of_rows, columns=names)
 
 
 # --- columns --------------------------------------------------------------------------
@@ -329,17 +350,15 @@ def _find_columns(table: pd.DataFrame) -> dict[str, str]:
     Returns
     -------
     dict
-        The name of the column in the file, by quantity of `COLUMN_NAMES`. The quantities
+        The name of the column in the file, by quantity of `COLUMN_NAMES`. Quantities
         that the file lacks are left out.
     """
     column_by_name = {str(name).strip().lower(): name for name in table.columns}
     columns = {}
     for quantity, names in COLUMN_NAMES.items():
-        # If the file has several of the names, use the first one.
-        for name in names:
-            if name in column_by_name:
-                columns[quantity] = column_by_name[name]
-                break
+        found = [column_by_name[name] for name in names if name in column_by_name]
+        if found:
+            columns[quantity] = found[0]
     return columns
 
 
@@ -415,27 +434,30 @@ def _read_numbers(
     Raises
     ------
     InputError
-        For the first value that is no finite number.
+        For the first value that is not a finite number.
     """
     numbers = np.empty((len(table), len(quantities)))
-    for k, name in enumerate(quantities):
-        cells = table[columns[name]]
-        # Text that is no number becomes NaN.
-        numbers[:, k] = pd.to_numeric(cells, errors="coerce")
-        is_bad = ~np.isfinite(numbers[:, k])
+    for index, quantity in enumerate(quantities):
+        column = columns[quantity]
+        # Text that is not a number becomes NaN.
+        values = pd.to_numeric(table[column], errors="coerce").to_numpy(float)
+        is_bad = ~np.isfinite(values)
         if is_bad.any():
             row = int(np.flatnonzero(is_bad)[0])
-            key = f"column {columns[name]}, row {row + 1}"
             raise InputError(
-                path, key=key, value=cells.iloc[row], allowed="a finite number"
+                path,
+                key=f"column {column}, row {row + 1}",
+                value=table[column].iloc[row],
+                allowed="a finite number",
             )
+        numbers[:, index] = values
     return numbers
 
 
 def _read_semi_axes(
     path: StrPath, table: pd.DataFrame, columns: dict[str, str]
 ) -> np.ndarray:
-    """Read the semi-axes of the particles from the columns that give their sizes.
+    """Read and check the semi-axes of the particles.
 
     Parameters
     ----------
@@ -454,31 +476,10 @@ def _read_semi_axes(
     Raises
     ------
     InputError
-        If there is no size, if a size is not positive, or if particles that are no
+        If there is no size, if a size is not positive, or if particles that are not
         spheres lack an orientation.
     """
-    has_semi_axes = set(SEMI_AXES) <= set(columns)
-    has_full_axes = set(FULL_AXES) <= set(columns)
-    if has_semi_axes:
-        semi_axes = _read_numbers(path, table, columns, SEMI_AXES)
-    elif has_full_axes:
-        # LAMMPS writes the full diameters along the axes, and 0 for a point particle.
-        semi_axes = 0.5 * _read_numbers(path, table, columns, FULL_AXES)
-    elif "radius" in columns:
-        radii = _read_numbers(path, table, columns, ("radius",))
-        semi_axes = np.repeat(radii, 3, axis=1)
-    elif "diameter" in columns:
-        diameters = _read_numbers(path, table, columns, ("diameter",))
-        semi_axes = np.repeat(0.5 * diameters, 3, axis=1)
-    else:
-        found = ", ".join(map(str, table.columns))
-        raise InputError(
-            path,
-            key="size",
-            value="missing",
-            allowed=f"columns {SIZE_COLUMNS}; found: {found}",
-        )
-
+    semi_axes = _read_sizes(path, table, columns)
     is_bad = (semi_axes <= 0).any(axis=1)
     if is_bad.any():
         row = int(np.flatnonzero(is_bad)[0])
@@ -486,9 +487,8 @@ def _read_semi_axes(
         raise InputError(
             path, key=f"size, row {row + 1}", value=value, allowed="a number above 0"
         )
-
-    lacks_orientation = (has_semi_axes or has_full_axes) and "qw" not in columns
-    if lacks_orientation and (semi_axes != semi_axes[:, :1]).any():
+    are_spheres = (semi_axes == semi_axes[:, :1]).all()
+    if not are_spheres and "qw" not in columns:
         names = ", ".join(QUATERNION)
         raise InputError(
             path, key="orientation", value="missing", allowed=f"columns {names}"
@@ -496,11 +496,53 @@ def _read_semi_axes(
     return semi_axes
 
 
+def _read_sizes(
+    path: StrPath, table: pd.DataFrame, columns: dict[str, str]
+) -> np.ndarray:
+    """Read semi-axes (N, 3) from the first kind of sizes that a table has.
+
+    The arguments are those of `_read_semi_axes`. Raises InputError if there are no sizes.
+    """
+    if columns.keys() >= set(SEMI_AXES):
+        return _read_numbers(path, table, columns, SEMI_AXES)
+    if columns.keys() >= set(FULL_AXES):
+        # LAMMPS writes the full diameters along the axes, and 0 for a point particle.
+        return 0.5 * _read_numbers(path, table, columns, FULL_AXES)
+    if "radius" in columns:
+        radii = _read_numbers(path, table, columns, ("radius",))
+        return np.repeat(radii, 3, axis=1)
+    if "diameter" in columns:
+        diameters = _read_numbers(path, table, columns, ("diameter",))
+        return np.repeat(0.5 * diameters, 3, axis=1)
+    found = ", ".join(map(str, table.columns))
+    raise InputError(
+        path,
+        key="size",
+        value="missing",
+        allowed=f"columns {SIZE_COLUMNS}; found: {found}",
+    )
+
+
+def _read_quaternions(
+    path: StrPath, table: pd.DataFrame, columns: dict[str, str]
+) -> np.ndarray:
+    """Read the orientations (N, 4) of the particles.
+
+    If the table has none, the axes of a particle are those of the file. The arguments are
+    those of `_read_semi_axes`. Raises InputError for an incomplete orientation.
+    """
+    if "qw" not in columns:
+        return np.tile(NO_ROTATION, (len(table), 1))
+    _require_columns(path, table, columns, QUATERNION)
+    return _normalise(path, _read_numbers(path, table, columns, QUATERNION))
+
+
 def _normalise(path: StrPath, quaternions: np.ndarray) -> np.ndarray:
-    """Scale quaternions (N, 4) to length 1; InputError for one of length 0."""
+    """Scale quaternions (N, 4) to length 1; raise InputError for one of length 0."""
     lengths = np.linalg.norm(quaternions, axis=1, keepdims=True)
-    if (lengths == 0).any():
-        row = int(np.flatnonzero(lengths[:, 0] == 0)[0])
+    is_zero = lengths[:, 0] == 0
+    if is_zero.any():
+        row = int(np.flatnonzero(is_zero)[0])
         raise InputError(
             path, key=f"orientation, row {row + 1}", value=0, allowed="a quaternion"
         )

@@ -20,7 +20,7 @@ from repose.measure import pile
 from repose.measure.clusters import largest_cluster
 from repose.measure.conventions import DIRECTIONS, UNITS
 from repose.measure.further_responses import measure_scatter, measure_silhouettes
-from repose.measure.particle_files import Particles
+from repose.measure.particle_files import NO_ROTATION, Particles
 from repose.measure.results import PileResult
 from repose.measure.settings import (
     COARSEST_MM_PER_PIXEL,
@@ -126,21 +126,78 @@ def measure_particles(
     base : float, optional
         Height of the plate along `up`, in the unit of the file. By default, it is the
         median height of the lowest points of the grains in the lowest layer.
-    source : path
-        For messages.
+    source : object
+        The file, for messages.
+
+    Returns
+    -------
+    ParticlePile
+        The measured pile.
 
     Raises
     ------
     InputError
-        If the unit cannot be right, or the direction of gravity is not clear.
+        If the unit or the height of the plate cannot be right, or if the direction of
+        gravity is not clear.
     NoFlankError
         If there is no pile.
     """
-    # An impossible radius shows that the unit of lengths is wrong.
-    radius = particles.mean_radius
     metres_per_unit = UNITS[unit]
+    radius = particles.mean_radius
+    _require_plausible_radius(radius, unit, source)
+
+    # Turn the pile upright, and shift its base to z = 0.
+    if up is None:
+        up = find_up(particles, source)
+    up_vector = np.array(DIRECTIONS[up])
+    if base is None:
+        bottoms = _find_lowest_points(particles, up_vector)
+        base = _find_base(bottoms, LAYER_RADII * radius)
+    rotation = _make_rotation_to_z(up_vector)
+    centres = particles.centres @ rotation.T
+    _require_base_below(base, highest=centres[:, 2].max(), source=source)
+    centres[:, 2] -= base
+    grains = _make_grains(
+        particles, centres * metres_per_unit, rotation, metres_per_unit
+    )
+
+    # Contacts separate the pile from loose grains. They are known only between spheres.
+    in_pile = _mark_pile(particles, centres) if particles.are_spheres else None
+
+    complete_settings = _complete_settings(settings, particles, metres_per_unit)
+    height_m, views = pile.draw_views(grains, complete_settings, in_pile)
+    profiles = [pile.find_profile(view) for view in views]
+    shape = _measure_shape(
+        [profile for profile, _ in profiles],
+        height_m,
+        complete_settings,
+        _compute_pile_volume(particles, in_pile, metres_per_unit),
+    )
+    scatter = {} if in_pile is None else _measure_scatter(grains, in_pile)
+    return ParticlePile(
+        result=pile.measure_profiles(profiles, height_m, complete_settings),
+        other_responses=shape | scatter,
+        up=up,
+        base=base,
+        n_grains=len(np.unique(particles.grains)),
+        n_particles=len(particles.grains),
+    )
+
+
+def _require_plausible_radius(radius: float, unit: str, source: object) -> None:
+    """Raise InputError for an impossible radius, which shows a wrong unit of lengths.
+
+    Parameters
+    ----------
+    radius : float
+        Mean radius of the particles in the unit.
+    unit : str
+        One of `UNITS`.
+    source : object
+        The file, for messages.
+    """
     low, high = RADII_M
-    if not low <= radius * metres_per_unit <= high:
+    if not low <= radius * UNITS[unit] <= high:
         raise InputError(
             source,
             key="radius",
@@ -148,16 +205,19 @@ def measure_particles(
             allowed=f"a grain of {low:g} to {high:g} m; is the unit of lengths another one?",
         )
 
-    # Turn the pile upright, and shift its base to z = 0.
-    if up is None:
-        up = find_up(particles, source)
-    bottoms = _find_lowest_points(particles, np.array(DIRECTIONS[up]))
-    if base is None:
-        base = _find_base(bottoms, LAYER_RADII * radius)
 
-    rotation = _make_rotation_to_z(np.array(DIRECTIONS[up]))
-    centres = particles.centres @ rotation.T
-    highest = centres[:, 2].max()
+def _require_base_below(base: float, *, highest: float, source: object) -> None:
+    """Raise InputError if the plate lies above the centres of all particles.
+
+    Parameters
+    ----------
+    base : float
+        Height of the plate, in the unit of the file.
+    highest : float
+        Height of the highest centre.
+    source : object
+        The file, for messages.
+    """
     if base > highest:
         raise InputError(
             source,
@@ -165,37 +225,6 @@ def measure_particles(
             value=base,
             allowed=f"a height of the plate below all grains, at most {format_significant(highest)}",
         )
-    centres[:, 2] -= base
-    grains = _make_grains(
-        particles, centres * metres_per_unit, rotation, metres_per_unit
-    )
-
-    # Contacts tell the pile from loose grains. They are known only between spheres.
-    in_pile = None
-    if particles.are_spheres:
-        in_pile = _mark_pile(particles, centres)
-
-    settings = settings or MeasureSettings.with_defaults(mm_per_pixel=AUTO)
-    if settings.mm_per_pixel == AUTO:
-        settings = settings.with_scale(_choose_scale(2e3 * radius * metres_per_unit))
-    settings = _complete_grain_height(settings, particles, metres_per_unit)
-    height_m, views = pile.draw_views(grains, settings, in_pile)
-    profiles = [pile.find_profile(view) for view in views]
-    shape = _measure_shape(
-        [profile for profile, _ in profiles],
-        height_m,
-        settings,
-        _compute_pile_volume(particles, in_pile, metres_per_unit),
-    )
-    scatter = {} if in_pile is None else _measure_scatter(grains, in_pile)
-    return ParticlePile(
-        result=pile.measure_profiles(profiles, height_m, settings),
-        other_responses=shape | scatter,
-        up=up,
-        base=base,
-        n_grains=len(np.unique(particles.grains)),
-        n_particles=len(particles.grains),
-    )
 
 
 # --- gravity and base -----------------------------------------------------------------
@@ -224,16 +253,17 @@ def find_up(particles: Particles, source: object = "particles") -> str:
     InputError
         If no direction has clearly more grains on its plane than all others.
     """
-    radius = particles.mean_radius
+    layer_thickness = LAYER_RADII * particles.mean_radius
     counts = {}
     for name, direction in DIRECTIONS.items():
         bottoms = _find_lowest_points(particles, np.array(direction))
-        base = _find_base(bottoms, LAYER_RADII * radius)
-        is_on_base = np.abs(bottoms - base) < LAYER_RADII * radius
-        # No grain of a pile lies below the plate on which the pile stands.
-        is_below = bottoms < base - LAYER_RADII * radius
+        base = _find_base(bottoms, layer_thickness)
+        is_on_base = np.abs(bottoms - base) < layer_thickness
+        # Grains below the plane speak against it, because no grain of a pile lies below
+        # the plate.
+        is_below = bottoms < base - layer_thickness
         counts[name] = int(is_on_base.sum()) - int(is_below.sum())
-    first, second = sorted(counts, key=lambda name: -counts[name])[:2]
+    first, second, *_ = sorted(counts, key=lambda name: -counts[name])
     if counts[first] < SMALLEST_COUNT_RATIO * max(counts[second], 1):
         raise InputError(
             source,
@@ -305,7 +335,7 @@ def _make_rotation_to_z(up: np.ndarray) -> np.ndarray:
     if axis == 2:
         # Half a turn about x where `up` points along -z, else no rotation
         return np.diag([1.0, up[2], up[2]])
-    # The other horizontal axis becomes x: y for a pile along x, x for one along y.
+    # The new x is the other one of the axes x and y of the file.
     across = np.zeros(3)
     across[1 - axis] = 1.0
     return np.array([across, np.cross(up, across), up])
@@ -320,7 +350,7 @@ def _make_grains(
     rotation: np.ndarray,
     metres_per_unit: float,
 ) -> Grains:
-    """Make the bodies that the silhouettes show, in the new frame and in metres.
+    """Make the bodies to draw, in metres and in the frame in which z points up.
 
     Parameters
     ----------
@@ -337,7 +367,7 @@ def _make_grains(
 
     if particles.are_spheres:
         # A sphere looks the same in any orientation.
-        identity_quaternions = np.tile([1.0, 0.0, 0.0, 0.0], (len(centres_m), 1))
+        identity_quaternions = np.tile(NO_ROTATION, (len(centres_m), 1))
         radii_m = particles.semi_axes[:, 0] * metres_per_unit
         return Grains(centres_m, identity_quaternions, _UnitSphere(), radii_m)
     orientations = Rotation.from_quat(particles.quaternions, scalar_first=True)
@@ -396,28 +426,31 @@ def _choose_scale(diameter_mm: float) -> float:
     return min(max(scale, FINEST_MM_PER_PIXEL), COARSEST_MM_PER_PIXEL)
 
 
-def _complete_grain_height(
-    settings: MeasureSettings, particles: Particles, metres_per_unit: float
+def _complete_settings(
+    settings: MeasureSettings | None, particles: Particles, metres_per_unit: float
 ) -> MeasureSettings:
-    """Complete the settings with the height of a grain, if it is missing.
-
-    It is the diameter of a sphere of the grains' mean volume.
+    """Complete the settings with the scale of the views and the height of a grain.
 
     Parameters
     ----------
-    settings : MeasureSettings
-        Settings with or without the height of a grain.
+    settings : MeasureSettings or None
+        The user's settings. If they lack the height of a grain, it is the diameter of a
+        sphere of the grains' mean volume.
     particles : Particles
         The bodies.
     metres_per_unit : float
         Metres in a unit of length of the file.
     """
+    settings = settings or MeasureSettings.with_defaults(mm_per_pixel=AUTO)
+    if settings.mm_per_pixel == AUTO:
+        diameter_mm = 2e3 * particles.mean_radius * metres_per_unit
+        settings = settings.with_scale(_choose_scale(diameter_mm))
     if settings.berry_height_mm is not None:
         return settings
     volume_m3 = _compute_volumes(particles).sum() * metres_per_unit**3
     n_grains = len(np.unique(particles.grains))
-    diameter_mm = 1e3 * (6 / math.pi * volume_m3 / n_grains) ** (1 / 3)
-    return settings.with_grain_height(diameter_mm)
+    height_mm = 1e3 * (6 / math.pi * volume_m3 / n_grains) ** (1 / 3)
+    return settings.with_grain_height(height_mm)
 
 
 def _compute_volumes(particles: Particles) -> np.ndarray:
@@ -442,7 +475,7 @@ def _compute_pile_volume(
     Returns
     -------
     float or None
-        None for clumps, whose spheres overlap by unknown volumes.
+        The volume. None if there are clumps, whose spheres overlap by unknown volumes.
     """
     n_grains = len(np.unique(particles.grains))
     if n_grains < len(particles.grains):

@@ -31,7 +31,7 @@ def pile_responses(
         The pour's arrays by name: ``position``, ``quaternion``, ``in_pile`` and, if
         sizes differ, ``scale``.
     particle : SolidBody
-        The grains' body.
+        The shape of the grains.
     settings : MeasureSettings
         Settings of the measurement.
     plate_mm : float
@@ -41,17 +41,18 @@ def pile_responses(
 
     Returns
     -------
-    tuple
-        The responses by name, and the reasons for those that are missing.
+    responses : dict
+        The measured responses by name.
+    reasons : dict
+        The reason why a response is missing, by its name.
     """
-    # Measure angles and Height.
     responses: dict[str, Any] = {}
     reasons: dict[str, str] = {}
     grains = Grains.of(arrays, particle)
     try:
         result = pile.measure_pile(grains, settings, arrays["in_pile"])
     except NoFlankError as error:
-        # There is no pile, so nothing can be measured.
+        # There is no pile to measure.
         for name in (CALIBRATED_ANGLE, "height_mm", *MEAN_KEYS.values()):
             reasons[name] = error.reason
     else:
@@ -60,7 +61,7 @@ def pile_responses(
             reasons[MEAN_KEYS[definition]] = reason
         if settings.response in result.reasons:
             reasons[CALIBRATED_ANGLE] = result.reasons[settings.response]
-    # Measure the other responses only if the caller names some of them.
+
     if extra_names:
         from repose.measure import further_responses
 
@@ -88,7 +89,7 @@ def draw_side_view(
     arrays : mapping
         The pour's arrays by name, as for `pile_responses`.
     particle : ConvexBody
-        The grains' body.
+        The shape of the grains.
     settings : MeasureSettings
         Scale of the picture, and whether loose grains are left out.
     azimuth_deg : float

@@ -19,6 +19,8 @@ POURS_ENDING = ".pours.json"  # ending of the file, after the job's name
 REQUIRED_ARRAYS = ("position", "quaternion", "in_pile")
 N_COLUMNS = {"position": 3, "quaternion": 4}
 NUMBERS_PER_GRAIN = ("in_pile", "scale")
+# NumPy's letters for booleans, floats, and integers of two kinds
+NUMERIC_KINDS = "bfiu"
 EXPECTED_FILE = f"NAME{POURS_ENDING} as the subcommand pour writes it"
 
 Arrays = Mapping[str, np.ndarray]  # of a pour, by name
@@ -35,18 +37,19 @@ def read_pours(path: str | PathLike) -> dict[str, Any]:
     Returns
     -------
     dict
-        The content of the file. Each of its ``pours`` has a seed, a status, a reason
-        and numbers.
+        The content of the file. Its key ``pours`` has a list of pours, each with a seed,
+        a status, a reason (which may be empty) and numbers.
 
     Raises
     ------
     InputError
-        For any other file.
+        If the file is not such a file, or has an impossible pour.
     """
     job = read_json(path, what=EXPECTED_FILE)
-    # Another file of the program has no list of pours, or another name.
+    # Other files of the program have no list of pours, or have another name.
     pours = job.get("pours")
-    if not str(path).endswith(POURS_ENDING) or not isinstance(pours, list) or not pours:
+    has_pours = isinstance(pours, list) and len(pours) > 0
+    if not has_pours or not str(path).endswith(POURS_ENDING):
         raise InputError(path, key="pours", value=pours, allowed=EXPECTED_FILE)
     for pour in pours:
         _check_pour(pour, path)
@@ -63,20 +66,20 @@ def _check_pour(pour: Any, path: str | PathLike) -> None:
 
     Parameters
     ----------
-    pour : dict
-        The record. It may lack a reason.
+    pour : object
+        The record, as it was read. It should be a mapping, and may lack a reason.
     path : path
         The file, for messages.
     """
-    has_keys = isinstance(pour, dict) and "seed" in pour
-    if not has_keys or not isinstance(pour.get("status"), str):
+    is_record = isinstance(pour, dict) and "seed" in pour
+    if not is_record or not isinstance(pour.get("status"), str):
         raise InputError(
             path, key="pours", value=pour, allowed="records with a seed and a status"
         )
     reason = pour.get("reason", "")
     if not isinstance(reason, str):
         raise InputError(path, key="reason", value=reason, allowed="text")
-    # All other values are numbers, the seed too.
+    # All other values are numbers. The seed is one, too.
     for key in pour.keys() - {"status", "reason"}:
         value = pour[key]
         is_number = isinstance(value, int | float) and math.isfinite(value)
@@ -140,7 +143,7 @@ def select_pour(
 
 
 def _check_grains(arrays: Arrays, source: object, ending: str) -> None:
-    """Raise InputError for arrays of different numbers of grains, or bad values.
+    """Raise InputError for arrays of different numbers of grains, or impossible values.
 
     Parameters
     ----------
@@ -152,8 +155,8 @@ def _check_grains(arrays: Arrays, source: object, ending: str) -> None:
     ending : str
         The text after the name of an array in the file, for messages.
     """
-    # The number of grains as a tuple (N,): the shape of an array with one number for
-    # each grain. It is empty if `position` has too few dimensions.
+    # Slice the number of grains from the shape, as a tuple (N,). It is empty if the array
+    # has too few dimensions.
     grain_shape = arrays["position"].shape[-2:-1]
     for name in (*N_COLUMNS, *NUMBERS_PER_GRAIN):
         if name not in arrays:
@@ -161,8 +164,7 @@ def _check_grains(arrays: Arrays, source: object, ending: str) -> None:
         values = arrays[name]
         key = f"{name}{ending}"
         shape = (*grain_shape, N_COLUMNS[name]) if name in N_COLUMNS else grain_shape
-        # NumPy's letters for booleans, floats, and signed and unsigned integers
-        is_numeric = values.dtype.kind in "bfiu"
+        is_numeric = values.dtype.kind in NUMERIC_KINDS
         # Compare only the last axes, because the first one may be that of times.
         has_shape = grain_shape and values.shape[-len(shape) :] == shape
         if not is_numeric or not has_shape:
@@ -172,22 +174,37 @@ def _check_grains(arrays: Arrays, source: object, ending: str) -> None:
                 value=f"{values.dtype} {values.shape}",
                 allowed=f"numbers {shape}, of as many grains as the other arrays",
             )
-        if not np.isfinite(values).all():
-            raise InputError(
-                source, key=key, value="not finite", allowed="finite numbers"
-            )
-        # A quaternion of zeros is no rotation.
-        if name == "quaternion" and not values.any(axis=-1).all():
-            raise InputError(
-                source, key=key, value="zero", allowed="a rotation of each grain"
-            )
-        if name == "scale" and not (values > 0).all():
-            raise InputError(
-                source,
-                key=key,
-                value=float(values.min()),
-                allowed="sizes above 0, in sizes of the mean grain",
-            )
+        _check_values(name, values, source, key)
+
+
+def _check_values(name: str, values: np.ndarray, source: object, key: str) -> None:
+    """Raise InputError for an array of grains with an impossible value.
+
+    Parameters
+    ----------
+    name : str
+        Name of the array, such as ``quaternion``.
+    values : ndarray
+        The array.
+    source : object
+        The file, for messages.
+    key : str
+        Name of the array in the file, for messages.
+    """
+    if not np.isfinite(values).all():
+        raise InputError(source, key=key, value="not finite", allowed="finite numbers")
+    # A quaternion of zeros is not a rotation.
+    if name == "quaternion" and not values.any(axis=-1).all():
+        raise InputError(
+            source, key=key, value="zero", allowed="a rotation of each grain"
+        )
+    if name == "scale" and not (values > 0).all():
+        raise InputError(
+            source,
+            key=key,
+            value=float(values.min()),
+            allowed="sizes above 0, in sizes of the mean grain",
+        )
 
 
 def read_first_pour(path: str | PathLike) -> dict[str, np.ndarray]:

@@ -80,7 +80,7 @@ class MeasureSettings(Section):
         return method.make_section_with_defaults(cls, "measure", keys)
 
     def contradictions(self) -> Contradictions:
-        """Refuse an upper end of the fitted part that leaves the part too short for a line."""
+        """Refuse two ends of the flank between which there is too little for a line."""
         start, end = self.fit_from, self.fit_to
         if start == end == ONE_GRAIN:
             yield "fit_to", "a number from 0.1 to 1, as measure.fit_from is berry"
@@ -119,23 +119,30 @@ def line_of(settings: MeasureSettings, definition: str | None = None) -> str:
     Parameters
     ----------
     settings : MeasureSettings
+        Settings of the measurement.
     definition : str, optional
-        One of `DEFINITIONS`; the default is that of the calibrated angle.
+        The definition of the angle, one of `DEFINITIONS`. The default is that of the
+        calibrated angle.
+
+    Returns
+    -------
+    str
+        Such as ``flank, 20 to 80 % of the height, columns``.
     """
-    if not definition:
-        definition = settings.response
-    if definition == "secant":
-        return "secant, foot to crest"
-    if definition == "whole":
-        return "whole side, columns"
-    if definition == "straightest":
-        smallest = settings.smallest_window
-        return f"straightest window, at least {smallest:.2g} of the side, columns"
-    # The other two, "flank" and "steepest", lie between two heights.
-    line = f"flank, {describe_height_band(settings)}, {settings.flank}"
-    if definition == "steepest":
-        return f"steepest half or more of the {line}"
-    return line
+    # The flank and its steepest part lie between two heights.
+    flank = f"flank, {describe_height_band(settings)}, {settings.flank}"
+    match definition or settings.response:
+        case "secant":
+            return "secant, foot to crest"
+        case "whole":
+            return "whole side, columns"
+        case "straightest":
+            smallest = settings.smallest_window
+            return f"straightest window, at least {smallest:.2g} of the side, columns"
+        case "steepest":
+            return f"steepest half or more of the {flank}"
+        case _:
+            return flank
 
 
 def describe_height_band(settings: MeasureSettings) -> str:
@@ -170,13 +177,13 @@ def describe_line_of_response(settings: MeasureSettings | None, response: str) -
     -------
     str
         The text of `line_of` for an angle of repose. It is empty for any other response,
-        and without settings.
+        and if there are no settings.
     """
     if settings is None:
         return ""
     if response == CALIBRATED_ANGLE:
         return line_of(settings)
-    for definition, key in MEAN_KEYS.items():
-        if key == response:
-            return line_of(settings, definition)
+    definition_of_response = {key: name for name, key in MEAN_KEYS.items()}
+    if response in definition_of_response:
+        return line_of(settings, definition_of_response[response])
     return ""

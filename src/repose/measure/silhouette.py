@@ -131,12 +131,12 @@ def compute_outlines(
         Polygons (V, N, OUTLINE_DIRECTIONS, 2), u and z in m. A body of M spheres has M
         polygons.
     """
-    # The direction of the world (3,) that points to the right in each view
+    # In each view, a direction (3,) of the world points to the right.
     azimuths = np.radians(np.asarray(azimuths_deg, dtype=float))
     rights = np.stack(
         [np.cos(azimuths), np.sin(azimuths), np.zeros_like(azimuths)], axis=-1
     )
-    # Directions (K, 2) in the plane of the picture
+    # The outlines are computed in directions (K, 2) in the plane of the picture.
     angles = np.arange(OUTLINE_DIRECTIONS) * (2 * math.pi / OUTLINE_DIRECTIONS)
     circle = np.column_stack([np.cos(angles), np.sin(angles)])
 
@@ -164,8 +164,8 @@ def _compute_convex_outlines(
 ) -> np.ndarray:
     """Compute the outlines of N convex bodies about their centres in one view.
 
-    The bodies are symmetric to their centres, so the second half of an outline is the
-    first, turned by 180 degrees.
+    The bodies are symmetric about their centres. The second half of an outline is
+    therefore the first half, turned by 180 degrees.
 
     Parameters
     ----------
@@ -183,11 +183,11 @@ def _compute_convex_outlines(
     ndarray
         Polygons (N, K, 2), to the right and up in m.
     """
-    # The axes of the picture in the frame of each body
+    # Turn the axes of the picture into the frame of each body.
     body_right = np.einsum("nij,i->nj", rotations, right)
     body_up = rotations[:, 2, :]
-    # A point of the outline is where a plane touches the body. The plane is normal to one
-    # of the directions in the picture.
+    # A point of the outline is where a plane touches the body that is perpendicular to a
+    # direction in the picture.
     half_circle = circle[: OUTLINE_DIRECTIONS // 2]
     cos, sin = np.split(half_circle, 2, axis=1)
     normals = cos * body_right[:, None, :] + sin * body_up[:, None, :]
@@ -198,7 +198,7 @@ def _compute_convex_outlines(
 
 
 def place_spheres(grains: Grains) -> np.ndarray | None:
-    """Place the M spheres of each of N bodies in the world.
+    """Compute where the M spheres of each of N bodies lie in the world.
 
     Returns
     -------
@@ -274,7 +274,7 @@ def paint_outlines(
                 "measure.mm_per_pixel needs fewer"
             ),
         )
-    # Columns and rows of the outlines, counted from the middle of the first pixel
+    # Convert the outlines to columns and rows, counted from the middle of the first pixel.
     pixels = np.empty_like(polygons_m)
     pixels[..., 0] = (polygons_m[..., 0] - left_m) / pixel_m - 0.5
     pixels[..., 1] = height - polygons_m[..., 1] / pixel_m - 0.5

@@ -32,12 +32,13 @@ def read_table(path: Path) -> pd.DataFrame:
     Returns
     -------
     pandas.DataFrame
-        `x`, `y`, `z`, and a column for each value that is one number at each point.
+        A row for each point. The columns are `x`, `y`, `z`, and each value of the points
+        that is a single number. Vectors are left out.
 
     Raises
     ------
     InputError
-        Without pyvista, or for a file that it cannot read.
+        If pyvista is not installed, or cannot read the file.
     """
     ending = _find_ending(path)
     try:
@@ -51,8 +52,7 @@ def read_table(path: Path) -> pd.DataFrame:
                 f"pyvista, which reads it: {INSTALL_COMMAND}; or a dump, CSV or Yade's text"
             ),
         ) from error
-    # The content decides on the format, because LIGGGHTS also writes XML into files that
-    # end in .vtk.
+    # Tell pyvista the format, because LIGGGHTS also writes XML into files named .vtk.
     try:
         grid = pyvista.get_reader(path, force_ext=ending).read()
         columns = dict(zip("xyz", np.asarray(grid.points, dtype=float).T, strict=True))
@@ -68,10 +68,10 @@ def read_table(path: Path) -> pd.DataFrame:
 
 
 def _find_ending(path: Path) -> str:
-    """Find the ending by which pyvista knows the format of a file.
+    """Find the ending that pyvista expects for the format of a file.
 
-    The name of the file may have another ending. InputError is raised for a kind of data
-    that holds no particles.
+    The content of the file tells the format, because its name may have another ending.
+    Raises InputError for a kind of data that cannot contain particles.
     """
     with path.open("rb") as file:
         start = file.read(START_BYTES)
