@@ -600,7 +600,7 @@ def test_a_column_is_what_it_is_declared_to_be(tmp_path):
             ["2.1", "-inf"],
         ),
         "nothing": (
-            Column("b", empty=True),
+            Column("b", may_be_empty=True),
             "a finite number, or nothing",
             ["", "NaN"],
             ["inf", "x", "n/a"],

@@ -371,11 +371,11 @@ def _read_profile(measured: MeasuredProfile, name: str) -> _MeasuredLine:
     """
     path = places.find_file(measured.file)
     columns = [
-        tables.Column(measured.x, empty=True),
-        tables.Column(measured.z, empty=True),
+        tables.Column(measured.x, may_be_empty=True),
+        tables.Column(measured.z, may_be_empty=True),
     ]
     if isinstance(measured.sd, str):
-        columns.append(tables.Column(measured.sd, low=0.0, empty=True))
+        columns.append(tables.Column(measured.sd, low=0.0, may_be_empty=True))
     cells = tables.read(path, columns, "a CSV file of a profile")
 
     # A profile may be shorter than the table: cut the empty rows at both ends.

@@ -8,21 +8,21 @@ from repose.dem.errors import MOST_SHOWN, shown
 from repose.dem.errors import InputError as InputError
 from repose.dem.errors import did_you_mean as did_you_mean
 
-# Exit status of a verb and of the workflow for a fault of the input.
+# Exit status of a subcommand and of the workflow for a fault of the input.
 BAD_INPUT = 2
-# A file of another program may have a fault in every key.
+# Largest number of faults that are reported one by one. A file of another program may
+# have a fault in every key.
 MOST_REPORTED = 30
 
 
 class YamlError(InputError):
     """A fault of a YAML file, whose message writes null, true and false as YAML does."""
 
-    def __init__(self, source: object, key: str, value: object, allowed: str) -> None:
-        super().__init__(source, key, value, allowed)
-        name = key if key.isprintable() else repr(key)
-        self.args = (
-            f"{source}: {name} is {_format_yaml(value)}; expected {self.allowed}",
-        )
+    def __str__(self) -> str:
+        """Write the message: the file, the key, its value, and the allowed values."""
+        key = self.key if self.key.isprintable() else repr(self.key)
+        value = _format_yaml(self.value)
+        return f"{self.source}: {key} is {value}; expected {self.allowed}"
 
 
 class InputErrors(InputError):
@@ -39,13 +39,13 @@ class InputErrors(InputError):
         super().__init__(first.source, first.key, first.value, first.allowed)
         self.faults = faults
 
-        # The message shows the first faults in full, and only counts the others.
-        lines = [str(fault) for fault in faults[:MOST_REPORTED]]
-        unreported = faults[MOST_REPORTED:]
+    def __str__(self) -> str:
+        """Write the messages of the first faults, and the number of the others."""
+        lines = [str(fault) for fault in self.faults[:MOST_REPORTED]]
+        unreported = self.faults[MOST_REPORTED:]
         if unreported:
             lines.append(f"{unreported[0].source}: {len(unreported)} more faults")
-        # The call above made the message of the first fault alone. Replace it.
-        self.args = ("\n".join(lines),)
+        return "\n".join(lines)
 
 
 class NoFlankError(ValueError):
@@ -92,8 +92,8 @@ def print_fault(fault: object) -> None:
             allowed="a path that can be read or written there",
         )
     for line in str(fault).splitlines():
-        # A text from a file could contain an escape code, which would act on the
-        # terminal.
+        # Text from a file may contain control characters, which would act on the
+        # terminal. Print them as escape sequences, such as \x1b.
         characters = [
             character if character.isprintable() else repr(character)[1:-1]
             for character in line
@@ -125,17 +125,20 @@ def _format_yaml(value: object) -> str:
     Returns
     -------
     str
-        A text has quotes. A long or nested list, and a mapping, are shortened.
+        The value as text. A long list, a list of lists and a mapping are shortened, and
+        written as Python writes them.
     """
     if value is None:
         return "null"
     if isinstance(value, bool):
         return "true" if value else "false"
-    if isinstance(value, list):
-        # Show a short list of plain values in full.
-        is_nested = any(isinstance(item, list | dict) for item in value)
-        if not is_nested:
-            text = f"[{', '.join(map(_format_yaml, value[:MOST_SHOWN]))}]"
-            if len(text) <= MOST_SHOWN:
-                return text
+    is_plain_list = isinstance(value, list) and not any(
+        isinstance(item, list | dict) for item in value
+    )
+    if is_plain_list:
+        # Each item has at least one character, so more items are too long anyway.
+        items = [_format_yaml(item) for item in value[:MOST_SHOWN]]
+        text = f"[{', '.join(items)}]"
+        if len(text) <= MOST_SHOWN:
+            return text
     return shown(value)

@@ -23,7 +23,7 @@ TYPE_NAMES = {
     "null": "null",
     "object": "a section",
 }
-# A target without a range has one that follows from these numbers.
+# If a target has no range, its range is computed from these numbers.
 RANGE_SOURCES = ("value", "sd", "repetitions")
 
 
@@ -35,7 +35,7 @@ class CheckResult(NamedTuple):
     faults : list of InputError
         The faults, for the user.
     keys : set of str
-        The dotted keys with a fault. A mistyped key is listed twice: as the user wrote
+        The dotted keys with a fault. A misspelt key is listed twice: as the user wrote
         it, and as the key that is missing because of it.
     """
 
@@ -68,16 +68,21 @@ class _Error(NamedTuple):
 def find_faults(config: Any, source: str | Origin, model: Model) -> CheckResult:
     """Find the faults of single keys, and contradictions between keys of one section.
 
-    If a key is mistyped, the correct key is missing. Only the mistyped key is reported.
+    If a key is misspelt, the correct key is missing. Only the misspelt key is reported.
 
     Parameters
     ----------
     config : object
         The configuration as plain values.
     source : str or Origin
-        The file that a fault names.
+        The file of the configuration, or the file of each key.
     model : type of pydantic.BaseModel
-        What a configuration may hold.
+        The model of a configuration.
+
+    Returns
+    -------
+    CheckResult
+        The faults and their keys; both are empty for a valid configuration.
     """
     errors = _find_errors(config, model)
     faults = list(_make_faults(errors, config, source, model))
@@ -95,7 +100,7 @@ def convert_whole_numbers(config: Any, model: Model) -> Any:
     config : object
         The configuration as plain values. It is not changed.
     model : type of pydantic.BaseModel
-        What a configuration may hold.
+        The model of a configuration.
 
     Returns
     -------
@@ -124,7 +129,7 @@ def _replace_value(config: Any, path: Sequence[str], value: Any) -> Any:
     config : object
         The configuration, or a part of it. It is not changed.
     path : sequence of str
-        The way to the key from there: names of keys, and positions in lists. An empty
+        The steps that lead to the key: names of keys, and positions in lists. An empty
         path means the part as a whole.
     value : object
         The new value.
@@ -151,17 +156,28 @@ def lacks_keys(config: Mapping[str, Any], model: Model) -> bool:
     config : mapping
         The configuration as plain values. Invalid values are ignored.
     model : type of pydantic.BaseModel
-        What a configuration may hold.
+        The model of a configuration.
+
+    Returns
+    -------
+    bool
+        True if a section of the configuration lacks one of its keys. A section that is
+        not a mapping is an invalid value and lacks none.
     """
+    for detail in _list_validation_errors(config, model):
+        section = follow_path(config, detail["loc"][:-1])
+        if detail["type"] == "missing" and isinstance(section, Mapping):
+            return True
+    return False
+
+
+def _list_validation_errors(config: Any, model: Model) -> list[ErrorDetails]:
+    """List the errors that pydantic finds in a configuration; none if it is valid."""
     try:
         model.model_validate(config)
     except ValidationError as error:
-        for detail in error.errors(include_url=False, include_input=False):
-            # Where the user gives a number in place of a section, no key is missing.
-            section = follow_path(config, detail["loc"][:-1])
-            if detail["type"] == "missing" and isinstance(section, Mapping):
-                return True
-    return False
+        return error.errors(include_url=False, include_input=False)
+    return []
 
 
 def is_valid_value(key: str, value: Any, model: Model) -> bool:
@@ -256,27 +272,30 @@ def _format_bound(number: float) -> str:
 def _find_inner_schema(
     outer: Mapping[str, Any], step: int | str, whole_schema: Mapping[str, Any]
 ) -> Any:
-    """Return the schema of one key inside an outer schema, or None if it is unknown.
+    """Find the schema of one key inside an outer schema.
 
     Parameters
     ----------
     outer : mapping
         The schema of a section, or of a list of sections.
     step : int or str
-        A key of the section, the position of an entry in the list, or any name in a
-        section whose names are free.
+        A key of the section, or the position of an entry in the list.
     whole_schema : mapping
-        The schema of the whole configuration. References in `outer` are resolved in it.
+        The schema of the whole configuration, which defines what references stand for.
+
+    Returns
+    -------
+    mapping or None
+        The schema, without a reference. None if there is no such key.
     """
     entry_schema = outer.get("items", {})
+    is_list_of_sections = "$ref" in entry_schema
     inner: Any = None
-    if "$ref" in entry_schema:
-        # The outer schema is that of a list of sections. The step is a position in it.
+    if is_list_of_sections:
         if str(step).isdigit():
             inner = entry_schema
     elif isinstance(step, str):
-        # The outer schema is that of a section. The step is one of its keys, or any name
-        # if the section allows it.
+        # Some sections allow any name, and have one schema for all of them.
         inner = outer.get("properties", {}).get(step)
         if not inner:
             inner = outer.get("additionalProperties") or None
@@ -296,7 +315,7 @@ def _find_errors(config: Any, model: Model) -> list[_Error]:
     config : object
         The configuration as plain values.
     model : type of pydantic.BaseModel
-        What a configuration may hold.
+        The model of a configuration.
 
     Returns
     -------
@@ -304,13 +323,7 @@ def _find_errors(config: Any, model: Model) -> list[_Error]:
         An error inside a value is listed as an error of the whole value. The list is
         empty for a valid configuration.
     """
-    try:
-        model.model_validate(config)
-    except ValidationError as validation_error:
-        details = validation_error.errors(include_url=False, include_input=False)
-    else:
-        return []
-
+    details = _list_validation_errors(config, model)
     errors = [_locate_error(detail, make_schema(model)) for detail in details]
     # Pydantic also reports a list as too short if its entries are invalid. Leave out this
     # error, because the errors of the entries are reported.
@@ -335,6 +348,11 @@ def _locate_error(detail: ErrorDetails, whole_schema: Mapping[str, Any]) -> _Err
         a type of the value.
     whole_schema : mapping
         The schema of the whole configuration.
+
+    Returns
+    -------
+    _Error
+        The error with the path of its key.
     """
     # Follow the location as long as it names keys of the schema.
     path: list[str] = []
@@ -367,38 +385,37 @@ def _make_faults(
     Parameters
     ----------
     errors : list of _Error
-        The result of `_find_errors`. Unknown keys come first, so that a key that is
-        missing only because it was misspelt can be left out.
+        The result of `_find_errors`. Unknown keys must come first: a missing key that one
+        of them was probably meant to be is not reported.
     config : object
         The configuration.
     source : str or Origin
-        The file that a fault names.
+        The file of the configuration, or the file of each key.
     model : type of pydantic.BaseModel
-        What a configuration may hold.
-    """
-    from difflib import get_close_matches  # slow to import, and few files have faults
+        The model of a configuration.
 
-    # Collect the keys that are missing only because of another fault. They are not
-    # reported.
+    Yields
+    ------
+    InputError
+        The faults in the order of the errors.
+    """
+    # Collect the keys that are missing only because of another fault.
     explained_keys = _find_ranges_without_numbers(errors)
-    n_guesses = 0
+    n_unknown_keys = 0
     for error in errors:
         key = ".".join(error.path)
         if error.type in UNKNOWN_KEY_TYPES:
             section = find_schema(error.path, model)
-            known = sorted(section["properties"])
-            # Guess which key was meant only while faults are still reported one by one,
-            # because guessing takes time.
+            known_keys = sorted(section["properties"])
+            # Guessing takes time, so guess only for faults that are reported one by one.
             guess = None
-            if n_guesses < MOST_REPORTED:
-                matches = get_close_matches(str(error.unknown), known, 1)
-                guess = matches[0] if matches else None
-                n_guesses += 1
+            if n_unknown_keys < MOST_REPORTED:
+                guess = _guess_key(str(error.unknown), known_keys)
+            n_unknown_keys += 1
             if guess is not None:
-                # A misspelt key must not be reported as missing, too.
                 explained_keys.add(".".join([*error.path, guess]))
             yield _describe_unknown_key(
-                error, config, source=source, known=known, guess=guess
+                error, config, source=source, known=known_keys, guess=guess
             )
         elif error.type == "missing":
             if key not in explained_keys:
@@ -407,6 +424,14 @@ def _make_faults(
             yield from _make_contradiction_faults(error, config, source)
         else:
             yield _describe_invalid_value(error, config, source, model)
+
+
+def _guess_key(unknown: str, known: Sequence[str]) -> str | None:
+    """Guess which of the known keys the user meant; None if no key is similar."""
+    from difflib import get_close_matches  # slow to import, and few files have faults
+
+    matches = get_close_matches(unknown, known, n=1)
+    return matches[0] if matches else None
 
 
 def _describe_missing_key(

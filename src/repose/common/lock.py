@@ -44,8 +44,8 @@ def lock_folder(folder: str | os.PathLike) -> HeldLock:
     Returns
     -------
     context manager
-        The lock, already acquired. It is released at the end of the context, when the
-        object is deleted, or when the process ends.
+        The lock, already acquired. It is released at the end of the context, or when
+        the object is deleted or the process ends.
 
     Raises
     ------
@@ -76,20 +76,32 @@ def lock_folder(folder: str | os.PathLike) -> HeldLock:
 def _wait_for_jobs(folder: Path) -> None:
     """Wait until the jobs of an earlier workflow have ended, and remove their lock files.
 
-    The first time that this function has to wait, it prints a line on stderr.
+    Parameters
+    ----------
+    folder : Path
+        The folder of results. If one of its jobs still runs, a line on stderr says so.
     """
-    has_printed = False
+    locked_paths = []
     for path in sorted(folder.glob(f"{JOB_LOCK_PREFIX}*")):
         lock = _try_lock(path)
         if lock is None:
-            if not has_printed:
-                text = "waiting until the jobs of a workflow that was killed have ended"
-                print(f"repose: {folder}: {text}", file=sys.stderr, flush=True)
-                has_printed = True
-            # This call returns when the job has released its lock.
-            lock = _acquire_lock(path)
-        with lock:
-            path.unlink(missing_ok=True)
+            locked_paths.append(path)
+        else:
+            _remove_lock_file(path, lock)
+
+    if locked_paths:
+        text = "waiting until the jobs of a workflow that was killed have ended"
+        print(f"repose: {folder}: {text}", file=sys.stderr, flush=True)
+    for path in locked_paths:
+        # This call returns when the job has released its lock.
+        lock = _acquire_lock(path)
+        _remove_lock_file(path, lock)
+
+
+def _remove_lock_file(path: Path, lock: HeldLock) -> None:
+    """Remove a lock file while this process holds its lock, and then release the lock."""
+    with lock:
+        path.unlink(missing_ok=True)
 
 
 @contextmanager
@@ -106,15 +118,14 @@ def lock_folder_for_job(folder: str | os.PathLike) -> Iterator[None]:
         The folder of results. It need not exist.
     """
     folder = Path(folder)
-    # A workflow has written its file into the folder before it starts the first job.
-    if not (folder / WORKFLOW_LOCK).is_file() or not os.access(folder, os.W_OK):
+    # A workflow creates its lock file in the folder before it starts the first job.
+    has_workflow = (folder / WORKFLOW_LOCK).is_file()
+    if not has_workflow or not os.access(folder, os.W_OK):
         yield
         return
-    # The name differs from that of any other job, on this machine and on others.
-    path = (
-        folder
-        / f"{JOB_LOCK_PREFIX}{platform.node()}-{os.getpid()}-{next(_job_numbers)}"
-    )
+    # Use a name that no other job has, on this machine or on another one.
+    job = f"{platform.node()}-{os.getpid()}-{next(_job_numbers)}"
+    path = folder / f"{JOB_LOCK_PREFIX}{job}"
     with _acquire_lock(path):
         try:
             yield
@@ -149,8 +160,7 @@ def _acquire_lock(path: Path, wait: bool = True) -> HeldLock:
     path : Path
         The file, which is created if necessary.
     wait : bool, optional
-        Whether to wait while another process holds the lock. If not, the function
-        raises `filelock.Timeout` in this case.
+        Whether to wait while another process holds the lock.
 
     Returns
     -------
@@ -161,6 +171,8 @@ def _acquire_lock(path: Path, wait: bool = True) -> HeldLock:
     ------
     InputError
         If the user may not write there.
+    filelock.Timeout
+        If another process holds the lock, and the function should not wait.
     """
     # Import this slow library only here: the help of a subcommand does not need it.
     from filelock import FileLock

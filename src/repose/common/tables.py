@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 StrPath = str | os.PathLike
-# A faulty cell: its row, counted from 0, its column, its value, and the allowed values.
+# An invalid cell: its row, counted from 0, its column, its value, and the allowed values.
 Fault = tuple[int, str, Any, str]
 
 
@@ -53,13 +53,14 @@ class CellFault(NamedTuple):
 
 
 TABLE = "a CSV file"
+COMMENT_SIGN = "#"
 UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 SEPARATORS = ",;\t"
 BLANKS_PATTERN = r"\s+"  # separates cells if the header has none of `SEPARATORS`
-# Largest number of values that describe a column that is not read.
-MOST_SHOWN_VALUES = 5
-# Largest number of such columns that are described.
+# Columns that are not read are described in messages: at most so many of them, and each
+# by at most so many of its values.
 MOST_DESCRIBED_COLUMNS = 30
+MOST_SHOWN_VALUES = 5
 # If an extreme of measured numbers occurs at least this often, it may mark failed runs.
 FEWEST_REPEATS = 3
 NUMBER_PATTERN = re.compile(
@@ -83,13 +84,13 @@ class Column:
     name : str
         Name in the header, in any form (`match_column_names`).
     kind : type
-        ``float``, ``int`` or ``bool``; ``str`` for a text; ``object`` for a column
-        whose cells are not checked.
+        ``float``, ``int``, ``bool`` or ``str``; ``object`` for a column whose cells are
+        not checked.
     low, high : float
         Smallest and largest allowed number.
     above : bool
         Whether a number must be larger than `low` and not equal to it.
-    empty : bool
+    may_be_empty : bool
         Whether a cell may be empty; an empty number is read as NaN.
     once : bool
         Whether all values must differ from each other.
@@ -105,7 +106,7 @@ class Column:
     low: float = -math.inf
     high: float = math.inf
     above: bool = False
-    empty: bool = False
+    may_be_empty: bool = False
     once: bool = False
     needed: bool = True
     words: str = ""
@@ -114,12 +115,12 @@ class Column:
     def allowed(self) -> str:
         """Description of the allowed cells, for messages."""
         if self.kind is str:
-            text = "a text"
+            text = "text"
         elif self.kind is bool:
             text = "True or False"
         else:
             text = self.words or self._describe_allowed_numbers()
-        return f"{text}, or nothing" if self.empty else text
+        return f"{text}, or nothing" if self.may_be_empty else text
 
     def _describe_allowed_numbers(self) -> str:
         """Describe the kind of number and its bounds, as in ``a number above 0``."""
@@ -136,40 +137,47 @@ class Column:
         return f"a number{bounds}" if bounds else "a finite number"
 
     def read(self, cell: Any) -> Any:
-        """Convert a cell to its value.
+        """Convert a cell to a value of the column.
 
         Parameters
         ----------
         cell : object
-            A text, or a value that is converted already.
+            The text of the cell, or a value that was converted before.
 
         Returns
         -------
         object
-            A value of the column's kind; NaN for an empty number or truth value.
+            A value of the column's kind. An empty cell of a column of numbers or
+            booleans becomes NaN.
 
         Raises
         ------
         ValueError, TypeError
             If the cell is not allowed.
         """
-        # Return texts, and cells that are not checked, unchanged.
         if self.kind is object:
             return cell
         if self.kind is str:
-            if not self.empty and not str(cell).strip():
-                raise ValueError("empty")
+            if not self.may_be_empty and not str(cell).strip():
+                raise ValueError("an empty cell is not allowed")
             return cell
 
-        if self.empty and is_missing(cell):
+        if self.may_be_empty and is_missing(cell):
             return math.nan
         if self.kind is bool:
-            return _read_truth_value(cell)
+            return _read_boolean(cell)
+        return self._read_number(cell)
 
-        # Any other column contains numbers. A whole number may be written as 3.0.
+    def _read_number(self, cell: Any) -> int | float:
+        """Convert a cell to a number; raise ValueError if it is not allowed.
+
+        An integer may be written as 3.0.
+        """
         number = parse_number(cell)
-        lacks_whole_number = self.kind is int and not number.is_integer()
-        if lacks_whole_number or not self._is_inside(number):
+        is_allowed = self._is_inside(number)
+        if self.kind is int:
+            is_allowed = is_allowed and number.is_integer()
+        if not is_allowed:
             raise ValueError(f"{cell!r} is not {self.allowed}")
         return int(number) if self.kind is int else number
 
@@ -193,7 +201,7 @@ class Table:
     comments : list of str
         The lines that begin with ``#``.
     values : dict of str to list
-        The cells by column, with values where the column is declared.
+        The cells of each column: values if the column is declared, otherwise text.
     text_columns : frozenset of str
         Names of the columns that are declared as text.
     """
@@ -208,17 +216,17 @@ class Table:
         return len(self.text)
 
     def rows(self) -> list[dict[str, Any]]:
-        """List the rows, with values where columns are declared."""
+        """List the rows as mappings from the name of a column to its cell in `values`."""
         rows = zip(*self.values.values(), strict=True)
         return [dict(zip(self.values, row, strict=True)) for row in rows]
 
     def frame(self) -> "pd.DataFrame":
-        """Make a table of pandas, which finds the types of columns that are no text."""
+        """Make a data frame, whose columns have the types that pandas finds."""
         import pandas as pd
 
         table = pd.read_csv(io.StringIO(self.text.to_csv(index=False)))
+        # Restore columns of text, because pandas takes a text such as NA for an empty cell.
         for name in self.text_columns & set(self.text):
-            # pandas would take a text such as NA for an empty cell
             table[name] = self.text[name].tolist()
         return table
 
@@ -233,9 +241,9 @@ def parse_number(value: object) -> float:
         other scripts.
     """
     if isinstance(value, bool | np.bool_):
-        raise ValueError(f"{value!r} is no number")
+        raise ValueError(f"{value!r} is not a number")
     if isinstance(value, str) and not NUMBER_PATTERN.fullmatch(value):
-        raise ValueError(f"{value!r} is no number")
+        raise ValueError(f"{value!r} is not a number")
     return float(value)  # type: ignore[arg-type]
 
 
@@ -283,19 +291,21 @@ def read(
     path : path
         A CSV file in one of the forms that `read_sheet` accepts.
     columns : iterable of str or Column
-        Columns that the table must have, except a `Column` that is not `needed`. Columns
-        given as `Column` are converted to values.
+        Columns that the table must have, except a `Column` that is not `needed`. A column
+        that is given as `Column` is declared: its cells are converted to values.
     what : str
         What the file should be, for messages.
     others : callable
-        Tells from the cells of an undeclared column whether it holds numbers. If so, its
-        cells must be numbers or empty, or numbers only if the column numbers the rows.
+        Called with the cells of each undeclared column, to tell whether these are
+        numbers. Each cell of such a column must then be a number. It may also be empty,
+        unless the column numbers the rows.
     optional : iterable of str
         Names of other columns that the table may have.
 
     Returns
     -------
     Table
+        The table. Its columns have the names that the caller uses.
 
     Raises
     ------
@@ -303,15 +313,13 @@ def read(
         If the file is not a table, lacks a column, has a cell that its column does not
         allow, or ends with a row that sums up the others (`find_summary_row`).
     """
-    # Columns that are given as `Column` are declared. Only these may be missing.
     columns = list(columns)
     declared = {column.name: column for column in columns if isinstance(column, Column)}
     names = [
         column.name if isinstance(column, Column) else column for column in columns
     ]
-    needed_names = [
-        name for name in names if name not in declared or declared[name].needed
-    ]
+    may_be_missing = {name for name, column in declared.items() if not column.needed}
+    needed_names = [name for name in names if name not in may_be_missing]
 
     # Rename columns whose names differ only in form from those that the caller uses.
     table = read_sheet(path, what)
@@ -319,30 +327,60 @@ def read(
     table.text = table.text.rename(columns=new_names)
     require_columns(path, table.text, needed_names, what)
 
-    # Check all cells. A cell of an undeclared column is only checked to be a number.
-    checked_columns = list(declared.values())
-    for name in table.text:
-        if name not in declared:
-            checked_columns.append(
-                _describe_undeclared_column(name, table.text[name], others)
-            )
-    values, faults = convert_columns(table.text, checked_columns)
-    refuse(path, [*faults, *_find_summary_faults(table.text, declared)])
-
-    # Store values for the declared columns, and texts for all others.
-    for name in table.text:
-        cells = values[name] if name in declared else table.text[name].tolist()
-        table.values[name] = cells
+    values = _convert_and_check(path, table.text, declared, others)
+    table.values = {
+        name: values.get(name, table.text[name].tolist()) for name in table.text
+    }
     table.text_columns = frozenset(
         name for name, column in declared.items() if column.kind is str
     )
     return table
 
 
+def _convert_and_check(
+    path: StrPath,
+    cells: "pd.DataFrame",
+    declared: Mapping[str, Column],
+    has_numbers: Callable[[Iterable[str]], bool],
+) -> dict[str, list[Any]]:
+    """Convert the cells of declared columns to values, and check all cells of a table.
+
+    Parameters
+    ----------
+    path : path
+        The file of the table, for messages.
+    cells : pandas.DataFrame
+        The cells as text.
+    declared : mapping of str to Column
+        The declared columns by name. The table may lack some of them.
+    has_numbers : callable
+        Tells from the cells of an undeclared column whether it holds numbers.
+
+    Returns
+    -------
+    dict of str to list
+        The values of each declared column that the table has.
+
+    Raises
+    ------
+    InputError
+        For all invalid cells, and for a row that sums up the others.
+    """
+    values, faults = convert_columns(cells, declared.values())
+    undeclared = [
+        _describe_undeclared_column(name, cells[name], has_numbers)
+        for name in cells
+        if name not in declared
+    ]
+    _, other_faults = convert_columns(cells, undeclared)
+    refuse(path, [*faults, *other_faults, *_find_summary_faults(cells, declared)])
+    return values
+
+
 def _describe_undeclared_column(
     name: str, cells: "pd.Series", has_numbers: Callable[[Iterable[str]], bool]
 ) -> Column:
-    """Make the declaration of a column that its reader does not declare.
+    """Make a declaration by which an undeclared column can be checked.
 
     Parameters
     ----------
@@ -352,11 +390,16 @@ def _describe_undeclared_column(
         Its cells as text.
     has_numbers : callable
         Tells from the cells whether the column holds numbers.
+
+    Returns
+    -------
+    Column
+        A column of numbers, or one whose cells are not checked.
     """
     return Column(
         name,
         kind=float if has_numbers(cells) else object,
-        empty=not _is_row_number(cells),
+        may_be_empty=not _is_row_number(cells),
         words="a finite number, as most cells of this column",
     )
 
@@ -380,9 +423,9 @@ def convert_columns(
     Returns
     -------
     values : dict of str to list
-        NaN where a cell is not allowed.
+        The values of each column; NaN for an invalid cell.
     faults : list of Fault
-        For `refuse`.
+        The invalid cells, for `refuse`.
     """
     values: dict[str, list[Any]] = {}
     faults: list[Fault] = []
@@ -404,7 +447,7 @@ def refuse(source: object, faults: Iterable[Fault]) -> None:
     source : object
         The file of the table, which the messages name.
     faults : iterable of Fault
-        Faulty cells, as `convert_columns` returns them. If there are none, nothing is
+        Invalid cells, as `convert_columns` returns them. If there are none, nothing is
         raised.
 
     Raises
@@ -498,7 +541,7 @@ def describe_columns(columns: Mapping[str, Sequence[Any]]) -> list[str]:
     """
     lines = []
     for name, cells in columns.items():
-        # Leave out columns that hold anything but numbers.
+        # Leave out a column with a cell that is not a number.
         texts = [str(cell).strip() for cell in cells if not is_missing(cell)]
         if not texts or not all(NUMBER_PATTERN.fullmatch(text) for text in texts):
             continue
@@ -531,7 +574,7 @@ def _describe_extreme(numbers: np.ndarray, value: float) -> str:
 def describe_unread(
     columns: Mapping[str, Sequence[Any]], hint_if_few: str
 ) -> dict[str, str]:
-    """Describe the values of columns that nothing reads, except constant columns.
+    """Describe the values of columns that are not read, except constant columns.
 
     Parameters
     ----------
@@ -546,7 +589,7 @@ def describe_unread(
     dict of str to str
         A sentence for each column, such as ``column done is not read; it has 'True' 12
         times, 'False' 4 times``. If there are more than `MOST_DESCRIBED_COLUMNS`
-        columns, the empty name has a sentence with the number of the others.
+        columns, the key "" has a sentence with the number of the others.
     """
     sentences: dict[str, str] = {}
     n_undescribed = 0
@@ -559,9 +602,9 @@ def describe_unread(
             n_undescribed += 1
             continue
         has_few_values = len(counts) <= MOST_SHOWN_VALUES and len(counts) < len(cells)
+        hint = hint_if_few if has_few_values else ""
         sentences[name] = (
-            f"column {name} is not read; it has {_list_frequent_values(counts)}"
-            f"{hint_if_few if has_few_values else ''}"
+            f"column {name} is not read; it has {_list_frequent_values(counts)}{hint}"
         )
     if n_undescribed:
         sentences[""] = f"{n_undescribed} further columns are not read"
@@ -623,31 +666,48 @@ def read_sheet(path: StrPath, what: str = TABLE) -> Table:
         If the file cannot be read as a table, or has a column twice.
     """
     lines, comments = _read_lines_and_comments(path, what)
-
-    # Split the header from the cells.
     separator = _find_separator(_read_header(lines))
-    cells_with_header = _split_cells(path, "\n".join(lines), separator, what)
-    # Join cells of the header that span several lines, as Design-Expert writes them.
-    names = [" ".join(name.split()) for name in cells_with_header.iloc[0]]
+    header_and_cells = _split_cells(path, "\n".join(lines), separator, what)
+    # Join names that span several lines of the file, as Design-Expert writes them.
+    names = [" ".join(name.split()) for name in header_and_cells.iloc[0]]
     _require_complete_last_row(path, lines[-1], separator, len(names))
-    cells = cells_with_header.iloc[1:].reset_index(drop=True)
-
-    # Leave out empty columns without a name. So far the columns are numbered from 0.
-    kept_positions = [
-        position
-        for position, name in enumerate(names)
-        if name or (cells[position] != "").any()
-    ]
-    kept_names = [names[position] for position in kept_positions]
-    for name, count in Counter(kept_names).items():
-        if count != 1:
-            raise InputError(path, key="header", value=name, allowed="each column once")
-    cells = cells[kept_positions].set_axis(kept_names, axis=1)
-
-    # A comma between columns cannot be a decimal comma, too.
+    cells = header_and_cells.iloc[1:].reset_index(drop=True)
+    cells = _name_columns(path, cells, names)
+    # A file with commas between its columns cannot have decimal commas, too.
     if separator in (";", "\t"):
         cells = _replace_decimal_commas(path, cells)
     return Table(path, cells, comments)
+
+
+def _name_columns(
+    path: StrPath, cells: "pd.DataFrame", names: Sequence[str]
+) -> "pd.DataFrame":
+    """Give the columns of a table their names, without empty columns that have no name.
+
+    Parameters
+    ----------
+    path : path
+        The file of the table, for messages.
+    cells : pandas.DataFrame
+        The cells as text. Columns are numbered from 0.
+    names : sequence of str
+        The name of each column.
+
+    Raises
+    ------
+    InputError
+        If two columns have the same name.
+    """
+    kept_columns = [
+        column
+        for column, name in enumerate(names)
+        if name or (cells[column] != "").any()
+    ]
+    kept_names = [names[column] for column in kept_columns]
+    for name, count in Counter(kept_names).items():
+        if count != 1:
+            raise InputError(path, key="header", value=name, allowed="each column once")
+    return cells[kept_columns].set_axis(kept_names, axis=1)
 
 
 def _read_lines_and_comments(path: StrPath, what: str) -> tuple[list[str], list[str]]:
@@ -673,7 +733,7 @@ def _read_lines_and_comments(path: StrPath, what: str) -> tuple[list[str], list[
     lines = []
     for line in text.split("\n"):
         # Spreadsheets put a comment into quotes if it contains a separator.
-        if line.lstrip(' "').startswith("#"):
+        if line.lstrip(' "').startswith(COMMENT_SIGN):
             comments.append(line)
             lines.append("")
         else:
@@ -708,7 +768,37 @@ def read_text_rows(
     InputError
         If the file is not a text, or lacks a column that is needed.
     """
-    # Split the lines into cells, without the blanks around them. Leave out empty rows.
+    header, *rows = _split_rows(path, what)
+    declared = list(columns)
+    new_names = match_column_names(header, [column.name for column in declared])
+    names = [new_names.get(name, name) for name in header]
+    needed = [column.name for column in declared if column.needed]
+    require_columns(path, names, needed, what)
+    # A row may have fewer cells than the header.
+    return [dict(zip(names, row, strict=False)) for row in rows]
+
+
+def _split_rows(path: StrPath, what: str) -> list[list[str]]:
+    """Split a table into the cells of its rows, without importing pandas.
+
+    Parameters
+    ----------
+    path : path
+        The file.
+    what : str
+        What it should be, for messages.
+
+    Returns
+    -------
+    list of list of str
+        The cells of each row, without blanks around them. The first row is the header.
+        Empty rows are left out.
+
+    Raises
+    ------
+    InputError
+        If the file is not text, or is empty.
+    """
     lines, _ = _read_lines_and_comments(path, what)
     separator = _find_separator(_read_header(lines))
     reader = csv.reader(
@@ -723,14 +813,7 @@ def read_text_rows(
             rows.append(cells)
     if not rows:
         raise InputError(path, key="rows", value=0, allowed=what)
-
-    # The first row is the header. Give its columns their declared names.
-    declared = list(columns)
-    new_names = match_column_names(rows[0], [column.name for column in declared])
-    header = [new_names.get(name, name) for name in rows[0]]
-    needed = [column.name for column in declared if column.needed]
-    require_columns(path, header, needed, what)
-    return [dict(zip(header, row, strict=False)) for row in rows[1:]]
+    return rows
 
 
 def _require_complete_last_row(
@@ -784,7 +867,7 @@ def _read_text(path: StrPath, what: str) -> str:
     Raises
     ------
     InputError
-        If the file cannot be read, or is no such text.
+        If the file cannot be read, or is not text in one of these encodings.
     """
     allowed = f"{what} in UTF-8, or in UTF-16 with its mark"
     try:
@@ -900,7 +983,12 @@ def _replace_decimal_commas(path: StrPath, cells: "pd.DataFrame") -> "pd.DataFra
     path : path
         The file of the table, for messages.
     cells : pandas.DataFrame
-        The cells as texts, without the header.
+        The cells as text, without the header.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The cells with points.
 
     Raises
     ------
@@ -914,16 +1002,13 @@ def _replace_decimal_commas(path: StrPath, cells: "pd.DataFrame") -> "pd.DataFra
     if not has_comma.to_numpy().any():
         return cells
 
-    # If there are numbers with a point, refuse the first of them. The message also shows a
-    # number with a comma.
+    # Refuse the first number with a point. The message also shows a number with a comma.
     has_point = cells.map(
         lambda cell: DECIMAL_POINT_PATTERN.fullmatch(cell) is not None
     )
-    rows, columns = np.nonzero(has_point.to_numpy())
-    if len(rows):
+    if has_point.to_numpy().any():
+        row, column = np.argwhere(has_point.to_numpy())[0].tolist()
         first_with_comma = cells.to_numpy()[has_comma.to_numpy()][0]
-        row = int(rows[0])
-        column = columns[0]
         fault = CellFault(
             row,
             column=str(cells.columns[column]),
@@ -937,11 +1022,11 @@ def _replace_decimal_commas(path: StrPath, cells: "pd.DataFrame") -> "pd.DataFra
 
 
 def match_column_names(found: Iterable[str], declared: Iterable[str]) -> dict[str, str]:
-    """Match columns to declared names that differ from theirs only in form.
+    """Match columns of a table to declared names that differ from theirs only in form.
 
     Differences in form are capital letters, blanks, the encoding of accents, and signs
-    that look alike, such as micro and Greek mu. If several columns have the same form,
-    it is unclear which of them is meant, so they keep their names.
+    that look alike, such as micro and Greek mu. If several columns match one declared
+    name, it is unclear which of them is meant, so they keep their names.
 
     Parameters
     ----------
@@ -955,26 +1040,27 @@ def match_column_names(found: Iterable[str], declared: Iterable[str]) -> dict[st
     dict of str to str
         The declared name for each column to rename.
     """
-    # Declared names that the table lacks, by their form.
     found_names = list(found)
     declared_names = set(declared)
-    missing_names = {}
-    for name in declared_names.difference(found_names):
-        missing_names[normalise_name(name)] = name
+
+    # Normalise the declared names that the table lacks.
+    missing_names = {
+        normalise_name(name): name for name in declared_names.difference(found_names)
+    }
 
     # Match them to the other columns of the table.
     undeclared = [name for name in found_names if name not in declared_names]
-    form_counts = Counter(normalise_name(name) for name in undeclared)
+    normalised_counts = Counter(normalise_name(name) for name in undeclared)
     new_names = {}
     for name in undeclared:
-        form = normalise_name(name)
-        if form in missing_names and form_counts[form] == 1:
-            new_names[name] = missing_names[form]
+        normalised = normalise_name(name)
+        if normalised in missing_names and normalised_counts[normalised] == 1:
+            new_names[name] = missing_names[normalised]
     return new_names
 
 
 def normalise_name(name: object) -> str:
-    """Convert a name to the form in which names are compared."""
+    """Convert a name to the form in which `match_column_names` compares names."""
     # Invisible characters, such as the byte order mark, have the category Cf.
     visible = [
         character for character in str(name) if unicodedata.category(character) != "Cf"
@@ -1000,14 +1086,13 @@ def _read_column(
     Returns
     -------
     values : list
-        NaN where a cell is not allowed.
+        The value of each cell; NaN for an invalid cell.
     faults : list of Fault
-        Cells that are not allowed. In a column whose values must differ, also cells that
+        The invalid cells. In a column whose values must differ, these are also cells that
         repeat an earlier value.
     """
     values: list[Any] = []
     faults: list[Fault] = []
-    first_row_of_value: dict[Any, int] = {}
     for row, cell in enumerate(cells):
         value: Any = math.nan
         if row not in left_out:
@@ -1022,20 +1107,43 @@ def _read_column(
                 )
                 faults.append(fault)
         values.append(value)
-
-        # NaN stands for a cell that is empty or invalid. Only NaN differs from itself.
-        is_nan = value != value
-        if column.once and not is_nan:
-            first_row = first_row_of_value.setdefault(value, row)
-            if first_row != row:
-                fault = CellFault(
-                    row,
-                    column=column.name,
-                    value=value,
-                    allowed=f"each {column.name} once; row {first_row + 1} has it, too",
-                )
-                faults.append(fault)
+    if column.once:
+        faults += _find_repeated_values(column.name, values)
     return values, faults
+
+
+def _find_repeated_values(name: str, values: Sequence[Any]) -> list[Fault]:
+    """Find the values of a column that repeat an earlier one.
+
+    Parameters
+    ----------
+    name : str
+        Name of the column.
+    values : sequence
+        Its values. NaN, which stands for an empty or invalid cell, may be repeated.
+
+    Returns
+    -------
+    list of Fault
+        The cells with such values.
+    """
+    faults: list[Fault] = []
+    first_row_of_value: dict[Any, int] = {}
+    for row, value in enumerate(values):
+        # Only NaN differs from itself.
+        is_nan = value != value
+        if is_nan:
+            continue
+        first_row = first_row_of_value.setdefault(value, row)
+        if first_row != row:
+            fault = CellFault(
+                row,
+                column=name,
+                value=value,
+                allowed=f"each {name} once; row {first_row + 1} has it, too",
+            )
+            faults.append(fault)
+    return faults
 
 
 def _format_invalid_cell(column: Column, cell: Any) -> Any:
@@ -1064,8 +1172,8 @@ def is_missing(cell: Any) -> bool:
     return bool(pd.api.types.is_scalar(cell) and pd.isna(cell))
 
 
-def _read_truth_value(cell: Any) -> bool:
-    """Read True or False in any case; raise ValueError for any other text."""
+def _read_boolean(cell: Any) -> bool:
+    """Read True or False, in upper or lower case; raise ValueError for other text."""
     text = str(cell).strip().casefold()
     if text not in ("true", "false"):
         raise ValueError(f"{cell!r} is neither True nor False")
@@ -1088,13 +1196,12 @@ def _find_summary_faults(
     Returns
     -------
     list of Fault
-        One fault, for `refuse`, which names the first cell of the row. Empty if there is
-        no such row.
+        A fault at the first cell of the row; empty if there is no such row.
     """
     number_columns = {}
     for name, column in declared.items():
-        holds_no_numbers = column.kind in (str, bool)
-        if name in cells and not holds_no_numbers and holds_numbers(cells[name]):
+        may_hold_numbers = column.kind not in (str, bool)
+        if name in cells and may_hold_numbers and holds_numbers(cells[name]):
             number_columns[name] = cells[name].tolist()
     summary = find_summary_row(number_columns)
     if summary is None:

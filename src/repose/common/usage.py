@@ -11,7 +11,6 @@ import time
 from collections import defaultdict
 from collections.abc import Iterable
 from contextlib import suppress
-from operator import methodcaller
 from pathlib import Path
 from typing import NamedTuple
 
@@ -21,8 +20,11 @@ TABLE_PATH = "benchmarks/processes.csv"
 # Each job has a log and a benchmark with the same name in these folders.
 LOGS = "logs"
 BENCHMARKS = "benchmarks"
-# By this time a process may seem to end before its job began, because file times are
-# coarse [s].
+# Columns of snakemake's benchmarks: the duration of a run, and its processor time [s]
+DURATION_COLUMN = "s"
+CPU_TIME_COLUMN = "cpu_time"
+# File times are coarse, so a process may seem to end before its job began. This is the
+# largest such difference [s].
 CLOCK_TOLERANCE_S = 1.0
 
 
@@ -40,7 +42,8 @@ class Process(NamedTuple):
     host : str
         Name of its machine.
     ancestors : str
-        Numbers of the processes that started it, separated by blanks.
+        Numbers of the process that started it, of the one that started this, and so on,
+        separated by blanks.
     """
 
     ended_s: float
@@ -90,16 +93,16 @@ def record_process(folder: str | os.PathLike) -> None:
     )
     line = ",".join(map(str, process)) + "\n"
 
-    # Append this line to the table, which begins with a header. Ignore a full disk,
-    # because the files of the job itself are complete.
+    # Append the line to the table. Ignore a full disk, because the files of the job
+    # itself are complete.
     table = Path(folder) / TABLE_PATH
     with suppress(OSError):
         table.parent.mkdir(exist_ok=True)
         with open_descriptor(table, os.O_APPEND) as handle:
             is_new = os.fstat(handle).st_size == 0
             header = ",".join(Process._fields) + "\n" if is_new else ""
-            # Write all bytes at once. Otherwise the lines of processes that end at the same
-            # time could mix.
+            # Use a single write, so that lines of processes that end at the same time do
+            # not mix.
             os.write(handle, f"{header}{line}".encode())
 
 
@@ -121,6 +124,11 @@ def list_processes_since(folder: str | os.PathLike, start_s: float) -> list[Proc
         The folder of results. It may have no table.
     start_s : float
         The time, in seconds since 1970.
+
+    Returns
+    -------
+    list of Process
+        The processes in the order of the table.
     """
     table = Path(folder) / TABLE_PATH
     if not table.is_file():
@@ -130,11 +138,11 @@ def list_processes_since(folder: str | os.PathLike, start_s: float) -> list[Proc
 
     processes = []
     for row in rows:
-        # A full disk may have cut a line off.
+        # Skip a line that a full disk has cut off.
         if len(row) != len(Process._fields):
             continue
-        ended_s, cpu_s, *texts = row
-        process = Process(float(ended_s), float(cpu_s), *texts)
+        ended_s, cpu_s, log, host, ancestors = row
+        process = Process(float(ended_s), float(cpu_s), log, host, ancestors)
         if process.ended_s >= start_s:
             processes.append(process)
     return processes
@@ -152,48 +160,51 @@ def correct_benchmarks(folder: str | os.PathLike, processes: Iterable[Process]) 
     processes : iterable of Process
         The processes of all jobs.
     """
-    # The processes of a job are those that write into its log.
-    folder = Path(folder)
+    # Group the processes by job. All processes of a job write into its log.
     processes_by_log: dict[str, list[Process]] = defaultdict(list)
     for process in processes:
         processes_by_log[process.log].append(process)
 
+    logs = Path(folder) / LOGS
     for log, job_processes in processes_by_log.items():
-        if not Path(log).is_relative_to(folder / LOGS):
+        if not Path(log).is_relative_to(logs):
             continue
-        name = Path(log).relative_to(folder / LOGS).with_suffix(".tsv")
-        benchmark = folder / BENCHMARKS / name
+        name = Path(log).relative_to(logs).with_suffix(".tsv")
+        benchmark = Path(folder) / BENCHMARKS / name
         # The benchmark of a failed job is missing or incomplete.
         with suppress(OSError, ValueError):
             _correct_benchmark(benchmark, job_processes)
 
 
 def _correct_benchmark(path: Path, processes: Iterable[Process]) -> None:
-    """Write the processor time of all processes of a job into its benchmark.
+    """Replace the processor time in the benchmark of a job by that of its processes.
 
-    A benchmark is a table with a header. Its last row belongs to the last run of the
-    job.
+    A benchmark is a table, separated by tabs, with a header and a row for each run of the
+    job. Only the last row is changed.
 
     Parameters
     ----------
     path : Path
-        The benchmark, which is replaced.
+        The benchmark, which is written anew.
     processes : iterable of Process
-        The processes of the job. Those of earlier runs of it may be among them.
+        The processes of all runs of the job.
 
     Raises
     ------
     OSError, ValueError
         If the benchmark is missing or incomplete.
     """
-    *rows, last_row = path.read_text(encoding="utf-8").splitlines()
-    names = rows[0].split("\t")
+    header, *earlier_rows, last_row = path.read_text(encoding="utf-8").splitlines()
+    names = header.split("\t")
     values = last_row.split("\t")
-    # Snakemake writes the file at the end of the last run. Subtract the duration to find
-    # when this run began, and count only the processes that ended later.
-    wall_s = float(values[names.index("s")])
-    start_s = path.stat().st_mtime - wall_s - CLOCK_TOLERANCE_S
+
+    # Snakemake writes the file at the end of a run. Subtract the duration of the last run
+    # to find its start, and leave out the processes of earlier runs.
+    duration_s = float(values[names.index(DURATION_COLUMN)])
+    start_s = path.stat().st_mtime - duration_s - CLOCK_TOLERANCE_S
     cpu_s = sum(process.cpu_s for process in processes if process.ended_s >= start_s)
-    values[names.index("cpu_time")] = f"{cpu_s:.2f}"
-    text = "\n".join([*rows, "\t".join(values)]) + "\n"
-    write_atomically(path, methodcaller("write", text.encode()))
+
+    values[names.index(CPU_TIME_COLUMN)] = f"{cpu_s:.2f}"
+    lines = [header, *earlier_rows, "\t".join(values)]
+    content = ("\n".join(lines) + "\n").encode()
+    write_atomically(path, lambda handle: handle.write(content))

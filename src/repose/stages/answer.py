@@ -35,14 +35,14 @@ REMEDY_OF_STRATEGY = {
 CHECK_COLUMNS = (
     Column("response", str),
     Column("status", str),
-    Column("simulated", empty=True),
-    Column("simulated_se", empty=True),
-    Column("n_seeds", empty=True),
-    *(Column(name, empty=True) for name in WITHIN_COLUMNS.values()),
-    Column(INSIDE_COLUMN, empty=True, needed=False),
-    Column("predicted", empty=True, needed=False),
-    Column("optimism", empty=True, needed=False),
-    Column("optimism_se", empty=True, needed=False),
+    Column("simulated", may_be_empty=True),
+    Column("simulated_se", may_be_empty=True),
+    Column("n_seeds", may_be_empty=True),
+    *(Column(name, may_be_empty=True) for name in WITHIN_COLUMNS.values()),
+    Column(INSIDE_COLUMN, may_be_empty=True, needed=False),
+    Column("predicted", may_be_empty=True, needed=False),
+    Column("optimism", may_be_empty=True, needed=False),
+    Column("optimism_se", may_be_empty=True, needed=False),
 )
 
 

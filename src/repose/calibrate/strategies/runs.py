@@ -51,7 +51,7 @@ Table: TypeAlias = pd.DataFrame | Rows
 # A number as pandas and spreadsheets write it in a column of whole numbers with gaps.
 WHOLE_NUMBER = re.compile(r"\d+\.0")
 NUMBER_COLUMNS = ("sample", "run")
-TURN_NUMBERS = Column(TURN_COLUMN, int, low=0, high=1e9, empty=True)
+TURN_NUMBERS = Column(TURN_COLUMN, int, low=0, high=1e9, may_be_empty=True)
 OPTIONAL_COLUMNS = ("status", TURN_COLUMN)
 # The largest size of a response; a larger one counts as infinite.
 MAX_RESPONSE = 1e100
@@ -283,7 +283,7 @@ def read_rows(path: StrPath, study: Study) -> Rows:
     # Accept any cell of a parameter or a response here. A later check refuses bad ones.
     names = (TURN_COLUMN, *study.parameters.names, *study.targets.names)
     columns = [Column(name, object, needed=False) for name in names]
-    status = Column("status", str, needed=False, empty=True)
+    status = Column("status", str, needed=False, may_be_empty=True)
     needed_names = ", ".join([*study.parameters.free, *study.targets.names])
     expected = f"a CSV file of runs with the columns {needed_names}"
     table = read(path, [*columns, status], expected, optional=NUMBER_COLUMNS)
@@ -430,7 +430,9 @@ def judge_runs(
         name: [_replace_infinite(cell) for cell in cells.get(name, empty_column)]
         for name in responses
     }
-    columns = [Column(name, empty=True, words=RESPONSE_WORDS) for name in responses]
+    columns = [
+        Column(name, may_be_empty=True, words=RESPONSE_WORDS) for name in responses
+    ]
     values, faults_of_responses = convert_columns(numbers, columns, failed_rows)
 
     # If one response of a run is missing, the run failed. Remove its other responses.

@@ -174,15 +174,19 @@ def _read_combinations(
     """
     declared = [Column(name, str) for name in MODEL_COLUMNS]
     declared.append(Column("eligible", bool))
-    declared.append(Column("distance", low=0.0, empty=True))
+    declared.append(Column("distance", low=0.0, may_be_empty=True))
     for name in columns:
         declared.append(
             Column(
-                name, low=-MAX_SIZE, high=MAX_SIZE, empty=True, words=DIFFERENCE_WORDS
+                name,
+                low=-MAX_SIZE,
+                high=MAX_SIZE,
+                may_be_empty=True,
+                words=DIFFERENCE_WORDS,
             )
         )
     for name in targets.errors:
-        declared.append(Column(name, low=0.0, high=MAX_SIZE, empty=True))
+        declared.append(Column(name, low=0.0, high=MAX_SIZE, may_be_empty=True))
     return read_table(
         path,
         declared,
