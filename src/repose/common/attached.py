@@ -36,7 +36,7 @@ READ_ERRORS = (
 def require_plain_file(path: str | PathLike) -> Path:
     """Return the path of a file, and refuse a device or a pipe.
 
-    To read a device or a pipe might take for ever. A missing file is not refused here.
+    Reading a device or a pipe might never end. A missing file is not refused here.
 
     Raises
     ------
@@ -85,7 +85,7 @@ def read_record(path: str | PathLike) -> dict[str, Any] | None:
     Parameters
     ----------
     path : path
-        A file of any type. The suffix decides where its record is.
+        A file of any type. Its suffix decides where its record is.
 
     Returns
     -------
@@ -100,8 +100,8 @@ def read_record(path: str | PathLike) -> dict[str, Any] | None:
     except READ_ERRORS:
         return None
     # A file of another program may use the same key for something else.
-    has_needed_keys = isinstance(record, dict) and set(record) >= REQUIRED_ENTRIES
-    return record if has_needed_keys else None
+    is_valid = isinstance(record, dict) and record.keys() >= REQUIRED_ENTRIES
+    return record if is_valid else None
 
 
 def _read_sidecar(path: Path) -> Any:

@@ -132,13 +132,15 @@ def _format_yaml(value: object) -> str:
         return "null"
     if isinstance(value, bool):
         return "true" if value else "false"
-    is_plain_list = isinstance(value, list) and not any(
-        isinstance(item, list | dict) for item in value
-    )
-    if is_plain_list:
+    if isinstance(value, list) and not _is_nested(value):
         # Each item has at least one character, so more items are too long anyway.
         items = [_format_yaml(item) for item in value[:MOST_SHOWN]]
         text = f"[{', '.join(items)}]"
         if len(text) <= MOST_SHOWN:
             return text
     return shown(value)
+
+
+def _is_nested(values: list) -> bool:
+    """Tell whether a list contains lists or mappings."""
+    return any(isinstance(item, list | dict) for item in values)

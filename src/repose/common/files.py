@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 StrPath = str | os.PathLike
-# What the value of a key must be: a type, or one of several.
+# The type that the value of a key must have, or several such types.
 Kind = type | tuple[type, ...]
 # Column that only a record of runs has: the number of the proposal to which a run belongs.
 TURN_COLUMN = "turn"
@@ -48,13 +48,13 @@ def convert_to_path(name: str, path: Any) -> Path:
     Raises
     ------
     InputError
-        If the value is neither a text nor a path, or the system refuses such a path.
+        If the value is neither a string nor a path, or the system refuses such a path.
     """
     is_path = isinstance(path, StrPath) and bool(str(path))
     if not is_path:
         raise InputError("study", key=name, value=path, allowed="the path of a file")
-    # Ask the system whether it allows such a path. A missing file is no fault here: it is
-    # reported when the file is read or written.
+    # Ask the system whether it allows such a path. A file that is missing or protected is
+    # reported later, when it is read or written.
     try:
         os.stat(path)
     except (FileNotFoundError, NotADirectoryError, PermissionError):
@@ -110,20 +110,20 @@ def write_json(path: StrPath, content: Any, indent: int = 1) -> None:
 
 
 def format_json(content: Any, indent: int = 1) -> str:
-    """Return content as JSON text; a mapping gets the record of the current stage.
+    """Format content as JSON, and add the record of the current stage to a mapping.
 
     Parameters
     ----------
     content : object
         Mappings, lists and plain values. Numbers and arrays of numpy become plain ones.
     indent : int, optional
-        Blanks before each entry of the outermost mapping.
+        Number of blanks before each entry of the outermost mapping.
 
     Returns
     -------
     str
-        In a mapping the record is the last entry, on one line. Other content, and a
-        mapping outside any stage, has no record.
+        The JSON. If the content is a mapping and a stage is running, the record of the
+        stage is its last entry, on one line.
     """
     text = json.dumps(content, indent=indent, default=_convert_to_plain)
     record = provenance.get_current_record()
@@ -131,11 +131,11 @@ def format_json(content: Any, indent: int = 1) -> str:
         return text
 
     # Insert the record before the closing brace.
-    beginning = text.removesuffix("}").rstrip()
+    text_before_brace = text.removesuffix("}").rstrip()
     comma = "," if content else ""
-    space = " " * indent
-    entry = f"{space}{json.dumps(attached.RECORD_KEY)}: {json.dumps(record)}"
-    return f"{beginning}{comma}\n{entry}\n}}"
+    blanks = " " * indent
+    entry = f"{blanks}{json.dumps(attached.RECORD_KEY)}: {json.dumps(record)}"
+    return f"{text_before_brace}{comma}\n{entry}\n}}"
 
 
 def write_table(
@@ -205,7 +205,7 @@ def write_image(path: StrPath, picture: "np.ndarray") -> None:
     try:
         is_encoded, content = cv2.imencode(suffix, picture)
     except cv2.error:
-        # This is OpenCV's answer to a suffix that it does not know.
+        # OpenCV does not know the suffix.
         is_encoded = False
     if not is_encoded:
         raise InputError(
@@ -269,7 +269,7 @@ def read_json(
     Returns
     -------
     dict
-        Without the record of provenance.
+        The content of the file, without the record of provenance.
 
     Raises
     ------
@@ -290,7 +290,7 @@ def read_json(
         raise InputError(path, key="content", value=content, allowed=what)
     content.pop(attached.RECORD_KEY, None)
 
-    # Any type will do for keys that are only listed.
+    # A key without a given type may have a value of any type.
     for key in keys:
         kind = keys[key] if isinstance(keys, Mapping) else object
         if key not in content or not isinstance(content[key], kind):
@@ -346,7 +346,7 @@ def read_npz(
     """
     import numpy as np
 
-    # For a plain .npy file numpy returns an array. An array is no context manager, so
+    # For a plain .npy file numpy returns an array. An array is not a context manager, so
     # `with` raises a TypeError.
     unreadable = (*attached.READ_ERRORS, TypeError, MemoryError)
     try:
@@ -361,7 +361,7 @@ def read_npz(
                 name: store[name] for name in store.files if name != attached.RECORD_KEY
             }
     except InputError:
-        # InputError is a ValueError, which the next clause would replace.
+        # The next clause would catch it, because it is a ValueError.
         raise
     except unreadable as error:
         raise InputError(path, key="arrays", value=str(error), allowed=what) from error

@@ -84,10 +84,10 @@ def follow_path(config: Any, path: Iterable[int | str], default: Any = None) -> 
     config : object
         The configuration as plain values.
     path : iterable of int or str
-        Its steps: names of keys, which may contain dots, and positions in lists. A
-        position may be a text of digits.
+        The steps: names of keys, which may contain dots, and positions in lists, as
+        integers or as strings of digits.
     default : object
-        Returned where the path leads nowhere.
+        Returned if there is no value at the end of the path.
 
     Returns
     -------
@@ -97,8 +97,12 @@ def follow_path(config: Any, path: Iterable[int | str], default: Any = None) -> 
     value = config
     for step in path:
         if isinstance(value, Mapping):
-            value = value.get(step, default)
-        elif isinstance(value, list) and str(step).isdigit() and int(step) < len(value):
+            if step not in value:
+                return default
+            value = value[step]
+        elif isinstance(value, list):
+            if not str(step).isdigit() or int(step) >= len(value):
+                return default
             value = value[int(step)]
         else:
             return default
@@ -114,12 +118,12 @@ def get_value(config: Any, key: str, default: Any = None) -> Any:
 
 
 def lookup(config: Config, key: str) -> Any:
-    """Return the value of a dotted key; KeyError where there is none."""
+    """Return the value of a dotted key; raise KeyError if there is none."""
     return reduce(getitem, key.split("."), config)
 
 
 def require_section(config: Mapping[str, Any], name: str) -> Mapping[str, Any]:
-    """Return a section that may be absent; InputError if it is."""
+    """Return a section of a configuration; raise InputError if it is missing."""
     if name not in config:
         raise InputError(
             "configuration",

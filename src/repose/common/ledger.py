@@ -51,8 +51,8 @@ def write_listed_file(
         """Write the content into a temporary file, and list it under its later name."""
         write(handle)
         handle.flush()
-        # List the file before it gets its name. Otherwise, if the program were killed in
-        # between, the next run would mistake it for a file of the user.
+        # List the file before it gets its final name. Otherwise, if the program were
+        # killed in between, the next run would mistake it for a file of the user.
         _append_entry(path.parent, path.name, _hash_file(handle.name))
 
     try:
@@ -165,10 +165,18 @@ def _has_other_content(path: Path, digests: set[str]) -> bool:
 
 
 def _read_ledger(folder: Path) -> dict[str, set[str]]:
-    """Read the ledger of a folder as a mapping from file names to hashes.
+    """Read the ledger of a folder.
 
-    A file has a hash for each content that this program wrote into it. The mapping is
-    empty for a folder without a ledger. A line that a full disk cut off is ignored.
+    Returns
+    -------
+    dict of str to set of str
+        For each file, the hashes of all contents that this program wrote into it. It is
+        empty for a folder without a ledger. A line that a full disk cut off is ignored.
+
+    Raises
+    ------
+    InputError
+        If the file of this name is not a ledger.
     """
     path = folder / LEDGER
     digests: dict[str, set[str]] = defaultdict(set)
@@ -183,10 +191,10 @@ def _read_ledger(folder: Path) -> dict[str, set[str]]:
             digest, name = match.groups()
             digests[name].add(digest)
 
-    # Refuse a file of the same name that is not a ledger.
-    if not digests and not all(
-        map(CUT_OFF_PATTERN.fullmatch, [*whole_lines, last_line])
-    ):
+    # A ledger without any entry may still have lines that were cut off. With other lines,
+    # the file is something else.
+    lines = [*whole_lines, last_line]
+    if not digests and not all(map(CUT_OFF_PATTERN.fullmatch, lines)):
         raise InputError(
             path,
             key="content",

@@ -49,7 +49,8 @@ def format_with_error(mean: float, error: float | None, sign: str = "") -> str:
     if error is None:
         return format_significant(mean, sign=sign)
 
-    # A tiny or infinite number is not written with decimals, so do not align the two.
+    # Numbers that are tiny or infinite have no fixed number of decimals. Write both numbers
+    # without aligning their decimals.
     can_align = SMALLEST_PLAIN <= error < math.inf and math.isfinite(mean)
     if not can_align:
         mean_text = format_significant(mean, sign=sign)

@@ -38,16 +38,18 @@ def list_default_configs() -> list[Path]:
     Returns
     -------
     list of Path
-        The first file is the method. If the working folder has a file
-        `config/config.yaml`, the built-in crop is the second file, and this file is the
-        third. Otherwise the second file is `config.yaml` of the working folder if there
-        is one, or else the built-in crop.
+        The first file is always the configuration of the method. What follows depends on
+        the working folder:
+
+        - with a file `config/config.yaml`: the built-in crop, and this file;
+        - with a file `config.yaml`: this file;
+        - with neither of them: the built-in crop.
     """
     method = find_file(METHOD_CONFIG)
     built_in_crop = find_program_folder() / DEFAULT_CONFIG
 
-    # If the working folder has the same folders as the project, its file changes single
-    # values of the built-in crop.
+    # A file at the same place as in the project changes single values of the built-in
+    # crop.
     users_config = Path(DEFAULT_CONFIG)
     if users_config.is_file():
         # In a checkout of the project both are the same file, which is listed once.
@@ -55,7 +57,7 @@ def list_default_configs() -> list[Path]:
             return [method, users_config]
         return [method, built_in_crop, users_config]
 
-    # If the working folder is that of another crop, its file replaces the built-in crop.
+    # In the folder of another crop, its file replaces the built-in crop.
     users_crop = Path("config.yaml")
     crop = users_crop if users_crop.is_file() else built_in_crop
     return [method, crop]

@@ -95,13 +95,13 @@ def record_stage(
     apparatus : str, optional
         The bench test of the runs. The default is that of the input files.
     runs : {"", "made", "measured"}
-        Whether the results are runs that the stage simulates, or runs that it measures.
-        They are neither if the text is empty.
+        Whether the results are runs that the stage simulates ("made"), runs that it
+        measures ("measured"), or no runs ("").
     strategy : str, optional
         The strategy whose batches the stage serves.
     check : callable, optional
-        Called with the configuration and the input files with their records, as soon as
-        the configuration is known. Raises an InputError for a file of another study.
+        Called as soon as the configuration is known, with the configuration and the input
+        files with their records. It should raise InputError for a file of another study.
 
     Raises
     ------
@@ -177,6 +177,16 @@ def _make_record(current_stage: _Stage) -> dict[str, Any]:
 
     Its entry ``origin`` is a hash of the stage, its settings, the engine and the origins
     of its input files. Results with the same origin are therefore equal.
+
+    Parameters
+    ----------
+    current_stage : _Stage
+        The stage.
+
+    Returns
+    -------
+    dict
+        The entries of the record.
     """
     # Simulated runs come from the present engine. Other results take the engine from the
     # records of their input files.
@@ -195,7 +205,7 @@ def _make_record(current_stage: _Stage) -> dict[str, Any]:
         )
         seed = current_stage.config["design"]["seed"]
 
-    # A file without a record has no origin. Use the hash of its content instead.
+    # If a file has no record, the hash of its content takes the place of its origin.
     input_origins = set()
     for path, record in current_stage.inputs:
         input_origins.add(record["origin"] if record else hash_file(path))
@@ -241,19 +251,18 @@ def refuse_mixture(inputs: Inputs) -> None:
     InputError
         For the first file that does not match a file before it.
     """
-    # Remember the first engine with its file. Remember also, for the runs of each stage
-    # and bench test, the first origin with its file.
+    # Keep the first engine with its file, and the first origin with its file for each
+    # group of runs.
     first_engine: tuple[str, Path] | None = None
     first_origins: dict[tuple[str, str], tuple[str, Path]] = {}
     for path, record in inputs:
         if record is None:
             continue
 
-        # Compare the engine. A result that depends on no run has no engine.
+        # A result that does not depend on runs has no engine.
         engine = record.get("engine")
         if engine:
-            if first_engine is None:
-                first_engine = (engine, path)
+            first_engine = first_engine or (engine, path)
             _require_same(
                 path,
                 key="engine",
@@ -262,11 +271,12 @@ def refuse_mixture(inputs: Inputs) -> None:
                 requirement="results of one engine",
             )
 
-        # Compare the origin. Only runs name their bench test.
+        # Only the record of a run names its bench test. Runs of one stage and one bench
+        # test belong to the same group.
         if "apparatus" in record:
-            group_of_runs = (record["verb"], record["apparatus"])
+            group = (record["verb"], record["apparatus"])
             origin = record["origin"]
-            first_origin = first_origins.setdefault(group_of_runs, (origin, path))
+            first_origin = first_origins.setdefault(group, (origin, path))
             _require_same(
                 path,
                 key="origin",
@@ -308,13 +318,13 @@ def _require_same(
 
 
 def hash_content(content: Any) -> str:
-    """Hash content that JSON can hold; 16 hexadecimal digits."""
+    """Hash content of JSON as 16 hexadecimal digits."""
     text = json.dumps(content, sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
 def hash_file(path: str | PathLike) -> str:
-    """Hash a file's content; 16 hexadecimal digits."""
+    """Hash the content of a file as 16 hexadecimal digits."""
     return hashlib.sha256(Path(path).read_bytes()).hexdigest()[:16]
 
 
@@ -328,7 +338,7 @@ def engine_hash() -> str:
 
 @cache
 def describe_machine() -> dict[str, str | None]:
-    """Describe the processor, the commit and the versions; None for what is unknown."""
+    """Describe the processor, the commit and the versions; unknown ones are None."""
     return {
         "repose": __version__,
         "commit": _find_commit(),

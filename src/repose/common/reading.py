@@ -68,11 +68,12 @@ class StrictLoader(yaml.SafeLoader):
             if key_node.tag == MERGE_TAG:
                 continue
             key = self._construct_key(key_node, deep)
-            line = self.describe_line(key_node)
-            is_new = key not in earlier_keys
-            if not is_new:
+            if key in earlier_keys:
                 raise InputError(
-                    line, key=str(key), value="given again", allowed="each key once"
+                    self.describe_line(key_node),
+                    key=str(key),
+                    value="given again",
+                    allowed="each key once",
                 )
             earlier_keys.add(key)
         return super().construct_mapping(node, deep)
@@ -87,15 +88,14 @@ class StrictLoader(yaml.SafeLoader):
             line.
         """
         key = self.construct_object(node, deep=deep)
-        # To Python true and false are integers, too.
+        # In Python, True and False are integers, too.
         is_plain = isinstance(key, str | int | float | None)
-        is_allowed = is_plain and not isinstance(key, bool)
-        shown = node.value if isinstance(node.value, str) else "a list or mapping"
-        if not is_allowed:
+        if not is_plain or isinstance(key, bool):
+            is_scalar = isinstance(node.value, str)
             raise InputError(
                 self.describe_line(node),
                 key="key",
-                value=shown,
+                value=node.value if is_scalar else "a list or mapping",
                 allowed="text; put it in quotes if it is a name",
             )
         return key
@@ -112,8 +112,7 @@ class StrictLoader(yaml.SafeLoader):
         InputError
             If the number is written in an unusual form. The message names its line.
         """
-        is_plain = PLAIN_NUMBER.fullmatch(node.value)
-        if not is_plain:
+        if not PLAIN_NUMBER.fullmatch(node.value):
             raise InputError(
                 self.describe_line(node),
                 key="value",
@@ -212,7 +211,7 @@ def _parse_cached(text: str, name: str) -> Any:
     except yaml.MarkedYAMLError as error:
         raise _describe_syntax_error(error, text, name) from None
     except yaml.YAMLError as error:
-        # Errors without a line, such as an invalid byte.
+        # The error has no line. It is, for example, that of an invalid byte.
         one_line = " ".join(str(error).split())
         raise InputError(
             name, key="content", value=one_line, allowed="valid YAML"
@@ -249,7 +248,7 @@ def _construct_document(text: str, name: str) -> Any:
         node = loader.get_single_node()
         if node is None:
             return None
-        # A few lines with nested aliases can expand to more than the memory holds.
+        # A few lines with nested aliases can stand for more than the memory can hold.
         n_characters = _count_characters(node, {})
         if n_characters > MOST_CHARACTERS:
             raise InputError(
@@ -276,11 +275,16 @@ def _describe_syntax_error(
         The YAML.
     name : str
         Its file, for the message.
+
+    Returns
+    -------
+    InputError
+        The fault, which names the line if it is known.
     """
     line_number = error.problem_mark.line + 1 if error.problem_mark else 0
     problem = error.problem or ""
 
-    # The parser reports a missing colon at a later line, so search the lines before it.
+    # The parser reports a missing colon at a later line. Search all lines up to that one.
     line_without_colon = _find_line_without_colon(text.splitlines()[:line_number])
     if line_without_colon is not None:
         number, line_text = line_without_colon
@@ -343,12 +347,12 @@ def _count_characters(node: yaml.Node, counts: dict[int, int]) -> int:
     node : yaml.Node
         A value. An alias and the value that it stands for are the same node.
     counts : dict of int to int
-        The counts so far, by `id` of the node. This function adds to them.
+        A cache of the counts of nodes, by their `id`. This function adds to it.
     """
-    # Another alias of this value was counted already.
+    # An alias of this value was counted before.
     if id(node) in counts:
         return counts[id(node)]
-    # If the value contains itself, the inner one counts as 0.
+    # Inside the value, an alias of the value itself counts as 0.
     counts[id(node)] = 0
     if isinstance(node, yaml.ScalarNode):
         n_characters = 1 + len(node.value)

@@ -101,7 +101,10 @@ def find_dependencies(*modules: str) -> frozenset[str]:
 
 
 def _expand_packages(names: Iterable[str]) -> list[str]:
-    """List the full names of modules, and of all modules in packages, below `repose`."""
+    """List the full names of modules, and of all modules in packages.
+
+    The given names are those below `repose`.
+    """
     modules = []
     for name in names:
         modules += _list_modules_of(f"repose.{name}")
@@ -124,18 +127,11 @@ def _map_modules_to_files() -> dict[str, Path]:
     The file of a package is its `__init__.py`.
     """
     files = {}
-    for folder, subfolders, file_names in os.walk(PACKAGE):
-        # Do not walk into compiled modules.
-        if "__pycache__" in subfolders:
-            subfolders.remove("__pycache__")
-
-        folder_path = Path(folder)
-        package = ".".join(("repose", *folder_path.relative_to(PACKAGE).parts))
-        for file_name in file_names:
-            stem, ending = os.path.splitext(file_name)
-            if ending == ".py":
-                module = package if stem == "__init__" else f"{package}.{stem}"
-                files[module] = folder_path / file_name
+    for file in PACKAGE.rglob("*.py"):
+        parts = file.relative_to(PACKAGE).with_suffix("").parts
+        if parts[-1] == "__init__":
+            parts = parts[:-1]
+        files[".".join(("repose", *parts))] = file
     return files
 
 
@@ -277,8 +273,7 @@ def _hash_module(module: str) -> str:
     content = _read_source(file)
     hashes = [_summarise_file(file)["code"]]
     for name in _list_data_files(file.parent):
-        is_mentioned = name.encode() in content
-        if is_mentioned:
+        if name.encode() in content:
             data = (file.parent / name).read_bytes()
             hashes.append(hashlib.sha256(data).hexdigest())
     return " ".join(hashes)
@@ -415,7 +410,7 @@ def store_new_summaries() -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         # Write another file and rename it, because other processes may be reading.
         new_path = path.with_name(f"{path.name}.{os.getpid()}.part")
-        # Keep the newest summaries, which are the last ones.
+        # New summaries are added at the end, so the last ones are the newest.
         newest = dict(list(_load_stored_summaries().items())[-MOST_SUMMARIES:])
         new_path.write_text(json.dumps(newest), encoding="utf-8")
         new_path.replace(path)

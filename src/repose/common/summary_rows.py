@@ -37,7 +37,7 @@ class SummaryRow(NamedTuple):
 
 
 def find_summary_row(columns: Mapping[str, Sequence[str]]) -> SummaryRow | None:
-    """Find a row at the end of a table that is a statistic of the rows above it.
+    """Find a row at the end of a table that has a statistic of the rows above it.
 
     Parameters
     ----------
@@ -51,12 +51,12 @@ def find_summary_row(columns: Mapping[str, Sequence[str]]) -> SummaryRow | None:
 
     Notes
     -----
-    A summary row equals one statistic in every column that varies, to all the digits that
-    it prints. A row that repeats a row above it is no summary. Columns with few different
-    values are not compared. They belong to the design of an experiment, where the centre
-    equals the mean and the corners equal the extremes.
+    A summary row equals one statistic in every column that is compared, to all the digits
+    that it prints. A row that repeats a row above it is not a summary. Columns with few
+    different values are not compared. They belong to the design of an experiment, where
+    the centre equals the mean and the corners equal the extremes.
     """
-    # Read the cells as an array of the form (rows, columns).
+    # Read the cells as an array (rows, columns) of numbers.
     cells_of_columns = list(columns.values())
     n_rows = len(cells_of_columns[0]) if cells_of_columns else 0
     numbers = np.full((n_rows, len(cells_of_columns)), math.nan)
@@ -92,7 +92,7 @@ def _find_equal_statistic(
     str
         A name of `STATISTICS`; empty if there is no such statistic.
     """
-    # Compare only columns with numbers that vary enough.
+    # Compare only columns whose numbers vary enough.
     compared_columns = [
         column
         for column, last_digit in enumerate(last_digits)
@@ -101,10 +101,9 @@ def _find_equal_statistic(
     if len(compared_columns) < FEWEST_COLUMNS:
         return ""
 
-    # A row that repeats an earlier one is a repeated measurement and no summary.
+    # A row that repeats an earlier one is a repeated measurement, not a summary.
     is_equal = rows_above[:, compared_columns] == row[compared_columns]
-    repeats_a_row = is_equal.all(axis=1).any()
-    if repeats_a_row:
+    if is_equal.all(axis=1).any():
         return ""
 
     for name, compute in STATISTICS.items():
@@ -125,8 +124,11 @@ def _varies(column: np.ndarray, last_digit: float) -> bool:
     `FEWEST_UNITS_OF_SCATTER`.
     """
     numbers = column[np.isfinite(column)]
-    # A column in which at most half of the numbers differ has the levels of a design.
-    if len(numbers) < FEWEST_ROWS_ABOVE or 2 * len(set(numbers)) <= len(numbers):
+    if len(numbers) < FEWEST_ROWS_ABOVE:
+        return False
+    # A column with few different numbers has the levels of a design.
+    n_different = len(set(numbers))
+    if 2 * n_different <= len(numbers):
         return False
     return bool(np.std(numbers) >= FEWEST_UNITS_OF_SCATTER * last_digit)
 

@@ -257,8 +257,8 @@ def holds_numbers(cells: Iterable[str]) -> bool:
 def holds_measurements(cells: Iterable[str]) -> bool:
     """Tell whether a column holds measured numbers.
 
-    At least one of them must have a decimal point, because a column of whole numbers may
-    be a label.
+    At least one of them must have a decimal point, because a column of integers may be a
+    label.
     """
     cells = list(cells)
     return holds_numbers(cells) and any(
@@ -266,22 +266,24 @@ def holds_measurements(cells: Iterable[str]) -> bool:
     )
 
 
-def _is_row_number(cells: Iterable[str]) -> bool:
-    """Tell whether a column has the numbers of the rows.
+def _numbers_the_rows(cells: Iterable[str]) -> bool:
+    """Tell whether a column seems to number the rows.
 
-    More than half of its cells are filled, all of these with different whole numbers.
+    More than half of its cells are then filled, all of them with different integers.
     """
     cells = list(cells)
     filled = [cell for cell in cells if cell]
-    is_whole = all(WHOLE_NUMBER_PATTERN.fullmatch(cell) for cell in filled)
-    return is_whole and len(set(filled)) == len(filled) > len(cells) / 2
+    is_mostly_filled = 2 * len(filled) > len(cells)
+    are_different = len(set(filled)) == len(filled)
+    are_integers = all(WHOLE_NUMBER_PATTERN.fullmatch(cell) for cell in filled)
+    return is_mostly_filled and are_different and are_integers
 
 
 def read(
     path: StrPath,
     columns: Iterable[str | Column],
     what: str = TABLE,
-    others: Callable[[Iterable[str]], bool] = holds_numbers,
+    is_number_column: Callable[[Iterable[str]], bool] = holds_numbers,
     optional: Iterable[str] = (),
 ) -> Table:
     """Read a table, require these columns in it, and check its cells.
@@ -295,10 +297,10 @@ def read(
         that is given as `Column` is declared: its cells are converted to values.
     what : str
         What the file should be, for messages.
-    others : callable
-        Called with the cells of each undeclared column, to tell whether these are
-        numbers. Each cell of such a column must then be a number. It may also be empty,
-        unless the column numbers the rows.
+    is_number_column : callable
+        Tells from the cells of an undeclared column whether it holds numbers. If it does,
+        each of its cells must be a number. A cell may also be empty, unless the column
+        numbers the rows.
     optional : iterable of str
         Names of other columns that the table may have.
 
@@ -327,7 +329,7 @@ def read(
     table.text = table.text.rename(columns=new_names)
     require_columns(path, table.text, needed_names, what)
 
-    values = _convert_and_check(path, table.text, declared, others)
+    values = _convert_and_check(path, table.text, declared, is_number_column)
     table.values = {
         name: values.get(name, table.text[name].tolist()) for name in table.text
     }
@@ -341,7 +343,7 @@ def _convert_and_check(
     path: StrPath,
     cells: "pd.DataFrame",
     declared: Mapping[str, Column],
-    has_numbers: Callable[[Iterable[str]], bool],
+    is_number_column: Callable[[Iterable[str]], bool],
 ) -> dict[str, list[Any]]:
     """Convert the cells of declared columns to values, and check all cells of a table.
 
@@ -353,7 +355,7 @@ def _convert_and_check(
         The cells as text.
     declared : mapping of str to Column
         The declared columns by name. The table may lack some of them.
-    has_numbers : callable
+    is_number_column : callable
         Tells from the cells of an undeclared column whether it holds numbers.
 
     Returns
@@ -368,7 +370,7 @@ def _convert_and_check(
     """
     values, faults = convert_columns(cells, declared.values())
     undeclared = [
-        _describe_undeclared_column(name, cells[name], has_numbers)
+        _describe_undeclared_column(name, cells[name], is_number_column)
         for name in cells
         if name not in declared
     ]
@@ -378,7 +380,7 @@ def _convert_and_check(
 
 
 def _describe_undeclared_column(
-    name: str, cells: "pd.Series", has_numbers: Callable[[Iterable[str]], bool]
+    name: str, cells: "pd.Series", is_number_column: Callable[[Iterable[str]], bool]
 ) -> Column:
     """Make a declaration by which an undeclared column can be checked.
 
@@ -388,7 +390,7 @@ def _describe_undeclared_column(
         Name of the column.
     cells : pandas.Series
         Its cells as text.
-    has_numbers : callable
+    is_number_column : callable
         Tells from the cells whether the column holds numbers.
 
     Returns
@@ -398,8 +400,8 @@ def _describe_undeclared_column(
     """
     return Column(
         name,
-        kind=float if has_numbers(cells) else object,
-        may_be_empty=not _is_row_number(cells),
+        kind=float if is_number_column(cells) else object,
+        may_be_empty=not _numbers_the_rows(cells),
         words="a finite number, as most cells of this column",
     )
 

@@ -191,7 +191,12 @@ def _read_table(path: Path) -> pd.DataFrame:
     """Read a file in one of the formats as a table, a row for each particle.
 
     The formats are VTK, a dump of LAMMPS or LIGGGHTS, a text file of Yade, and any
-    table with a header. The first bytes of the file tell the format.
+    table with a header. They are told apart by the first bytes of the file.
+
+    Raises
+    ------
+    InputError
+        If the file has none of these formats.
     """
     with path.open("rb") as file:
         start = file.read(vtk_files.START_BYTES)
@@ -209,8 +214,8 @@ def _read_table(path: Path) -> pd.DataFrame:
         header, _, rows = text.partition("\n")
         names = header.removeprefix(YADE_FORMAT).split("_")
         return _split_rows(path, names, rows.splitlines())
-    # Columns without commas, semicolons or tabs are separated by blanks; otherwise
-    # pandas finds the separator.
+    # Any other file is a table. If its header has no comma, semicolon or tab, blanks
+    # separate the columns. Otherwise, pandas finds the separator.
     header = text.lstrip("\ufeff").partition("\n")[0]
     separator = r"\s+" if not re.search("[,;\t]", header) else None
     try:
@@ -278,11 +283,13 @@ def _read_dump(path: Path, text: str) -> pd.DataFrame:
     Raises
     ------
     InputError
-        If the dump has no particles, or if its last time step is not whole.
+        If the dump has no particles, or if its last time step is incomplete.
     """
     lines = text.splitlines()
-    headers = [n for n, line in enumerate(lines) if line.startswith(ATOMS_ITEM)]
-    if not headers:
+    header_numbers = [
+        number for number, line in enumerate(lines) if line.startswith(ATOMS_ITEM)
+    ]
+    if not header_numbers:
         raise InputError(
             path,
             key="file",
@@ -291,7 +298,7 @@ def _read_dump(path: Path, text: str) -> pd.DataFrame:
         )
     # The header has the names of the columns after the words of the item. All rows of the
     # last time step follow it.
-    last_header = headers[-1]
+    last_header = header_numbers[-1]
     names = lines[last_header].removeprefix(ATOMS_ITEM).split()
     rows = lines[last_header + 1 :]
     count = _read_count(path, lines)
@@ -308,7 +315,7 @@ def _read_dump(path: Path, text: str) -> pd.DataFrame:
 def _read_count(path: Path, lines: list[str]) -> int:
     """Read the number of particles in the last time step of a dump.
 
-    It is on the line after the item. Raises InputError if it is missing.
+    It is on the line after `COUNT_ITEM`. Raises InputError if it is missing.
     """
     count = "missing"
     for item, next_line in itertools.pairwise([*lines, "missing"]):

@@ -82,7 +82,7 @@ def _read_rows(path: StrPath | None) -> list[dict[str, Any]]:
     rows = []
     for table in list_tables(path):
         rows += read(
-            table, (SOLUTION_COLUMN, *PARAMETER_COLUMNS), others=holds_numbers
+            table, (SOLUTION_COLUMN, *PARAMETER_COLUMNS), is_number_column=holds_numbers
         ).rows()
     return rows
 
@@ -168,7 +168,11 @@ def check_published_sets(path: StrPath | None) -> None:
     """
     for table in list_tables(path):
         n_rows = len(
-            read(table, (SOLUTION_COLUMN, *PARAMETER_COLUMNS), others=holds_numbers)
+            read(
+                table,
+                (SOLUTION_COLUMN, *PARAMETER_COLUMNS),
+                is_number_column=holds_numbers,
+            )
         )
         if not 1 <= n_rows <= MOST_SETS:
             raise InputError(

@@ -198,7 +198,7 @@ def read_response_table(path: Path) -> dict[str, Any]:
         path,
         columns=(),
         what="a CSV file of responses",
-        others=lambda cells: False,
+        is_number_column=lambda cells: False,
     )
     rows = table.rows()
     if len(rows) != 1:

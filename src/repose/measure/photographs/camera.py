@@ -98,7 +98,7 @@ class Plane(NamedTuple):
     origin: np.ndarray  # (3,), a point on the plate
     right: np.ndarray  # (3,), level unit vector
 
-    def points(self, along: np.ndarray, up: np.ndarray) -> np.ndarray:
+    def compute_points(self, along: np.ndarray, up: np.ndarray) -> np.ndarray:
         """Compute the points (H, W, 3) of a grid with places along (W,) and up (H,)."""
         vertical = np.array([0, 0, 1.0])
         return (
@@ -430,18 +430,20 @@ class Pose:
         row = matrix[1, 1] * y * distortion + matrix[1, 2]
         return np.stack([column, row], axis=-1)
 
-    def facing_plane(self, axis_mm: float) -> Plane:
+    def make_facing_plane(self, axis_mm: float) -> Plane:
         """Make the vertical plane through the pile's axis that faces the camera.
 
         `axis_mm` is the distance of the axis from the sheet's lower left corner.
         """
         x, y, _ = self.position_mm
-        view_direction = np.array([axis_mm - x, -y, 0.0])
-        normal = np.array([view_direction[1], -view_direction[0], 0.0])
-        right = normal / np.linalg.norm(view_direction)
-        return Plane(np.array([axis_mm, 0.0, 0.0]), right)
+        # The level direction from the camera to the axis is perpendicular to the plane.
+        # Turned to the right by 90 degrees, it lies in the plane.
+        ahead = np.array([axis_mm - x, -y, 0.0])
+        to_the_right = np.array([ahead[1], -ahead[0], 0.0])
+        right = to_the_right / np.linalg.norm(ahead)
+        return Plane(origin=np.array([axis_mm, 0.0, 0.0]), right=right)
 
-    def look_down_deg(self, axis_mm: float, height_mm: float) -> float:
+    def compute_look_down_deg(self, axis_mm: float, height_mm: float) -> float:
         """Compute the angle below the horizontal at which the camera sees a crest.
 
         It is negative if the camera looks up.
@@ -502,7 +504,7 @@ def draw_side_view(
     if axis_mm is None:
         plane = Plane(origin=np.zeros(3), right=np.array([1.0, 0, 0]))
     else:
-        plane = pose.facing_plane(axis_mm)
+        plane = pose.make_facing_plane(axis_mm)
     extent = _find_visible_extent(pose, plane)
     if crop is not None:
         extent = Extent(
@@ -525,7 +527,7 @@ def draw_side_view(
     # Find the place in the photograph of each pixel of the view, and take its colour.
     along = extent.left + mm_per_pixel * np.arange(n_columns)
     up = mm_per_pixel * (base_row - np.arange(n_rows))
-    pixels = pose.project(plane.points(along, up)).astype(np.float32)
+    pixels = pose.project(plane.compute_points(along, up)).astype(np.float32)
     view = _take_colours(image, pixels, reduction=mm_per_pixel * pixels_per_mm)
 
     # Mark the pixels outside the photograph, and those that the sheet hides.

@@ -108,18 +108,18 @@ def list_doubts_of_pile(
     sides = (profile[: crest + 1][::-1], profile[crest:])
     size = _Size(height_mm, grain_mm, mm_per_pixel)
     doubts = [
-        _check_rise(sides, size),
-        _check_drop(sides, size),
-        _check_flanks(measurement, pile.base_row, mm_per_pixel),
+        _find_rise_doubt(sides, size),
+        _find_drop_doubt(sides, size),
+        _find_flank_doubt(measurement, pile.base_row, mm_per_pixel),
     ]
     if pile.has_neighbour:
         doubts.append(f"{DOUBT}: another pile stands beside it")
-    doubts.append(_check_resolution(measurement, mm_per_pixel))
+    doubts.append(_find_resolution_doubt(measurement, mm_per_pixel))
     return [doubt for doubt in doubts if doubt]
 
 
-def _check_rise(sides: Sequence[np.ndarray], size: _Size) -> str:
-    """Write a doubt if the outline of the pile rises again away from the crest.
+def _find_rise_doubt(sides: Sequence[np.ndarray], size: _Size) -> str:
+    """Find out whether the outline of the pile rises again away from the crest.
 
     Parameters
     ----------
@@ -147,8 +147,8 @@ def _check_rise(sides: Sequence[np.ndarray], size: _Size) -> str:
     )
 
 
-def _check_drop(sides: Sequence[np.ndarray], size: _Size) -> str:
-    """Write a doubt if the outline of the pile falls steeply within half a grain.
+def _find_drop_doubt(sides: Sequence[np.ndarray], size: _Size) -> str:
+    """Find out whether the outline of the pile falls steeply within half a grain.
 
     Parameters
     ----------
@@ -179,10 +179,10 @@ def _check_drop(sides: Sequence[np.ndarray], size: _Size) -> str:
     )
 
 
-def _check_flanks(
+def _find_flank_doubt(
     measurement: Measurement, base_row: float, mm_per_pixel: float
 ) -> str:
-    """Write a doubt if the lines of both flanks do not meet near the crest.
+    """Find out whether the lines of both flanks meet near the crest.
 
     Parameters
     ----------
@@ -217,8 +217,8 @@ def _check_flanks(
     )
 
 
-def _check_resolution(measurement: Measurement, mm_per_pixel: float) -> str:
-    """Write a doubt if the pile has too few pixels; otherwise, the text is empty."""
+def _find_resolution_doubt(measurement: Measurement, mm_per_pixel: float) -> str:
+    """Find out whether the pile has enough pixels; if not, return a doubt."""
     height_px = math.floor(measurement.height_mm / mm_per_pixel)
     if height_px >= MIN_HEIGHT_PX:
         return ""

@@ -190,8 +190,7 @@ def _make_coarse_marks(guess: _Guess, hidden: np.ndarray) -> np.ndarray:
     """Make the marks (H, W) with which GrabCut begins in a coarse view.
 
     Hidden pixels, other objects, and the picture's border outside of the pile are
-    marked as certain background. All other pixels are marked as probably pile or
-    probably background.
+    certainly background. All other pixels are probably pile or probably background.
 
     Parameters
     ----------
@@ -226,7 +225,7 @@ def refine_pile(
     view : SideView
         The finer view (H, W).
     coarse : ndarray
-        The pile's mask (H, W), accurate to half a grain.
+        Mask (H, W) of the pile, accurate to half a grain.
     grain_px : float
         Height of a grain in pixels.
     by_roughness : bool
@@ -261,11 +260,8 @@ def refine_pile(
         mask = _remove_penumbra(mask, features, grain_px)
     mask = _keep_largest_part(mask)
 
-    # Move the boundary by colours, and then more finely by light. Pixels far from the
-    # coarse boundary, or near hidden ones, do not change.
-    is_near_hidden = cv2.dilate(hidden.astype(np.uint8), _make_disc(reach)) > 0
-    is_uncertain = (marks == cv2.GC_PR_BGD) | (marks == cv2.GC_PR_FGD)
-    is_free = is_uncertain & ~is_near_hidden
+    # Move the boundary by colours, and then more finely by light.
+    is_free = _mark_free_pixels(marks, hidden, reach)
     near_px = NEIGHBOURHOOD_GRAINS * grain_px
     _, mask = _move_boundary(
         features,
@@ -304,7 +300,7 @@ def _make_fine_marks(coarse: np.ndarray, hidden: np.ndarray, reach: int) -> np.n
     Parameters
     ----------
     coarse : ndarray
-        The pile's mask (H, W), accurate to half a grain.
+        Mask (H, W) of the pile, accurate to half a grain.
     hidden : ndarray
         Mask (H, W) of pixels that do not show the scene.
     reach : int
@@ -326,6 +322,25 @@ def _make_fine_marks(coarse: np.ndarray, hidden: np.ndarray, reach: int) -> np.n
     return marks
 
 
+def _mark_free_pixels(marks: np.ndarray, hidden: np.ndarray, reach: int) -> np.ndarray:
+    """Mark the pixels (H, W) that may change when the boundary of the pile is moved.
+
+    These are the uncertain pixels that are not near hidden ones.
+
+    Parameters
+    ----------
+    marks : ndarray
+        The marks (H, W) of `_make_fine_marks`.
+    hidden : ndarray
+        Mask (H, W) of pixels that do not show the scene.
+    reach : int
+        A pixel within this distance of a hidden one is near it.
+    """
+    is_uncertain = (marks == cv2.GC_PR_BGD) | (marks == cv2.GC_PR_FGD)
+    is_near_hidden = cv2.dilate(hidden.astype(np.uint8), _make_disc(reach)) > 0
+    return is_uncertain & ~is_near_hidden
+
+
 def _compute_faint_share(
     colours: np.ndarray, mask: np.ndarray, near_px: float, weights: np.ndarray
 ) -> float:
@@ -336,13 +351,13 @@ def _compute_faint_share(
     colours : ndarray
         Features (H, W, 3).
     mask : ndarray
-        The pile (H, W).
+        Mask (H, W) of the pile.
     near_px : float
         Radius of the neighbourhood that gives the features of both sides.
     weights : ndarray
         Weights (3,) of the features.
     """
-    # The difference of both sides at the highest pixel of each column
+    # Compare both sides at the highest pixel of each column.
     pile, background = _average_sides(colours, mask, near_px)
     difference = pile - background
     columns = np.flatnonzero(mask.any(axis=0))
@@ -352,9 +367,10 @@ def _compute_faint_share(
 
 
 def _compute_light(view: SideView, n_rows: int) -> np.ndarray:
-    """Compute the light of a view above the plate.
+    """Compute how much light reached the camera in each pixel above the plate.
 
-    At a boundary a camera mixes light, and only then converts it to tones.
+    In a pixel on the boundary, the camera adds the light of both sides, and only then
+    converts the sum to a tone. Shares of both sides therefore follow from light.
 
     Parameters
     ----------
@@ -393,7 +409,7 @@ def _move_boundary(
     values : ndarray
         Features or light (H, W, 3).
     mask : ndarray
-        The pile (H, W).
+        Mask (H, W) of the pile.
     is_free : ndarray
         The pixels (H, W) that may change.
     neighbourhood_px : float
@@ -410,7 +426,7 @@ def _move_boundary(
     share : ndarray
         Share of the pile (H, W) in each pixel.
     mask : ndarray
-        The pile (H, W) with the new boundary.
+        Mask (H, W) of the pile with the new boundary.
     """
     reach = max(LIGHT_PX, round(reach_px))
     boundary = cv2.morphologyEx(mask, cv2.MORPH_GRADIENT, _make_disc(reach))
@@ -470,7 +486,7 @@ def _remove_penumbra(
     Parameters
     ----------
     mask : ndarray
-        The pile (H, W).
+        Mask (H, W) of the pile.
     features : ndarray
         Features (H, W, 3): two ratios of the colours, and the brightness.
     grain_px : float
@@ -479,7 +495,7 @@ def _remove_penumbra(
     Returns
     -------
     ndarray
-        The pile (H, W) without the shadow.
+        Mask (H, W) of the pile without the shadow.
     """
     # Average the pile and the background near each pixel, away from the boundary.
     disc = _make_disc(max(3, round(grain_px)))
@@ -524,7 +540,7 @@ def count_shadow_rows(image: np.ndarray, mask: np.ndarray) -> int:
     image : ndarray
         The picture (H, W, 3), BGR, or (H, W).
     mask : ndarray
-        The pile (H, W) in it.
+        Mask (H, W) of the pile in it.
     """
     # Compare the widths of shadow and pile in each row of a reduced picture.
     comparison = _compare_with_sides(image, mask)
@@ -553,7 +569,7 @@ def compute_shadow_share(image: np.ndarray, mask: np.ndarray) -> float:
     image : ndarray
         The picture (H, W, 3), BGR, or (H, W).
     mask : ndarray
-        The pile (H, W) in it.
+        Mask (H, W) of the pile in it.
     """
     comparison = _compare_with_sides(image, mask)
     pile = comparison.mask
@@ -580,7 +596,7 @@ def _compare_with_sides(image: np.ndarray, mask: np.ndarray) -> _SideComparison:
     image : ndarray
         The picture (H, W, 3), BGR, or (H, W). A large one is reduced.
     mask : ndarray
-        The pile (H, W) in it.
+        Mask (H, W) of the pile in it.
     """
     step = max(1, max(mask.shape) // COMPARED_PX)
     colours = compute_features(np.ascontiguousarray(image[::step, ::step]))
@@ -629,10 +645,10 @@ def _compute_view_features(
     n_rows : int
         Number of rows above the plate.
     grain_px : float or None
-        Height of a grain in pixels, with which roughness takes the place of brightness;
-        None keeps the brightness.
+        Height of a grain in pixels, if roughness takes the place of brightness; None if
+        it does not.
     pile : ndarray, optional
-        Mask (n_rows, W) of the pile, if it is known; only the roughness needs it.
+        Mask (n_rows, W) of the pile, if it is known. Only the roughness depends on it.
 
     Returns
     -------
@@ -974,7 +990,7 @@ def _apply_grab_cut(colours: np.ndarray, marks: np.ndarray) -> np.ndarray:
     Returns
     -------
     ndarray
-        The pile (H, W), without specks.
+        Mask (H, W) of the pile, without specks.
     """
     picture = np.clip(colours, 0, 255).astype(np.uint8)
     result = marks.copy()
@@ -1002,7 +1018,7 @@ def _remove_shadow(
     Parameters
     ----------
     mask : ndarray
-        The pile (H, W).
+        Mask (H, W) of the pile.
     difference : ndarray
         Difference (H, W, 3) of the features from the background.
     scatter : ndarray
@@ -1026,7 +1042,7 @@ def _mark_shadow(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
     Parameters
     ----------
     mask : ndarray
-        The pile (H, W).
+        Mask (H, W) of the pile.
     difference : ndarray
         Difference (H, W, 3) of the features from the background.
     """
@@ -1064,7 +1080,7 @@ def _remove_loose_grains(mask: np.ndarray, grain_px: float) -> np.ndarray:
     Parameters
     ----------
     mask : ndarray
-        The pile (H, W).
+        Mask (H, W) of the pile.
     grain_px : float
         Height of a grain in pixels.
     """
@@ -1082,7 +1098,7 @@ def _remove_floating(mask: np.ndarray, gap_px: float) -> np.ndarray:
     Parameters
     ----------
     mask : ndarray
-        The pile (H, W).
+        Mask (H, W) of the pile.
     gap_px : float
         A pixel floats if more than this number of pixels below it, down to the foot, are
         background.
@@ -1106,7 +1122,7 @@ def _remove_touching(mask: np.ndarray, radius: int) -> np.ndarray:
     Parameters
     ----------
     mask : ndarray
-        The pile (H, W).
+        Mask (H, W) of the pile.
     radius : int
         Half the width of the widest neck in pixels.
     """
@@ -1156,7 +1172,7 @@ def _average_sides(
     values : ndarray
         Values (H, W, N).
     mask : ndarray
-        The pile (H, W), 0 or 1.
+        Mask (H, W) of the pile, 0 or 1.
     radius_px : float
         Radius of the neighbourhood.
 

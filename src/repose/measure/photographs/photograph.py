@@ -436,7 +436,7 @@ def _measure_in_pose(
     }
     coarse_mask, has_neighbour = finding.find_pile(coarse, by_roughness)
     location = _locate_pile(coarse_mask, coarse)
-    look_down_deg = pose.look_down_deg(location.crest_mm, location.height_mm)
+    look_down_deg = pose.compute_look_down_deg(location.crest_mm, location.height_mm)
     photograph.geometry["look_down_deg"] = look_down_deg
 
     # Find its boundary in a fine view of the plane through its axis.
@@ -453,12 +453,14 @@ def _measure_in_pose(
     _require_camera_at_crest(look_down_deg)
     _require_complete(pile.mask, fine.hidden)
 
-    _remove_perspective(photograph, pose, location, fine, settings)
+    photograph.view, pile = _remove_perspective(
+        photograph, pose, location, fine, settings
+    )
+    pile = replace(pile, has_neighbour=has_neighbour)
+    photograph.pile = pile
 
     # Measure the pile, and look for signs that it is not a single pile.
     measurement = _measure_view(photograph, settings)
-    pile = replace(photograph.pile, has_neighbour=has_neighbour)
-    photograph.pile = pile
     doubts = list_doubts_of_pile(pile, measurement, grain_mm, fine.mm_per_pixel)
     doubts += _list_doubts_of_boundary(faint_share)
     photograph.measurement = measurement
@@ -515,7 +517,7 @@ def _remove_perspective(
     location: _Location,
     fine: camera.SideView,
     settings: MeasureSettings,
-) -> None:
+) -> tuple[np.ndarray, Segmentation]:
     """Redraw view and pile as a camera at the plate's height sees them from far away.
 
     The new view depends on the angles of both sides, which are measured first.
@@ -523,7 +525,7 @@ def _remove_perspective(
     Parameters
     ----------
     photograph : Photograph
-        The photograph. Its attributes `view` and `pile` are replaced.
+        The photograph, with the pile that was found in its view.
     pose : Pose
         Position and direction of its camera.
     location : _Location
@@ -532,6 +534,13 @@ def _remove_perspective(
         The view in which the pile was found.
     settings : MeasureSettings
         Settings of the measurement.
+
+    Returns
+    -------
+    view : ndarray
+        The redrawn view.
+    pile : Segmentation
+        The pile in it.
     """
     assert photograph.pile is not None
     angle = _measure_view(photograph, settings).angle
@@ -541,7 +550,7 @@ def _remove_perspective(
         distance_px=math.hypot(x - location.crest_mm, y) / fine.mm_per_pixel,
         height_px=z / fine.mm_per_pixel,
     )
-    photograph.view, photograph.pile = remove_perspective(
+    return remove_perspective(
         photograph.view,
         photograph.pile,
         viewpoint,
@@ -629,7 +638,7 @@ def _transfer_mask(
     Parameters
     ----------
     mask : ndarray
-        The pile (H, W) in the coarse view.
+        Mask (H, W) of the pile in the coarse view.
     coarse : SideView
         The view of the sheet's plane. Its `left_mm` is counted from the sheet's left
         edge.
@@ -642,7 +651,7 @@ def _transfer_mask(
     Returns
     -------
     ndarray
-        The pile in the fine view, in the shape of this view.
+        Mask of the pile in the fine view, in the shape of this view.
     """
     n_rows, n_columns = fine.image.shape[:2]
     # Find the column of the coarse view that each column of the fine view shows. Both

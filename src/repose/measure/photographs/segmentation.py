@@ -139,7 +139,7 @@ def _separate_from_background(
     contrast : ndarray
         Difference (H, W) of each pixel from the background, in tones.
     level : float
-        The contrast above which a pixel does not belong to the background.
+        The contrast above which a pixel belongs to the pile or to another object.
     mask : ndarray
         Mask (H, W), uint8, of these pixels.
     """
@@ -150,6 +150,7 @@ def _separate_from_background(
             level, mask = threshold(two_tone_contrast)
             return two_tone_contrast, level, mask
 
+    # Remove the noise of single pixels before comparing them with the background.
     smooth = cv2.GaussianBlur(cv2.medianBlur(picture, 3), (0, 0), 1.0)
     contrast = compute_background_contrast(smooth)
     level, mask = threshold(contrast)
@@ -199,8 +200,8 @@ def segment_silhouette(
     """
     is_pile = (picture == pile_tone).view(np.uint8)
     contrast = is_pile * np.float32(abs(background - pile_tone))
-    # Half-way between the two tones as `threshold` computes it: OpenCV's mean is the
-    # sum times 1 / count, which rounds.
+    # Compute the level half-way between the two tones as `threshold` does, with the same
+    # rounding: OpenCV computes a mean as the sum times 1 / count.
     count = cv2.countNonZero(is_pile)
     level = 0.5 * (255.0 * count * (1.0 / count)) * float(contrast.max()) / 255.0
     return Segmentation(
@@ -515,7 +516,7 @@ def require_upright(mask: np.ndarray) -> None:
     Parameters
     ----------
     mask : ndarray
-        The pile (H, W).
+        Mask (H, W) of the pile.
     """
     if mask[0].any():
         raise NoFlankError(
@@ -542,7 +543,7 @@ def find_upper_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> np.
     Parameters
     ----------
     mask : ndarray
-        The pile (H, W).
+        Mask (H, W) of the pile.
     contrast : ndarray
         Contrast (H, W) of the picture with its background.
     level : float
