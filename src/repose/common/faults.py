@@ -133,6 +133,11 @@ def _replace_value(config: Any, path: Sequence[str], value: Any) -> Any:
         path means the part as a whole.
     value : object
         The new value.
+
+    Returns
+    -------
+    object
+        The copy.
     """
     # At the end of the path, the new value takes the place of the old one.
     if not path:
@@ -430,7 +435,7 @@ def _guess_key(unknown: str, known: Sequence[str]) -> str | None:
     """Guess which of the known keys the user meant; None if no key is similar."""
     from difflib import get_close_matches  # slow to import, and few files have faults
 
-    matches = get_close_matches(unknown, known, n=1)
+    matches = get_close_matches(unknown, known, 1)
     return matches[0] if matches else None
 
 
@@ -503,6 +508,11 @@ def _describe_unknown_key(
         The keys that its section may have.
     guess : str or None
         The key of `known` that the user probably meant; None if no key is similar.
+
+    Returns
+    -------
+    InputError
+        The fault, which suggests the guess or lists the known keys.
     """
     unknown_name = str(error.unknown)
     key = ".".join([*error.path, unknown_name])

@@ -45,6 +45,11 @@ def convert_to_path(name: str, path: Any) -> Path:
     path : object
         The value of the argument. The file need not exist.
 
+    Returns
+    -------
+    Path
+        The path.
+
     Raises
     ------
     InputError

@@ -45,6 +45,11 @@ def format_with_error(mean: float, error: float | None, sign: str = "") -> str:
         The standard error, in the unit of the mean.
     sign : str, optional
         ``+`` to write the sign of a positive mean, too.
+
+    Returns
+    -------
+    str
+        The mean, and its error if it is known.
     """
     if error is None:
         return format_significant(mean, sign=sign)

@@ -56,6 +56,11 @@ class StrictLoader(yaml.SafeLoader):
         deep : bool, optional
             Whether to make inner values immediately; PyYAML decides this.
 
+        Returns
+        -------
+        dict
+            The values by key.
+
         Raises
         ------
         InputError
@@ -348,6 +353,11 @@ def _count_characters(node: yaml.Node, counts: dict[int, int]) -> int:
         A value. An alias and the value that it stands for are the same node.
     counts : dict of int to int
         A cache of the counts of nodes, by their `id`. This function adds to it.
+
+    Returns
+    -------
+    int
+        The number of characters.
     """
     # An alias of this value was counted before.
     if id(node) in counts:

@@ -695,6 +695,11 @@ def _name_columns(
     names : sequence of str
         The name of each column.
 
+    Returns
+    -------
+    pandas.DataFrame
+        The cells, in columns with names.
+
     Raises
     ------
     InputError
@@ -865,6 +870,11 @@ def _read_text(path: StrPath, what: str) -> str:
         The file.
     what : str
         What it should be, for messages.
+
+    Returns
+    -------
+    str
+        The content of the file.
 
     Raises
     ------

@@ -96,6 +96,11 @@ def fit_flank(
     rule : str
         The rule of `FLANK_RULES` that selects the points.
 
+    Returns
+    -------
+    Line
+        The line, which ends at both heights of the band.
+
     Raises
     ------
     NoFlankError
@@ -132,6 +137,11 @@ def fit_steepest(
         Lower and upper end of the band.
     rule : str
         The rule of `FLANK_RULES` that selects the points.
+
+    Returns
+    -------
+    Line
+        The line, which ends at both heights of the steepest stretch.
 
     Raises
     ------
@@ -182,6 +192,11 @@ def fit_straightest(
         Number of points of the smallest window, as a share of all points of the side.
     rule : str
         The rule of `FLANK_RULES` that selects the points.
+
+    Returns
+    -------
+    Line
+        The line, which ends at the lowest and the highest point of the window.
 
     Raises
     ------
@@ -356,6 +371,11 @@ def fit_line(distance: np.ndarray, height: np.ndarray, low: float, high: float) 
     low, high : float
         Heights at which the line ends.
 
+    Returns
+    -------
+    Line
+        The line.
+
     Raises
     ------
     NoFlankError
@@ -389,6 +409,11 @@ def fit_secant(profile: np.ndarray, grain_px: float) -> Line:
         Heights (M,) of the side in pixels, from outside the foot to the crest.
     grain_px : float
         Height of a grain in pixels.
+
+    Returns
+    -------
+    Line
+        The line, from the foot to the crest.
 
     Raises
     ------
@@ -476,6 +501,11 @@ def _fit_side(side: np.ndarray, definition: str, settings: MeasureSettings) -> L
         One of `DEFINITIONS`.
     settings : MeasureSettings
         Settings of the lines.
+
+    Returns
+    -------
+    Line
+        The line.
 
     Raises
     ------

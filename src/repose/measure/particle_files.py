@@ -280,6 +280,11 @@ def _read_dump(path: Path, text: str) -> pd.DataFrame:
     text : str
         Its content.
 
+    Returns
+    -------
+    DataFrame
+        A row for each particle.
+
     Raises
     ------
     InputError

@@ -362,6 +362,11 @@ def _make_grains(
         Rotation (3, 3) from the file's frame to the new one.
     metres_per_unit : float
         Metres in a unit of length of the file.
+
+    Returns
+    -------
+    Grains
+        The bodies; `Ellipsoids` if they are not spheres.
     """
     from scipy.spatial.transform import Rotation
 
@@ -440,6 +445,11 @@ def _complete_settings(
         The bodies.
     metres_per_unit : float
         Metres in a unit of length of the file.
+
+    Returns
+    -------
+    MeasureSettings
+        The settings with a scale and the height of a grain.
     """
     settings = settings or MeasureSettings.with_defaults(mm_per_pixel=AUTO)
     if settings.mm_per_pixel == AUTO:

@@ -238,6 +238,11 @@ def _is_reliable(fit: _LensFit, undistorted_focal: float, longer_side: int) -> b
         Focal length [px] that fits best without distortion.
     longer_side : int
         Longer side of the photographs in pixels.
+
+    Returns
+    -------
+    bool
+        True if all three conditions hold.
     """
     focal = fit.matrix[0, 0]
     change = focal / undistorted_focal
@@ -275,6 +280,11 @@ def _estimate_focal(
         The assumed focal length [px], which is the last of the trial values.
     size : tuple of int
         Width and height of the photographs in pixels.
+
+    Returns
+    -------
+    float
+        The focal length [px].
     """
     trials = np.append(max(size) * TRIAL_FOCALS, assumed)
     residuals = np.array(
@@ -316,6 +326,11 @@ def _sum_squared_residuals(views: Sequence[SheetCorners], matrix: np.ndarray) ->
     matrix : ndarray
         Camera matrix (3, 3), by which the flat sheet of each view is projected without
         distortion.
+
+    Returns
+    -------
+    float
+        The sum over all corners of all views.
     """
     total = 0.0
     no_distortion = np.zeros(5)
@@ -659,6 +674,11 @@ def _find_visible_extent(pose: Pose, plane: Plane) -> Extent:
         The camera's pose.
     plane : Plane
         The plane of a side view.
+
+    Returns
+    -------
+    Extent
+        The smallest rectangle above the plate that contains the visible part.
 
     Raises
     ------

@@ -394,6 +394,12 @@ def _continues_below(
         The background on both sides of the pile.
     grain_px : float
         Height of a grain in pixels.
+
+    Returns
+    -------
+    bool
+        True if the colour below the base is nearer to that of the grains, and clearly
+        differs from that beside the foot.
     """
     # Select a strip below the base. It is about a grain high, and begins 2 rows below the
     # base to keep away from the edge of the pile.

@@ -335,6 +335,11 @@ def _mark_free_pixels(marks: np.ndarray, hidden: np.ndarray, reach: int) -> np.n
         Mask (H, W) of pixels that do not show the scene.
     reach : int
         A pixel within this distance of a hidden one is near it.
+
+    Returns
+    -------
+    ndarray
+        Mask (H, W) of these pixels.
     """
     is_uncertain = (marks == cv2.GC_PR_BGD) | (marks == cv2.GC_PR_FGD)
     is_near_hidden = cv2.dilate(hidden.astype(np.uint8), _make_disc(reach)) > 0
@@ -356,6 +361,11 @@ def _compute_faint_share(
         Radius of the neighbourhood that gives the features of both sides.
     weights : ndarray
         Weights (3,) of the features.
+
+    Returns
+    -------
+    float
+        The share, from 0 to 1.
     """
     # Compare both sides at the highest pixel of each column.
     pile, background = _average_sides(colours, mask, near_px)
@@ -541,6 +551,11 @@ def count_shadow_rows(image: np.ndarray, mask: np.ndarray) -> int:
         The picture (H, W, 3), BGR, or (H, W).
     mask : ndarray
         Mask (H, W) of the pile in it.
+
+    Returns
+    -------
+    int
+        The number of rows.
     """
     # Compare the widths of shadow and pile in each row of a reduced picture.
     comparison = _compare_with_sides(image, mask)
@@ -570,6 +585,11 @@ def compute_shadow_share(image: np.ndarray, mask: np.ndarray) -> float:
         The picture (H, W, 3), BGR, or (H, W).
     mask : ndarray
         Mask (H, W) of the pile in it.
+
+    Returns
+    -------
+    float
+        The share, from 0 to 1.
     """
     comparison = _compare_with_sides(image, mask)
     pile = comparison.mask
@@ -597,6 +617,11 @@ def _compare_with_sides(image: np.ndarray, mask: np.ndarray) -> _SideComparison:
         The picture (H, W, 3), BGR, or (H, W). A large one is reduced.
     mask : ndarray
         Mask (H, W) of the pile in it.
+
+    Returns
+    -------
+    _SideComparison
+        The differences from these medians.
     """
     step = max(1, max(mask.shape) // COMPARED_PX)
     colours = compute_features(np.ascontiguousarray(image[::step, ::step]))
@@ -731,6 +756,11 @@ def _hide_excluded(values: np.ndarray, excluded: np.ndarray) -> np.ndarray:
         Values (H, W).
     excluded : ndarray
         Mask (H, W) of the values to replace.
+
+    Returns
+    -------
+    ndarray
+        The values (H, W), with NaN in place of excluded ones.
     """
     return np.where(excluded & ~excluded.all(axis=1, keepdims=True), np.nan, values)
 
@@ -1023,6 +1053,11 @@ def _remove_shadow(
         Difference (H, W, 3) of the features from the background.
     scatter : ndarray
         Local scatter (H, W) of the brightness.
+
+    Returns
+    -------
+    ndarray
+        Mask (H, W) of the pile without the shadow.
     """
     is_smooth = scatter < SMOOTH_SHARE * np.median(scatter[mask > 0])
     is_shadow = _mark_shadow(mask, difference) & is_smooth
@@ -1045,6 +1080,11 @@ def _mark_shadow(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
         Mask (H, W) of the pile.
     difference : ndarray
         Difference (H, W, 3) of the features from the background.
+
+    Returns
+    -------
+    ndarray
+        Mask (H, W) of these pixels.
     """
     shadow = _mark_darker_background(mask, difference)
     rows = np.flatnonzero(mask.any(axis=1))
@@ -1083,6 +1123,11 @@ def _remove_loose_grains(mask: np.ndarray, grain_px: float) -> np.ndarray:
         Mask (H, W) of the pile.
     grain_px : float
         Height of a grain in pixels.
+
+    Returns
+    -------
+    ndarray
+        Mask (H, W) of the pile without loose grains.
     """
     standing = _remove_floating(_keep_largest_part(mask), GAP_GRAINS * grain_px)
     without_loose = _remove_touching(standing, round(NECK_GRAINS * grain_px))
@@ -1102,6 +1147,11 @@ def _remove_floating(mask: np.ndarray, gap_px: float) -> np.ndarray:
     gap_px : float
         A pixel floats if more than this number of pixels below it, down to the foot, are
         background.
+
+    Returns
+    -------
+    ndarray
+        Mask (H, W) of the pile without these parts.
     """
     widths = mask.sum(axis=1, dtype=int)
     is_wide = 2 * widths >= max(widths.max(), 1)
@@ -1125,6 +1175,11 @@ def _remove_touching(mask: np.ndarray, radius: int) -> np.ndarray:
         Mask (H, W) of the pile.
     radius : int
         Half the width of the widest neck in pixels.
+
+    Returns
+    -------
+    ndarray
+        Mask (H, W) of the pile without these grains.
     """
     if radius < 1:
         return mask

@@ -592,6 +592,11 @@ def _draw_fine_view(
         Height of a grain, if roughness will be measured in the view. The view is then so
         coarse that a grain has at most `LARGEST_ROUGH_GRAIN_PX` pixels. With None, the
         view is as fine as `FINE_PX` allows.
+
+    Returns
+    -------
+    SideView
+        The view.
     """
     top_mm = TOP_MARGIN * location.height_mm
     longest_side_px = FINE_PX
@@ -612,6 +617,11 @@ def _measure_view(photograph: Photograph, settings: MeasureSettings) -> Measurem
         The photograph, in which a pile was found.
     settings : MeasureSettings
         Settings of the measurement.
+
+    Returns
+    -------
+    Measurement
+        Angles and Height of the pile.
 
     Raises
     ------

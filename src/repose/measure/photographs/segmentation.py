@@ -492,6 +492,11 @@ def has_second_pile(mask: np.ndarray) -> bool:
     ----------
     mask : ndarray
         Mask (H, W), uint8, of all that differs from the background.
+
+    Returns
+    -------
+    bool
+        True if there are at least two piles.
     """
     _, _, boxes, _ = cv2.connectedComponentsWithStats(mask)
     parts = boxes[1:]  # without the background

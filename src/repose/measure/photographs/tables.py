@@ -84,6 +84,11 @@ def _make_row(photograph: Photograph, settings: MeasureSettings) -> dict[str, An
         The result. A refused photograph has no measured numbers.
     settings : MeasureSettings
         Settings of the measurement. The height of a grain in them is a column, too.
+
+    Returns
+    -------
+    dict
+        The cells by column.
     """
     row: dict[str, Any] = {"photograph": photograph.path.name}
     if photograph.measurement is not None:
@@ -204,6 +209,11 @@ def _format_target(row: Any, bench: str, response: str) -> list[str]:
         Bench test of the target.
     response : str
         Name of the bench test's response.
+
+    Returns
+    -------
+    list of str
+        The lines of the entry.
     """
     if math.isnan(row.sd):
         sd = "null # one pile gives no scatter"
@@ -258,6 +268,11 @@ def describe_results(
         Settings of the measurement.
     out : Path
         The folder of the overlays.
+
+    Returns
+    -------
+    str
+        The text, without a line break at its end.
     """
     lines = _describe_photographs(photographs)
     lines.append("mean, standard deviation, number of photographs:")
