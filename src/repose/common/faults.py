@@ -417,6 +417,7 @@ def _make_faults(
             if n_unknown_keys < MOST_REPORTED:
                 guess = _guess_key(str(error.unknown), known_keys)
             n_unknown_keys += 1
+            # The key that was meant is missing because it is misspelt.
             if guess is not None:
                 explained_keys.add(".".join([*error.path, guess]))
             yield _describe_unknown_key(

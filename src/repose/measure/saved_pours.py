@@ -48,8 +48,8 @@ def read_pours(path: str | PathLike) -> dict[str, Any]:
     job = read_json(path, what=EXPECTED_FILE)
     # Other files of the program have no list of pours, or have another name.
     pours = job.get("pours")
-    has_pours = isinstance(pours, list) and len(pours) > 0
-    if not has_pours or not str(path).endswith(POURS_ENDING):
+    is_pours_file = str(path).endswith(POURS_ENDING)
+    if not is_pours_file or not isinstance(pours, list) or not pours:
         raise InputError(path, key="pours", value=pours, allowed=EXPECTED_FILE)
     for pour in pours:
         _check_pour(pour, path)

@@ -217,8 +217,8 @@ def _fit_lens(
         matrix=matrix,
         distortion=distortion.ravel()[:5],
         focal_error=float(np.maximum(focal_x, focal_y)),
-        k1_error=k1_error,
-        k2_error=k2_error,
+        k1_error=float(k1_error),
+        k2_error=float(k2_error),
     )
 
 
