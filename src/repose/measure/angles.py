@@ -158,21 +158,36 @@ def fit_steepest(
     if distance.size < MIN_LEVELS:
         raise NoFlankError(WALL_REASON)
 
-    # List all stretches: cut off whole pixels below and above, together at most half of
-    # the band.
-    cuts = np.arange(math.floor(min_height) + 1)
-    is_long_enough = cuts[:, None] + cuts <= min_height
-    cuts_below, cuts_above = np.nonzero(is_long_enough)
-    lows = low + cuts_below
-    highs = high - cuts_above
-
     # Compute only the slopes of all stretches, which is fast. Then fit the steepest one.
+    lows, highs = _list_stretches(low, high)
     slopes = compute_window_slopes(distance, height, lows, highs)
     steepest = _find_best_window(slopes)
     steepest_low = float(lows[steepest])
     steepest_high = float(highs[steepest])
     is_inside = (height >= steepest_low) & (height <= steepest_high)
     return fit_line(distance[is_inside], height[is_inside], steepest_low, steepest_high)
+
+
+def _list_stretches(low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
+    """List the stretches of a band that are at least half as high as the band.
+
+    Whole pixels are cut off below and above, in all combinations.
+
+    Parameters
+    ----------
+    low, high : float
+        Lower and upper end of the band.
+
+    Returns
+    -------
+    lows, highs : ndarray
+        Lower and upper end of each stretch (stretches,).
+    """
+    largest_cut = (high - low) / 2
+    cuts = np.arange(math.floor(largest_cut) + 1)
+    is_allowed = cuts[:, None] + cuts <= largest_cut
+    cuts_below, cuts_above = np.nonzero(is_allowed)
+    return low + cuts_below, high - cuts_above
 
 
 def fit_straightest(

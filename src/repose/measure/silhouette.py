@@ -140,13 +140,9 @@ def compute_outlines(
     angles = np.arange(OUTLINE_DIRECTIONS) * (2 * math.pi / OUTLINE_DIRECTIONS)
     circle = np.column_stack([np.cos(angles), np.sin(angles)])
 
-    # A sphere is a circle in every view.
     spheres = place_spheres(grains)
     if spheres is not None:
-        u, z = np.broadcast_arrays(rights @ spheres[:, :3].T, spheres[:, 2])
-        centres = np.stack([u, z], axis=-1)
-        radii = spheres[:, 3, None, None] - inset_m
-        return centres[:, :, None, :] + radii * circle
+        return _compute_sphere_outlines(spheres, rights, circle, inset_m)
 
     rotations = rotation_matrices(grains.quaternions)
     polygons = np.empty((len(rights), len(rotations), *circle.shape))
@@ -157,6 +153,33 @@ def compute_outlines(
         polygon[..., 0] += (grains.centres_m @ right)[:, None]
         polygon[..., 1] += grains.centres_m[:, 2, None]
     return polygons
+
+
+def _compute_sphere_outlines(
+    spheres: np.ndarray, rights: np.ndarray, circle: np.ndarray, inset_m: float
+) -> np.ndarray:
+    """Compute the outlines of spheres, which are circles in every view.
+
+    Parameters
+    ----------
+    spheres : ndarray
+        Centres and radii (N, 4) in m.
+    rights : ndarray
+        Direction (V, 3) of the world that points to the right in each view.
+    circle : ndarray
+        Directions (K, 2) in the picture in which an outline is computed.
+    inset_m : float
+        Distance by which the outlines are moved inwards.
+
+    Returns
+    -------
+    ndarray
+        Polygons (V, N, K, 2), to the right and up in m.
+    """
+    u, z = np.broadcast_arrays(rights @ spheres[:, :3].T, spheres[:, 2])
+    centres = np.stack([u, z], axis=-1)
+    radii = spheres[:, 3, None, None] - inset_m
+    return centres[:, :, None, :] + radii * circle
 
 
 def _compute_convex_outlines(
