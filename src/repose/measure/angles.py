@@ -159,7 +159,7 @@ def fit_steepest(
         raise NoFlankError(WALL_REASON)
 
     # Compute only the slopes of all stretches, which is fast. Then fit the steepest one.
-    lows, highs = _list_stretches(low, high)
+    lows, highs = _list_stretches(low, high, min_height)
     slopes = compute_window_slopes(distance, height, lows, highs)
     steepest = _find_best_window(slopes)
     steepest_low = float(lows[steepest])
@@ -168,7 +168,9 @@ def fit_steepest(
     return fit_line(distance[is_inside], height[is_inside], steepest_low, steepest_high)
 
 
-def _list_stretches(low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
+def _list_stretches(
+    low: float, high: float, min_height: float
+) -> tuple[np.ndarray, np.ndarray]:
     """List the stretches of a band that are at least half as high as the band.
 
     Whole pixels are cut off below and above, in all combinations.
@@ -177,15 +179,16 @@ def _list_stretches(low: float, high: float) -> tuple[np.ndarray, np.ndarray]:
     ----------
     low, high : float
         Lower and upper end of the band.
+    min_height : float
+        Half of the band's height. This is also the most that may be cut off.
 
     Returns
     -------
     lows, highs : ndarray
         Lower and upper end of each stretch (stretches,).
     """
-    largest_cut = (high - low) / 2
-    cuts = np.arange(math.floor(largest_cut) + 1)
-    is_allowed = cuts[:, None] + cuts <= largest_cut
+    cuts = np.arange(math.floor(min_height) + 1)
+    is_allowed = cuts[:, None] + cuts <= min_height
     cuts_below, cuts_above = np.nonzero(is_allowed)
     return low + cuts_below, high - cuts_above
 
