@@ -1,10 +1,11 @@
 """Read the tables of a study, and check that they are complete and consistent.
 
-A truncated table has all its columns, and so has a table beside the runs of another
-study. Only the rows show the fault.
+The columns alone do not show that a table was truncated, or that it belongs to another
+study. Therefore the rows are checked, too.
 """
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -23,16 +24,23 @@ TOLERANCE = 1e-6
 def read_dataset(
     dataset_csv: StrPath, targets: Targets, parameter_names: Sequence[str] | None = None
 ) -> pd.DataFrame:
-    """Read the table of samples with its parameters, status, responses and errors.
+    """Read the table of samples, and check it.
 
     Parameters
     ----------
     dataset_csv : path
-        The table.
+        The table. Its summary beside it states how many samples it should have.
     targets : Targets
+        The targets, whose responses the table must have.
     parameter_names : sequence of str, optional
         Names of the parameters, if another program simulates the study. By default,
         they are the contact parameters of repose that the table has.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each sample: its number, parameters and status, the number of its good
+        runs, and the mean of each response with its standard error.
 
     Raises
     ------
@@ -44,7 +52,9 @@ def read_dataset(
         dataset_csv,
         ("sample", *parameters, "status", "n_seeds", *targets.names, *targets.errors),
     )
-    _check_count(dataset, dataset_csv, dataset_csv=dataset_csv, key="samples")
+    _check_number_of_rows(
+        dataset, dataset_csv, _read_expected_rows(dataset_csv, "samples")
+    )
     _refuse_repeated_rows(dataset, ["sample"], dataset_csv)
     if parameter_names is None:
         _check_contact_parameters(dataset, dataset_csv)
@@ -70,15 +80,16 @@ def read_runs(
     runs_csv : path
         The table of runs.
     targets : Targets
+        The targets, whose responses the table must have.
     dataset : pandas.DataFrame
         The table of samples.
     dataset_csv : path
-        File of the samples, for messages, and to find its summary.
+        File of the table of samples. The summary beside it states the number of runs.
 
     Returns
     -------
     pandas.DataFrame
-        A row for each run.
+        A row for each run: sample, seed, status, and the responses.
 
     Raises
     ------
@@ -87,16 +98,17 @@ def read_runs(
         means differ from those in `dataset`.
     """
     runs = read_table(runs_csv, ("sample", "seed", "status", *targets.names))
-    # The column `apparatus` exists only if there are several bench tests.
-    has_several_benches = "apparatus" in runs
-    unique_columns = ["sample", "seed"]
-    if has_several_benches:
-        unique_columns.append("apparatus")
-    _refuse_repeated_rows(runs, unique_columns, runs_csv)
+    # The column `apparatus` names the bench test of each run. It exists only if there
+    # are several.
+    has_several_bench_tests = "apparatus" in runs
+    key_columns = ["sample", "seed"]
+    if has_several_bench_tests:
+        key_columns.append("apparatus")
+    _refuse_repeated_rows(runs, key_columns, runs_csv)
     # With several bench tests, a run has only the responses of its own bench test.
-    if not has_several_benches:
+    if not has_several_bench_tests:
         _check_responses(runs, targets, runs_csv)
-    _check_count(runs, runs_csv, dataset_csv=dataset_csv, key="runs")
+    _check_number_of_rows(runs, runs_csv, _read_expected_rows(dataset_csv, "runs"))
 
     unmatched_samples = set(runs["sample"]).symmetric_difference(dataset["sample"])
     if unmatched_samples:
@@ -106,7 +118,7 @@ def read_runs(
             value=min(unmatched_samples),
             allowed=f"the samples of {dataset_csv}, all of them",
         )
-    if not has_several_benches:
+    if not has_several_bench_tests:
         _check_run_counts(runs, dataset, runs_csv=runs_csv, dataset_csv=dataset_csv)
         _check_means(
             runs, dataset, targets=targets, runs_csv=runs_csv, dataset_csv=dataset_csv
@@ -114,12 +126,40 @@ def read_runs(
     return runs
 
 
+def find_answer(table: pd.DataFrame, source: object) -> pd.Series:
+    """Find the answer in a table of parameter sets that were simulated again.
+
+    Parameters
+    ----------
+    table : pandas.DataFrame
+        A row for each set, with its `role`, such as Table 4.
+    source : object
+        The file of the table, for the message.
+
+    Returns
+    -------
+    pandas.Series
+        The row with the role ``representative``.
+
+    Raises
+    ------
+    InputError
+        If there is no such row.
+    """
+    rows = table[table["role"] == "representative"]
+    if rows.empty:
+        raise InputError(
+            source, key="role", value=None, allowed="a row with the role representative"
+        )
+    return rows.iloc[0]
+
+
 def _check_run_counts(
     runs: pd.DataFrame, dataset: pd.DataFrame, runs_csv: object, dataset_csv: object
 ) -> None:
     """Refuse the runs if the number of good ones of a sample is not its `n_seeds`."""
-    good = runs[runs["status"] == "ok"]
-    counts = good.groupby("sample").size()
+    good_runs = runs[runs["status"] == "ok"]
+    counts = good_runs.groupby("sample").size()
     for sample, n_seeds in zip(dataset["sample"], dataset["n_seeds"], strict=True):
         count = int(counts.get(sample, 0))
         if count != n_seeds:
@@ -149,9 +189,9 @@ def _check_means(
         The files of both tables, for the message.
     """
     samples = dataset[dataset["status"] == "ok"].set_index("sample")
-    good = runs[runs["status"] == "ok"]
+    good_runs = runs[runs["status"] == "ok"]
     # The index of both results is the sample. `sem` is the standard error of a mean.
-    runs_by_sample = good.groupby("sample")[list(targets.names)]
+    runs_by_sample = good_runs.groupby("sample")[list(targets.names)]
     means = runs_by_sample.mean().reindex(samples.index)
     errors = runs_by_sample.sem().reindex(samples.index)
 
@@ -219,17 +259,18 @@ def _check_responses(table: pd.DataFrame, targets: Targets, path: object) -> Non
     """
     is_ok = table["status"] == "ok"
     for target in targets:
-        name = target.name
+        values = table[target.name]
         low = target.response.low
         high = target.response.high
         # NaN is never between the limits, so this also finds missing numbers.
-        is_wrong = is_ok & ~table[name].between(low, high)
+        is_wrong = is_ok & ~values.between(low, high)
         if is_wrong.any():
+            # `argmax` finds the first True. Messages number the rows from 1.
             first_wrong = int(is_wrong.to_numpy().argmax())
             raise InputError(
                 f"{path}, row {first_wrong + 1}",
-                key=name,
-                value=float(table[name].iloc[first_wrong]),
+                key=target.name,
+                value=float(values.iloc[first_wrong]),
                 allowed=f"a number from {low:g} to {high:g}, as the status is ok",
             )
 
@@ -248,15 +289,35 @@ def _refuse_repeated_rows(
         )
 
 
-def _check_count(
-    table: pd.DataFrame, path: object, dataset_csv: StrPath, key: str
-) -> None:
-    """Refuse a table whose number of rows differs from the summary of the dataset."""
+class _ExpectedRows(NamedTuple):
+    """The number of rows that a table should have, and where this number is from."""
+
+    number: int | None  # None if it is unknown
+    source: str
+
+
+def _read_expected_rows(dataset_csv: StrPath, key: str) -> _ExpectedRows:
+    """Read the number of samples or of runs from the summary beside a dataset.
+
+    Parameters
+    ----------
+    dataset_csv : path
+        The table of samples.
+    key : str
+        The number to read, `samples` or `runs`.
+    """
     summary, summary_json = read_summary(dataset_csv)
-    if key in summary and len(table) != summary[key]:
+    return _ExpectedRows(summary.get(key), f"the {key} of {summary_json}")
+
+
+def _check_number_of_rows(
+    table: pd.DataFrame, path: object, expected: _ExpectedRows
+) -> None:
+    """Refuse a table that does not have the expected number of rows."""
+    if expected.number is not None and len(table) != expected.number:
         raise InputError(
             path,
             key="rows",
             value=len(table),
-            allowed=f"{summary[key]}, the {key} of {summary_json}",
+            allowed=f"{expected.number}, {expected.source}",
         )

@@ -36,8 +36,15 @@ from repose.stages.published import (
     read_sets,
     read_stored,
 )
+from repose.stages.tables import find_answer
 
 SELECTION_COLUMNS = ("solution", "role")
+# Columns of text in a table of published sets, some of which it may lack.
+PUBLISHED_TEXT_COLUMNS = ("solution", "source", "wall")
+# Kinds of values of a publication, which occur in the names of its columns.
+PUBLISHED_KINDS = ("predicted", "simulated", "measured")
+# Tables of parameter sets, which get a column of warnings.
+TABLES_WITH_WARNINGS = ("table4", "published")
 STATUS_COLUMNS = ("n_seeds", "status", "reason")
 # Columns of the angle of a pile by every definition, with their standard errors.
 ANGLE_COLUMNS = tuple(
@@ -48,10 +55,11 @@ ANGLE_COLUMNS = tuple(
 def select_for_validation(
     solutions: pd.DataFrame, count: int, space: ParameterSpace
 ) -> pd.DataFrame:
-    """Select the representative solution and `count` others.
+    """Select the solutions that are simulated again.
 
-    The first other one has the least objective. Each further one is the solution that is
-    farthest, in normalised parameters, from all that are already chosen (Gonzalez 1985).
+    The first one is the representative solution, and the second one has the least
+    objective. Each further one is the solution that is farthest, in normalised
+    parameters, from all that are already selected (Gonzalez 1985).
 
     Parameters
     ----------
@@ -59,36 +67,57 @@ def select_for_validation(
         Parameter sets with `objective`, `feasible` and `representative`. If more than
         `count` are feasible, only feasible ones are selected.
     count : int
-        Number of solutions besides the representative.
+        Number of solutions besides the representative one.
     space : ParameterSpace
         The ranges that normalise the parameters.
 
     Returns
     -------
     pandas.DataFrame
-        The selected rows with the column `role`.
+        The selected rows in the order of their selection, with the column `role`.
     """
+    candidates = solutions
     if np.count_nonzero(solutions["feasible"]) > count:
-        solutions = solutions[solutions["feasible"] | solutions["representative"]]
-    representative = int(np.flatnonzero(solutions["representative"])[0])
-    best = int(solutions["objective"].to_numpy(float).argmin())
+        is_candidate = solutions["feasible"] | solutions["representative"]
+        candidates = solutions[is_candidate]
+
+    representative = int(np.flatnonzero(candidates["representative"])[0])
+    best = int(candidates["objective"].to_numpy(float).argmin())
+    # The keys are row numbers in the order of selection.
     role_of_row = {representative: "representative"}
     # Keep the role of the representative if it is also the best solution.
     role_of_row.setdefault(best, "least objective")
 
     # Scale each parameter to [-1, 1].
-    positions = 2 * space.unit(solutions[list(space.names)].to_numpy(float)) - 1
-    n_selected = min(count + 1, len(solutions))
+    positions = 2 * space.unit(candidates[list(space.names)].to_numpy(float)) - 1
+    n_selected = min(count + 1, len(candidates))
     while len(role_of_row) < n_selected:
-        chosen = list(role_of_row)
-        # Distance of each solution (rows) from each chosen one (columns).
-        distances = np.linalg.norm(positions[:, None] - positions[chosen], axis=2)
-        nearest_distance = distances.min(axis=1)
-        # A chosen solution must not be chosen again.
-        nearest_distance[chosen] = -1.0
-        farthest = int(nearest_distance.argmax())
-        role_of_row[farthest] = "spread"
-    return solutions.iloc[list(role_of_row)].assign(role=list(role_of_row.values()))
+        role_of_row[_find_farthest(positions, list(role_of_row))] = "spread"
+    selected = candidates.iloc[list(role_of_row)]
+    return selected.assign(role=list(role_of_row.values()))
+
+
+def _find_farthest(positions: np.ndarray, selected: list[int]) -> int:
+    """Find the point whose nearest selected point is farthest away.
+
+    Parameters
+    ----------
+    positions : ndarray
+        Positions (N, P) of all points.
+    selected : list of int
+        Row numbers of the selected points.
+
+    Returns
+    -------
+    int
+        Row number of the point, which is not selected yet.
+    """
+    # Distance of each point (rows) from each selected one (columns).
+    distances = np.linalg.norm(positions[:, None] - positions[selected], axis=2)
+    nearest_distance = distances.min(axis=1)
+    # No distance is negative, so a selected point is never found again.
+    nearest_distance[selected] = -1.0
+    return int(nearest_distance.argmax())
 
 
 def add_optimism(
@@ -132,9 +161,11 @@ def compare_solutions(
     Parameters
     ----------
     solutions : pandas.DataFrame
-        The parameter sets that were simulated again.
+        The parameter sets that were simulated again: `sample`, `solution`, `role`, the
+        parameters and the predicted responses. One of them has the role
+        ``representative``.
     jobs : mapping
-        The measured runs of each set.
+        The measured jobs of these sets by bench test, and then by `sample`.
     targets : Targets
     measure : MeasureSettings or None
         The section `measure`, which defines the angles of piles.
@@ -146,7 +177,45 @@ def compare_solutions(
     -------
     dict of pandas.DataFrame
         ``table4`` is the result of `make_table4`. ``representative`` compares the
-        representative solution with the measurement.
+        representative solution with the measurement, by `compare_with_measurement` and
+        `add_probabilities`.
+
+    Raises
+    ------
+    InputError
+        If no solution has the role ``representative``.
+    """
+    simulated = _tabulate_simulated_responses(solutions, jobs, targets, parameter_names)
+    rows = pd.concat([solutions.reset_index(drop=True), simulated], axis=1)
+
+    # The representative solution is also compared with the physical measurement.
+    answer = find_answer(rows, source="solutions")
+    answer_runs = {
+        bench_test: jobs_by_sample[answer["sample"]]["runs"]
+        for bench_test, jobs_by_sample in jobs.items()
+    }
+    physical = compare_with_measurement(answer, targets, measure)
+    return {
+        "table4": make_table4(rows, targets.responses, measure, parameter_names),
+        "representative": add_probabilities(physical, answer_runs, targets),
+    }
+
+
+def _tabulate_simulated_responses(
+    solutions: pd.DataFrame,
+    jobs: Jobs,
+    targets: Targets,
+    parameter_names: Sequence[str] | None,
+) -> pd.DataFrame:
+    """Make a table of the simulated responses of solutions, without their parameters.
+
+    The parameters are those of `compare_solutions`.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each solution, in the same order: status, responses and standard
+        errors. Each response also has a column with the name that it has in Table 4.
     """
     dataset, _ = make_tables(solutions, jobs, targets, parameter_names)
     parameters = list_parameters(solutions, parameter_names)
@@ -162,18 +231,7 @@ def compare_solutions(
     simulated = simulated.astype(dict.fromkeys(number_columns, float))
     for response in targets.responses:
         simulated[response.simulated] = simulated[response.name]
-    rows = pd.concat([solutions.reset_index(drop=True), simulated], axis=1)
-
-    # Compare the representative solution with the physical measurement, too.
-    answer = rows[rows["role"] == "representative"].iloc[0]
-    answer_runs = {
-        bench: jobs[bench][answer["sample"]]["runs"] for bench in targets.apparatus
-    }
-    physical = compare_with_measurement(answer, targets, measure)
-    return {
-        "table4": make_table4(rows, targets.responses, measure, parameter_names),
-        "representative": add_probabilities(physical, answer_runs, targets),
-    }
+    return simulated
 
 
 def make_table4(
@@ -190,7 +248,8 @@ def make_table4(
         A row for each solution, with predicted and simulated responses.
     responses : sequence of Response
     measure : MeasureSettings, optional
-        The section `measure`.
+        The section `measure`, which defines the angles of piles. Without it, the table
+        has no other angles than the responses.
     parameter_names : sequence of str, optional
         Names of the parameters, if another program simulates the study. By default,
         they are the contact parameters of repose that the table has.
@@ -203,16 +262,15 @@ def make_table4(
         definition, and `line`, which describes the calibrated one.
     """
     parameters = list_parameters(rows, parameter_names)
-    table = rows[["sample", "solution", "role", *parameters]].copy()
+    table = rows[["sample", *SELECTION_COLUMNS, *parameters]].copy()
     for response in responses:
         table[response.predicted] = rows[response.predicted]
-        # The expected optimism is optional.
+        # Not every study has computed the expected optimism of its predictions.
         for column in (response.optimism, response.optimism_error):
             if column in rows:
                 table[column] = rows[column]
         table[response.simulated] = rows[response.simulated]
         table[response.standard_error] = rows[response.standard_error]
-
         table[response.deviation_percent] = compute_deviation_percent(
             rows[response.predicted], rows[response.simulated]
         )
@@ -268,7 +326,8 @@ def compare_with_measurement(
     Returns
     -------
     pandas.DataFrame
-        A row for each response.
+        A row for each target, with its measured mean, the prediction, the simulated
+        mean, and the error of the simulated mean in percent.
     """
     rows = []
     for target in targets:
@@ -319,11 +378,11 @@ def write_solutions(
     Parameters
     ----------
     path : path
-        All solutions (feasible.csv).
+        The file feasible.csv with all solutions of the search.
     space : ParameterSpace
     targets : Targets
     count : int
-        Number of solutions besides the representative.
+        Number of solutions besides the representative one.
     out_csv : path
         The table to write.
 
@@ -382,7 +441,7 @@ def write_comparison(
     solutions_csv : path
         Parameter sets that were simulated again, as `write_solutions` writes them.
     jobs : iterable of path
-        The measured runs of each set.
+        Files of the measured jobs: one for each parameter set in each bench test.
     out_dir : path
         Folder for table4.csv, representative.csv and published.csv.
     targets : Targets
@@ -409,22 +468,22 @@ def write_comparison(
     solutions = solutions.astype({"solution": str})
     if optimism is not None:
         solutions = add_optimism(solutions, optimism, targets.responses)
-    # Compare the predictions with the simulations. Published sets are compared already.
-    jobs_by_bench = read_jobs(jobs, solutions, targets, parameter_names)
+    jobs_by_bench_test = read_jobs(jobs, solutions, targets, parameter_names)
     tables = compare_solutions(
         solutions,
-        jobs_by_bench,
+        jobs_by_bench_test,
         targets=targets,
         measure=measure,
         parameter_names=parameter_names,
     )
+    # The caller has compared the published sets already.
     if published is not None:
         tables["published"] = published
 
-    # Both tables of parameter sets get a column of warnings.
-    for name in ("table4", "published"):
-        if support is not None and name in tables:
-            tables[name] = _add_warnings(tables[name], support, parameter_names)
+    if support is not None:
+        for name in TABLES_WITH_WARNINGS:
+            if name in tables:
+                tables[name] = _add_warnings(tables[name], support, parameter_names)
     for name, table in tables.items():
         write_table(Path(out_dir) / f"{name}.csv", table)
     return tables
@@ -433,9 +492,13 @@ def write_comparison(
 def _add_warnings(
     table: pd.DataFrame, support: Support, parameter_names: Sequence[str] | None
 ) -> pd.DataFrame:
-    """Add the column `warning` to a table of parameter sets, which may be empty."""
-    parameters = table[list(list_parameters(table, parameter_names))].to_numpy(float)
-    warnings = support.warnings(parameters) if len(parameters) else []
+    """Add the column `warning` to a table of parameter sets, which may be empty.
+
+    A set that the samples in `support` do not cover gets a warning.
+    """
+    names = list_parameters(table, parameter_names)
+    parameter_sets = table[list(names)].to_numpy(float)
+    warnings = support.warnings(parameter_sets) if len(parameter_sets) else []
     return table.assign(warning=warnings)
 
 
@@ -445,7 +508,7 @@ def _add_warnings(
 def _read_numbered_sets(
     published_csv: StrPath, parameter_names: Iterable[str]
 ) -> pd.DataFrame:
-    """Read the published sets, numbered from 101."""
+    """Read the published sets, and number them from `FIRST_PUBLISHED` on."""
     sets = read_sets(published_csv, parameter_names)
     return sets.assign(sample=range(FIRST_PUBLISHED, FIRST_PUBLISHED + len(sets)))
 
@@ -453,10 +516,15 @@ def _read_numbered_sets(
 def write_published_solutions(
     published_csv: StrPath, parameter_names: Sequence[str], out_csv: StrPath
 ) -> pd.DataFrame:
-    """Write the published parameter sets to simulate; return the table."""
-    table = _read_numbered_sets(published_csv, parameter_names)[
-        ["sample", *parameter_names]
-    ]
+    """Write the published parameter sets, which are to be simulated.
+
+    Returns
+    -------
+    pandas.DataFrame
+        The table that was written: the number `sample` and the parameters.
+    """
+    sets = _read_numbered_sets(published_csv, parameter_names)
+    table = sets[["sample", *parameter_names]]
     write_table(out_csv, table)
     return table
 
@@ -477,39 +545,43 @@ def write_published_sets(
     published_csv : path
         The published sets.
     jobs : iterable of path
-        The measured runs of each set.
+        Files of the measured jobs: one for each published set in each bench test.
     out_csv : path
         The table to write.
     parameter_names : sequence of str
         Parameters of the study.
     targets : Targets
     simulated_by : mapping
-        The hashes of `repose.stages.published.HASH_NAMES`.
+        Hash of the engine and hash of the scene, by the names in
+        `repose.stages.published.HASH_NAMES`.
 
     Returns
     -------
     pandas.DataFrame
-        The table.
+        The table that was written.
     """
     sets = _read_numbered_sets(published_csv, parameter_names)
     simulated, _ = make_tables(sets, read_jobs(jobs, sets, targets), targets)
-    text_columns = [name for name in ("solution", "source", "wall") if name in sets]
+
+    text_columns = [name for name in PUBLISHED_TEXT_COLUMNS if name in sets]
     table = sets[["sample", *text_columns, *parameter_names]].copy()
     if "source" not in sets:
         table["source"] = ""
 
-    # Put `published_` into the names of columns with responses of the publication, for
-    # example `aor_published_simulated_deg`.
-    for kind in ("predicted", "simulated", "measured"):
+    # Rename the responses of the publication. For example, `aor_simulated_deg` becomes
+    # `aor_published_simulated_deg`.
+    for kind in PUBLISHED_KINDS:
         for column in sets:
             if f"_{kind}_" in column:
                 new_name = column.replace(f"_{kind}_", f"_published_{kind}_")
                 table[new_name] = sets[column]
 
     # Store the angle by every definition, since studies may calibrate different ones.
+    # The general name of the calibrated angle would not tell which one it is.
     response_names = dict.fromkeys((*targets.names, "height_mm", *MEAN_KEYS.values()))
+    response_names.pop(CALIBRATED_ANGLE, None)
     for name in response_names:
-        if name in simulated and name != CALIBRATED_ANGLE:
+        if name in simulated:
             columns = [name, name_error_column(name)]
             table[columns] = simulated[columns].astype(float)
     table[list(STATUS_COLUMNS)] = simulated[list(STATUS_COLUMNS)]
@@ -526,7 +598,7 @@ def compare_with_published(
     measure: MeasureSettings,
     simulated_by: Mapping[str, str],
 ) -> pd.DataFrame:
-    """Compare our stored simulations of published parameter sets with the publication.
+    """Compare the stored simulations of published parameter sets with the publication.
 
     Parameters
     ----------
@@ -543,8 +615,9 @@ def compare_with_published(
     Returns
     -------
     pandas.DataFrame
-        A row for each set. It has no rows if there is no table, or if the table lacks a
-        parameter.
+        The stored table with further columns: the simulated responses under the names
+        that they have in Table 4, their differences from the published ones, and
+        `stale`. It has no rows if there is no table, or if the table lacks a parameter.
     """
     stored = pd.DataFrame() if stored_csv is None else read_stored(stored_csv)
     column_of_response = find_response_columns(
@@ -554,7 +627,7 @@ def compare_with_published(
         definition=measure.response,
     )
     if not column_of_response:
-        columns = [
+        empty_columns = [
             "sample",
             "solution",
             *parameter_names,
@@ -562,10 +635,9 @@ def compare_with_published(
             *HASH_NAMES,
             "stale",
         ]
-        return pd.DataFrame(columns=columns)
+        return pd.DataFrame(columns=empty_columns)
 
     table = stored.copy()
-    # Add the simulated responses, and their differences from the published ones.
     for response, column in column_of_response.items():
         table[response.simulated] = stored[column]
         table[response.standard_error] = stored[name_error_column(column)]
