@@ -1,10 +1,11 @@
 """Keep runs beside the files of their job, so that none is made or measured twice.
 
 Snakemake removes outputs before it makes them anew, but it does not know the folder
-`runs`. There each run of a job is a file. A kept run is used again only under two
-conditions. Its record of provenance must name the same parameters, settings, grain,
-particle and engine. And the ledger of its folder must show that the file is unchanged.
-A kept measurement must also come from the same files and code.
+`runs`. This folder holds a file for each run of a job, and a file for the measurement of
+all runs of the job. A kept run is used again only under two conditions. Its record of
+provenance must name the same parameters, settings, grain, particle and engine. And the
+ledger of its folder must show that the file is unchanged. A measurement is used again
+only if it also comes from the same files and the same code.
 """
 
 import json
@@ -23,8 +24,12 @@ from repose.common.source_code import code_hash
 from repose.measure.saved_pours import POURS_ENDING, positions_file
 
 RUNS_FOLDER = "runs"
-# Name of the array that holds job and record as JSON.
+# Name of the array that holds the description of the job and the record of the run, as
+# one JSON text.
 DESCRIPTION_ARRAY = "about"
+# Keys in the file of a measurement: the hashes of what was measured, and the result.
+SOURCES_KEY = "of"
+RESULT_KEY = "result"
 
 
 class KeptRuns:
@@ -48,16 +53,12 @@ class KeptRuns:
     def read(self, seed: int) -> Run | None:
         """Read the kept run of a seed.
 
-        Parameters
-        ----------
-        seed : int
-
         Returns
         -------
         Run or None
-            None if the run must be made: there is no file of it, the file is damaged or
-            foreign, or the job would now make a different run, because its parameters,
-            its settings or the engine have changed.
+            None if the run must be made. This is the case if there is no file of it, if
+            the file is damaged or was made by another program, or if parameters,
+            settings or the engine have changed since then.
         """
         path = self._path(seed)
         if not _is_current(path):
@@ -66,15 +67,16 @@ class KeptRuns:
             arrays = read_npz(path, (DESCRIPTION_ARRAY,))
         except InputError:
             return None
-        # One array of the file is a JSON text with the description of the job and the
-        # record of the run.
         description, record = json.loads(str(arrays.pop(DESCRIPTION_ARRAY)))
         if description != self.description:
             return None
         return Run(record, arrays)
 
     def write(self, run: Run) -> None:
-        """Keep a run without its frames, unless a damaged or foreign file is there."""
+        """Keep a run without its frames.
+
+        A file that is damaged, or was made by another program, is not replaced.
+        """
         path = self._path(run.record["seed"])
         if _is_replaceable(path):
             description_and_record = format_json([self.description, run.record])
@@ -87,46 +89,63 @@ class KeptRuns:
         return self.folder / f"{self.name}_{seed}.npz"
 
 
-def read_measurement(pours: Path) -> dict[str, Any] | None:
-    """Read the kept measurement of a saved job.
+def read_measurement(pours_json: Path) -> dict[str, Any] | None:
+    """Read the measurement of a saved job that `write_measurement` has kept.
+
+    Parameters
+    ----------
+    pours_json : Path
+        The file NAME.pours.json of the job.
 
     Returns
     -------
     dict or None
-        None if the job must be measured: there is no kept measurement of it, or settings,
-        files or code have changed since then.
+        The result that was kept, as `repose.stages.job.measure_runs` returned it. None
+        if the job must be measured, because there is no such result, or because
+        settings, files or code have changed since then.
     """
-    path = _measurement_file(pours)
+    path = _find_measurement_file(pours_json)
     if not is_own_file(path):
         return None
+    # The record of the file names the settings with which the job was measured.
     if attached.read_record(path) != provenance.get_current_record():
         return None
-    kept = read_json(path)
-    has_same_sources = kept["of"] == _hash_sources(pours)
-    return kept["result"] if has_same_sources else None
+    content = read_json(path)
+    if content[SOURCES_KEY] != _hash_sources(pours_json):
+        return None
+    return content[RESULT_KEY]
 
 
-def write_measurement(pours: Path, result: Mapping[str, Any]) -> None:
-    """Keep the measurement of a saved job, unless a damaged or foreign file is there."""
-    path = _measurement_file(pours)
+def write_measurement(pours_json: Path, result: Mapping[str, Any]) -> None:
+    """Keep the measurement of a saved job, for `read_measurement`.
+
+    A file that is damaged, or was made by another program, is not replaced.
+    """
+    path = _find_measurement_file(pours_json)
     if _is_replaceable(path):
-        write_json(path, {"of": _hash_sources(pours), "result": result})
+        content = {SOURCES_KEY: _hash_sources(pours_json), RESULT_KEY: result}
+        write_json(path, content)
 
 
-def _measurement_file(pours: Path) -> Path:
-    """Return the file that keeps the measurement of a saved job."""
-    return pours.parent / RUNS_FOLDER / f"{pours.name.removesuffix(POURS_ENDING)}.json"
+def _find_measurement_file(pours_json: Path) -> Path:
+    """Find the file in which the measurement of a saved job is kept."""
+    name = pours_json.name.removesuffix(POURS_ENDING)
+    return pours_json.parent / RUNS_FOLDER / f"{name}.json"
 
 
-def _hash_sources(pours: Path) -> dict[str, str]:
-    """Hash what a measurement depends on besides its record."""
-    files = (pours, positions_file(pours))
+def _hash_sources(pours_json: Path) -> dict[str, str]:
+    """Hash the files of a saved job, and the code that measures it."""
+    files = (pours_json, positions_file(pours_json))
     hashes = {path.name: provenance.hash_file(path) for path in files}
     return hashes | {"code": code_hash("stages.job")}
 
 
 def _is_current(path: Path) -> bool:
-    """Tell whether a file is ours, unchanged, and of the origin of the current stage."""
+    """Tell whether the current stage would make this file again as it is.
+
+    The file must be unchanged and have the origin of the stage, a hash of its settings,
+    the engine and all inputs.
+    """
     stage_record = provenance.get_current_record()
     if stage_record is None or not is_own_file(path):
         return False
@@ -135,5 +154,5 @@ def _is_current(path: Path) -> bool:
 
 
 def _is_replaceable(path: Path) -> bool:
-    """Tell whether a file may be written here."""
+    """Tell whether a path is free, or has an unchanged file of this program."""
     return not path.exists() or is_own_file(path)
