@@ -23,9 +23,9 @@ from repose.common.tables import read as read_cells
 from repose.measure.settings import MeasureSettings, describe_line_of_response
 from repose.stages.parameter_sets import list_parameters
 
-# What to change in the configuration, by strategy, if the prediction meets the targets
-# and the simulation does not.
-REMEDY_OF_STRATEGY = {
+# What to change in the configuration if the prediction meets the targets and the
+# simulation does not. Other strategies than these get a general advice.
+ADVICE_BY_STRATEGY = {
     "refined": "a larger refine.pours",
     "response_surface": "another response_surface.reach or .most_factors",
     "sequential": "a larger sequential.most_pours",
@@ -98,23 +98,26 @@ def read_answer(  # noqa: PLR0913  (each describes the study of the answer)
     """
     # The summary has the parameter set, whether it meets the targets, and a sentence
     # about this.
-    keys = {"representative": dict, "feasible": bool, "message": str}
-    summary = read_json(summary_json, keys, "the answer of a calibration; run it first")
+    needed_keys = {"representative": dict, "feasible": bool, "message": str}
+    summary = read_json(
+        summary_json, needed_keys, "the answer of a calibration; run it first"
+    )
     rows = _read_checks(check_csv, targets)
-
-    values = summary["representative"]
-    parameters = _read_parameters(values, summary_json, parameter_names)
+    parameters = _read_parameters(
+        summary["representative"], summary_json, parameter_names
+    )
 
     checks = []
     for target in targets:
         line = describe_line_of_response(measure, target.name)
         checks.append(_make_check(target, rows[target.name], line))
 
-    # Every row repeats two kinds of probability for all targets together. `within`: that
-    # all means lie within some percent of the aims. `inside`: that all lie in their ranges.
+    # Two kinds of probability are about all targets together, so each row repeats them.
+    # `within`: that all means lie within some percent of the aims. `inside`: that all
+    # means lie in their target ranges.
     first_row = rows[targets.names[0]]
     within = {
-        percent: _number_or_none(first_row, name)
+        percent: _get_number(first_row, name)
         for percent, name in WITHIN_COLUMNS.items()
     }
     return Result(
@@ -126,13 +129,13 @@ def read_answer(  # noqa: PLR0913  (each describes the study of the answer)
         folder=Path(results_dir),
         tables=Path(check_csv).parent,
         solutions=Path(solutions_csv),
-        advice=REMEDY_OF_STRATEGY.get(strategy, MORE_POURS_ADVICE),
+        advice=ADVICE_BY_STRATEGY.get(strategy, MORE_POURS_ADVICE),
         why=summary.get("why", ""),
         out_of_reach=is_out_of_reach(summary),
         small_run=small_run,
         near_bounds=tuple(map(describe_near_bound, summary.get("near_bounds", ()))),
         within=within,
-        inside=_number_or_none(first_row, INSIDE_COLUMN),
+        inside=_get_number(first_row, INSIDE_COLUMN),
         labels=LABELS,
     )
 
@@ -175,7 +178,7 @@ def _read_parameters(
     summary_json: StrPath,
     parameter_names: Sequence[str] | None,
 ) -> dict[str, float]:
-    """Read and check the parameters of the answer.
+    """Select the parameters of the answer, and check their values.
 
     Parameters
     ----------
@@ -186,6 +189,11 @@ def _read_parameters(
     parameter_names : sequence of str or None
         Names of the parameters, if another program simulates the study. With None,
         repose simulates it, and its contact parameters must be within physical limits.
+
+    Returns
+    -------
+    dict
+        The value of each parameter by its name.
 
     Raises
     ------
@@ -205,25 +213,32 @@ def _read_parameters(
 
 
 def _make_check(target: Target, row: Mapping[str, Any], line: str) -> Check:
-    """Compare a target with the means of its row in the table of the check.
+    """Compare a target with the simulated and the predicted mean of its response.
 
-    `line` describes the line whose slope is an angle of a pile. It is empty for other
-    responses.
+    Parameters
+    ----------
+    target : Target
+        The target.
+    row : mapping
+        The row of its response in the table of the check.
+    line : str
+        Describes the line whose slope is an angle of a pile. It is empty for other
+        responses.
     """
     return Check.from_target(
         target,
-        simulated=_number_or_none(row, "simulated"),
-        standard_error=_number_or_none(row, "simulated_se"),
-        runs=int(_number_or_none(row, "n_seeds") or 0),
+        simulated=_get_number(row, "simulated"),
+        standard_error=_get_number(row, "simulated_se"),
+        runs=int(_get_number(row, "n_seeds") or 0),
         status=row["status"],
-        predicted=_number_or_none(row, "predicted"),
-        optimism=_number_or_none(row, "optimism"),
-        optimism_error=_number_or_none(row, "optimism_se"),
+        predicted=_get_number(row, "predicted"),
+        optimism=_get_number(row, "optimism"),
+        optimism_error=_get_number(row, "optimism_se"),
         line=line,
     )
 
 
-def _number_or_none(row: Mapping[str, Any], key: str) -> float | None:
+def _get_number(row: Mapping[str, Any], key: str) -> float | None:
     """Return a number of a row; None if its cell is empty or its column missing."""
     number = row.get(key, math.nan)
     return None if math.isnan(number) else number

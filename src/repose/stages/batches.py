@@ -14,7 +14,7 @@ from repose.calibrate.responses import Definitions, refuse_other_definitions
 from repose.calibrate.runs import mean_and_error, name_error_column, select_bench_runs
 from repose.calibrate.seeds import UNNAMED
 from repose.calibrate.strategies import answer as answers
-from repose.calibrate.strategies.base import Answer, strategy
+from repose.calibrate.strategies.base import Answer, Batch, strategy
 from repose.calibrate.study import Study
 from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
@@ -38,9 +38,10 @@ def write_proposal(
     parameter_names: Sequence[str] | None = None,
     source: object = "configuration",
 ) -> dict[str, Any]:
-    """Let a strategy propose its next batch, and write it.
+    """Let a strategy propose its next batch, and write the proposal.
 
-    The files are samples.csv, the runs to make, and proposal.json.
+    The file samples.csv has the runs to make, and proposal.json the reason and, at the
+    end, the answer.
 
     Parameters
     ----------
@@ -86,18 +87,41 @@ def write_proposal(
             last_folder, key=error.key, value=error.value, allowed=error.allowed
         ) from None
 
-    # Describe the proposal. If it is the answer, add the parameter sets that it found.
+    content = _describe_proposal(proposal, len(runs), study)
+    write_table(Path(out_dir) / "samples.csv", proposal.samples)
+    write_json(Path(out_dir) / PROPOSAL_FILE, _convert_to_json(content))
+    return content
+
+
+def _describe_proposal(
+    proposal: Batch | Answer, n_runs: int, study: Study
+) -> dict[str, Any]:
+    """Make the content of proposal.json.
+
+    Parameters
+    ----------
+    proposal : Batch or Answer
+        What the strategy proposed.
+    n_runs : int
+        Number of the runs that the strategy knew.
+    study : Study
+        Parameters and targets of the study.
+
+    Returns
+    -------
+    dict
+        Whether the proposal is the answer, the reason for it, the number of runs, and
+        the notes of the strategy. An answer also has the parameter sets that it found.
+    """
     content = {
         "answer": False,
         "why": proposal.notes.get("why", ""),
-        "pours": len(runs),
+        "pours": n_runs,
         "notes": proposal.notes,
     }
     if isinstance(proposal, Answer):
         content |= {"answer": True, "why": proposal.why}
         content |= answers.describe_answer(proposal, study.parameters, study.targets)
-    write_table(Path(out_dir) / "samples.csv", proposal.samples)
-    write_json(Path(out_dir) / PROPOSAL_FILE, _convert_to_json(content))
     return content
 
 
@@ -113,8 +137,9 @@ def write_conclusion(
 ) -> pd.DataFrame:
     """Write the answer of a strategy, and the tables of all its batches.
 
-    These are the files of `write_answer`; batches.csv, with a row for each proposal;
-    dataset.csv and runs.csv of all batches; and the notes that `Strategy.files` names.
+    The files are those of `write_answer`; batches.csv, with a row for each proposal;
+    dataset.csv and runs.csv, with the samples and runs of all batches; and a file for
+    each note that `Strategy.files` names.
 
     Parameters
     ----------
@@ -136,6 +161,11 @@ def write_conclusion(
     -------
     pandas.DataFrame
         The content of check.csv.
+
+    Raises
+    ------
+    InputError
+        If there is only one batch, or if the last batch is not that of the answer.
     """
     if len(folders) < 2:
         raise InputError(
@@ -219,12 +249,11 @@ def write_answer(
         The content of check.csv.
     """
     notes = proposal["notes"]
-
-    # The first solution is the answer. Make its row of Table 4.
+    # The first solution is the answer.
     solutions = pd.DataFrame(proposal["solutions"])
     columns = [*parameters.names, *targets.predicted]
     answer = solutions.loc[0, columns].astype(float).to_dict()
-    row = {
+    answer_row = {
         "sample": 1,
         "solution": "1",
         "role": "representative",
@@ -232,25 +261,28 @@ def write_answer(
         **_make_optimism_cells(notes.get("optimism", ()), targets),
         **_summarise_runs(answer_runs, targets),
     }
+    table4 = validate.make_table4(
+        pd.DataFrame([answer_row]), targets.responses, measure, parameters.names
+    )
 
     # Compare the simulation with the prediction, if the strategy has not done so.
     if "check" in notes:
         check = pd.DataFrame(notes["check"])
     else:
-        check = _compare_with_prediction(row, proposal["predicted_error"], targets)
+        predicted_errors = proposal["predicted_error"]
+        check = _compare_with_prediction(answer_row, predicted_errors, targets)
 
-    # Compare the runs with the measurement.
-    table4 = validate.make_table4(
-        pd.DataFrame([row]), targets.responses, measure, parameters.names
+    # Compare the simulation with the measurement.
+    physical = validate.compare_with_measurement(
+        pd.Series(answer_row), targets, measure
     )
-    physical = validate.compare_with_measurement(pd.Series(row), targets, measure)
-    runs_by_bench = {
-        bench: select_bench_runs(answer_runs, bench).to_dict("records")
-        for bench in targets.apparatus
+    runs_by_bench_test = {
+        bench_test: select_bench_runs(answer_runs, bench_test).to_dict("records")
+        for bench_test in targets.apparatus
     }
-    representative = validate.add_probabilities(physical, runs_by_bench, targets)
+    representative = validate.add_probabilities(physical, runs_by_bench_test, targets)
 
-    # Each bench test has simulated the answer equally often.
+    # The answer has the same number of runs in each bench test.
     n_pours = len(answer_runs) // len(targets.apparatus)
     out = Path(out_dir)
     write_table(out / "solutions.csv", solutions)
@@ -262,7 +294,7 @@ def write_answer(
 
 
 def _make_summary(
-    proposal: Mapping[str, Any], best: Mapping[str, float], n_pours: int
+    proposal: Mapping[str, Any], answer: Mapping[str, float], n_pours: int
 ) -> dict[str, Any]:
     """Make the content of summary.json.
 
@@ -270,8 +302,8 @@ def _make_summary(
     ----------
     proposal : mapping
         Content of proposal.json.
-    best : mapping
-        Parameters and predicted responses of the answer.
+    answer : mapping
+        Parameters and predicted responses of the answer, by name.
     n_pours : int
         Number of the answer's runs in each bench test.
     """
@@ -282,7 +314,7 @@ def _make_summary(
         "message": proposal["message"],
         "why": proposal["why"],
         "pours": proposal["pours"],
-        "representative": best,
+        "representative": answer,
         "check_pours": n_pours,
         "near_bounds": proposal.get("near_bounds", []),
         **notes.get("summary", {}),
@@ -291,23 +323,28 @@ def _make_summary(
 
 
 def _compare_with_prediction(
-    row: Mapping[str, Any], errors: Sequence[float], targets: Targets
+    answer_row: Mapping[str, Any], predicted_errors: Sequence[float], targets: Targets
 ) -> pd.DataFrame:
-    """Compare prediction and simulation of the answer, with a row for each response.
+    """Compare the prediction of the answer with its simulation.
 
     Parameters
     ----------
-    row : mapping
+    answer_row : mapping
         The answer's row of Table 4.
-    errors : sequence of float
+    predicted_errors : sequence of float
         Standard errors of the predictions, in the order of the targets.
     targets : Targets
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each response, which is the content of check.csv.
     """
     table = pd.DataFrame({"response": targets.names, "target": targets.aim})
-    table["predicted"] = [row[name] for name in targets.predicted]
-    table["predicted_error"] = list(errors)
-    table["simulated"] = [row[target.response.simulated] for target in targets]
-    table["simulated_error"] = [row[name] for name in targets.errors]
+    table["predicted"] = [answer_row[name] for name in targets.predicted]
+    table["predicted_error"] = list(predicted_errors)
+    table["simulated"] = [answer_row[target.response.simulated] for target in targets]
+    table["simulated_error"] = [answer_row[name] for name in targets.errors]
     table["deviation_percent"] = [
         target.off_percent(mean)
         for target, mean in zip(targets, table["simulated"], strict=True)
@@ -323,15 +360,16 @@ def _make_optimism_cells(
     Parameters
     ----------
     rows : sequence of mapping
-        Note of the strategy, a row for each response. It has the name of the
-        `response`, the `optimism` of its prediction, and `optimism_se`, the standard
-        error of the optimism.
+        The strategy's note `optimism`, with a row for each response. A row has the name
+        of the `response`, the `optimism` of its prediction, and `optimism_se`, the
+        standard error of the optimism.
     targets : Targets
 
     Returns
     -------
     dict
-        Optimism and standard error of each target with a row, by column of the table.
+        Optimism and standard error by column of Table 4. Targets without a row are left
+        out.
     """
     rows_by_response = {row["response"]: row for row in rows}
     cells = {}
@@ -363,47 +401,87 @@ def _summarise_runs(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
     is_good = runs["status"] == "ok"
     good_runs = runs[is_good]
     row: dict[str, Any] = {}
-    good_run_counts = []
+    n_good_runs = []
     for target in targets:
         response = target.response
-        runs_of_bench = select_bench_runs(good_runs, response.apparatus)
-        values = runs_of_bench[target.name].to_numpy(float)
+        runs_of_response = select_bench_runs(good_runs, response.apparatus)
+        values = runs_of_response[target.name].to_numpy(float)
         # The array turns None into NaN.
         mean, error = np.array(mean_and_error(values), dtype=float)
         row[response.simulated] = mean
         row[response.standard_error] = error
-        good_run_counts.append(len(values))
+        n_good_runs.append(len(values))
+    # The bench tests of the responses may have different numbers of good runs.
+    n_fewest = min(n_good_runs)
+    return (
+        row
+        | _average_angles(good_runs)
+        | _summarise_statuses(runs.loc[~is_good, "status"], n_fewest)
+    )
 
-    # Add the mean angle of the piles by every definition.
+
+def _average_angles(good_runs: pd.DataFrame) -> dict[str, float | None]:
+    """Average the angle of the piles by every definition.
+
+    Parameters
+    ----------
+    good_runs : pandas.DataFrame
+        Good runs in all bench tests. Those of another simulator may lack the angles.
+
+    Returns
+    -------
+    dict
+        The mean angles and their standard errors, by column of Table 4.
+    """
     piles = select_bench_runs(good_runs, UNNAMED)
+    means: dict[str, float | None] = {}
     for name in MEAN_KEYS.values():
         if name in piles:
             values = piles[name].dropna().to_numpy(float)
-            row[name], row[name_error_column(name)] = mean_and_error(values)
+            means[name], means[name_error_column(name)] = mean_and_error(values)
+    return means
 
-    # Describe how the runs ended. Without a good run, the status is the most frequent
-    # failure.
-    failures = runs.loc[~is_good, "status"].value_counts()
+
+def _summarise_statuses(failed_statuses: pd.Series, n_good: int) -> dict[str, Any]:
+    """Summarise how the runs of the answer ended.
+
+    Parameters
+    ----------
+    failed_statuses : pandas.Series
+        The status of each run that failed.
+    n_good : int
+        Number of good runs.
+
+    Returns
+    -------
+    dict
+        `n_seeds`, the number of good runs; `status`, which is the most frequent failure
+        if there is no good run; and `reason`, which counts the failures.
+    """
+    # The most frequent status comes first.
+    failures = failed_statuses.value_counts()
     reasons = [f"{count} runs {status}" for status, count in failures.items()]
-    # A response of another bench test may have fewer good runs.
-    n_good = min(good_run_counts)
-    row["n_seeds"] = n_good
-    row["status"] = "ok" if n_good else failures.index[0]
-    row["reason"] = ", ".join(reasons)
-    return row
+    return {
+        "n_seeds": n_good,
+        "status": "ok" if n_good else failures.index[0],
+        "reason": ", ".join(reasons),
+    }
 
 
 def _tabulate_batches(proposals: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """Make the table of proposals, with a row for each.
-
-    A row has the number of the batch, the number of runs before it, and the reason.
-    Some strategies add a note `row` with further columns to some of their proposals.
-    The table then has only the rows of these proposals.
+    """Make a table of the proposals of a strategy.
 
     Parameters
     ----------
     proposals : sequence of mapping
         Content of the files proposal.json, in order.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each proposal: the number of the batch, the number of runs before it,
+        and the reason. Some strategies add a note `row` with further columns to some of
+        their proposals. The table then has only the rows of these proposals.
     """
     rows = []
     rows_with_note = []
@@ -439,7 +517,7 @@ def read_runs_of_batches(
     targets: Targets,
     parameter_names: Sequence[str] | None = None,
 ) -> pd.DataFrame:
-    """Read the runs of all batches, arranged as a strategy expects them.
+    """Read the runs of all batches, and arrange them as a strategy expects.
 
     Parameters
     ----------
@@ -521,41 +599,49 @@ def read_tables(
 def arrange_for_strategy(
     dataset: pd.DataFrame, runs: pd.DataFrame, targets: Targets
 ) -> pd.DataFrame:
-    """Arrange single runs in the form that a strategy expects.
+    """Arrange single runs in the form that a strategy expects: all responses in a row.
 
-    Each bench test has runs of its own. The first row of a sample combines the first
-    good run of each bench test, the second row the second ones, and so on. All runs are
-    independent, so any pairing is valid.
+    A run in one bench test gives only some of the responses. Therefore a row combines a
+    run from each bench test. Row number k of a sample has its good run number k in each
+    bench test, in the order of the table. Another pairing would be as valid, since all
+    runs are independent.
 
     Parameters
     ----------
     dataset : pandas.DataFrame
-        The samples.
+        A row for each sample, with its parameters.
     runs : pandas.DataFrame
-        Their single runs in all bench tests.
+        A row for each run of these samples. With several bench tests, the column
+        `apparatus` names that of the run.
     targets : Targets
 
     Returns
     -------
     pandas.DataFrame
-        A row for each run: sample, parameters and responses. Responses of a failed run
-        are NaN.
+        Sample, parameters and responses. A sample has as many rows as it has runs in
+        the bench test that ran it most often. A response is NaN where a bench test has
+        fewer good runs of the sample than there are rows.
     """
-    sample_and_bench = ["sample", "apparatus"] if "apparatus" in runs else ["sample"]
+    sample_and_bench_test = ["sample"]
+    if "apparatus" in runs:
+        sample_and_bench_test.append("apparatus")
 
-    # Give each sample a row for each run in the bench test that ran it most often.
-    n_runs = runs.groupby(sample_and_bench).size().groupby("sample").max()
-    n_rows = n_runs.reindex(dataset["sample"], fill_value=0).to_numpy()
-    data = dataset.loc[dataset.index.repeat(n_rows)].reset_index(drop=True)
-    row_of_sample = data.groupby("sample").cumcount()
-    row_keys = pd.MultiIndex.from_arrays([data["sample"], row_of_sample])
+    # Repeat each sample, and number its rows from 0.
+    n_runs = runs.groupby(sample_and_bench_test).size()
+    n_rows = n_runs.groupby("sample").max()
+    # A sample without any run has no row.
+    repeats = n_rows.reindex(dataset["sample"], fill_value=0).to_numpy()
+    arranged = dataset.loc[dataset.index.repeat(repeats)].reset_index(drop=True)
+    row_numbers = arranged.groupby("sample").cumcount()
+    row_keys = pd.MultiIndex.from_arrays([arranged["sample"], row_numbers])
 
-    # Put the k-th good run of a sample, in each bench test, into its k-th row.
-    good = runs[runs["status"] == "ok"]
-    run_of_sample = good.groupby(sample_and_bench).cumcount()
-    good = good.assign(run_of_sample=run_of_sample)
+    # Number the good runs of each sample in each bench test from 0, and put each run
+    # into the row of the same number.
+    good_runs = runs[runs["status"] == "ok"]
+    run_numbers = good_runs.groupby(sample_and_bench_test).cumcount()
+    good_runs = good_runs.assign(run_number=run_numbers)
     for target in targets:
-        bench_runs = select_bench_runs(good, target.response.apparatus)
-        values = bench_runs.set_index(["sample", "run_of_sample"])[target.name]
-        data[target.name] = values.reindex(row_keys).to_numpy(float)
-    return data
+        runs_of_response = select_bench_runs(good_runs, target.response.apparatus)
+        values = runs_of_response.set_index(["sample", "run_number"])[target.name]
+        arranged[target.name] = values.reindex(row_keys).to_numpy(float)
+    return arranged
