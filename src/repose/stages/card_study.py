@@ -42,6 +42,14 @@ GRAIN_KEYS = (
     "poisson_ratio",
 )
 WALL_KEYS = ("shear_modulus_pa", "poisson_ratio")
+# Keys that the file of the mean grain must have.
+GRAIN_COLUMNS = (
+    *SIZE_COLUMNS,
+    "density_kg_m3",
+    "elastic_modulus_pa",
+    "shear_modulus_pa",
+    "n",
+)
 SIMULATION_KEYS = ("time_step_s", "gravity_m_s2")
 GRAVITY_KEY = "simulation.gravity_m_s2"
 # This key names the definition of a response that has several.
@@ -57,6 +65,12 @@ DEFAULT_GRAVITY_M_S2 = 9.81
 REST_ENERGY_J = 1.0e-9
 # Longer than any stable time step. The engine shortens it to the longest stable one.
 UPPER_TIME_STEP_S = 1.0e-2
+# A solid sphere has the moment of inertia 2/5 m r^2.
+SPHERE_INERTIA_FACTOR = 0.4
+# The mesh of a body from which a clump is made has this many rings, each with this many
+# points.
+MESH_RINGS = 48
+MESH_POINTS_OF_RING = 96
 # A smaller standard deviation of the sizes, as a share of their mean, is a rounding
 # error.
 SMALLEST_SPREAD = 1e-9
@@ -138,23 +152,17 @@ def write_card(
     -------
     dict
         The card.
+
+    Raises
+    ------
+    InputError
+        If a file cannot be read, or if the card would not be valid.
     """
     from repose.grain.particle import Particle
 
     feasible = read_table(files["feasible"], study.parameters.names)
-
-    # Read the posterior and Table 4, which not every study has.
-    posterior = None
-    if files["posterior"] is not None:
-        columns = ("parameter", "credible_low", "credible_high")
-        intervals = read_table(files["posterior"], columns)
-        draws = read_table(files["draws"], study.parameters.free)
-        posterior = (intervals, draws)
-    answer_row = None
-    if files["table4"] is not None:
-        rows = read_table(files["table4"], ("role",))
-        answer_row = rows[rows["role"] == "representative"].iloc[0].to_dict()
-
+    posterior = _read_posterior(files, study.parameters)
+    answer_row = _read_answer_row(files["table4"])
     if study.simulator is not None:
         content = make_external_card(
             study,
@@ -165,17 +173,10 @@ def write_card(
             answer_row=answer_row,
         )
     else:
-        grain_columns = (
-            *SIZE_COLUMNS,
-            "density_kg_m3",
-            "elastic_modulus_pa",
-            "shear_modulus_pa",
-            "n",
-        )
         content = make_card(
             study,
             answer,
-            grain=read_grain(files["berry"], grain_columns),
+            grain=read_grain(files["berry"], GRAIN_COLUMNS),
             particle=Particle.load(files["particle"]),
             feasible=feasible,
             posterior=posterior,
@@ -185,6 +186,31 @@ def write_card(
     card.check_card(content, out)
     write_json(out, content, indent=1)
     return content
+
+
+def _read_posterior(
+    files: Mapping[str, Any], parameters: ParameterSpace
+) -> "PosteriorTables | None":
+    """Read intervals and draws of the posterior; None for a study without it.
+
+    `files` has the paths ``posterior`` and ``draws``.
+    """
+    if files["posterior"] is None:
+        return None
+    columns = ("parameter", "credible_low", "credible_high")
+    intervals = read_table(files["posterior"], columns)
+    draws = read_table(files["draws"], parameters.free)
+    return intervals, draws
+
+
+def _read_answer_row(table4_csv: StrPath | None) -> dict[str, Any] | None:
+    """Read the answer's row of Table 4; None for a study without this table."""
+    from repose.stages.tables import find_answer  # slow to import
+
+    if table4_csv is None:
+        return None
+    table4 = read_table(table4_csv, ("role",))
+    return find_answer(table4, source=table4_csv).to_dict()
 
 
 def make_card(
@@ -204,18 +230,19 @@ def make_card(
     study, answer
         As in `write_card`.
     grain : mapping
-        The content of `berry.json`.
+        The content of `berry.json`: the measured grains.
     particle : Particle
-        The simulated body.
+        The shape and mass of a simulated grain of mean size.
     feasible : pandas.DataFrame
-        The feasible parameter sets that were found.
+        The feasible parameter sets that the search found.
     posterior : tuple of two pandas.DataFrame, optional
         Intervals and draws of the posterior.
     dataset_csv : path, optional
-        Samples of the design. Their piles show which angles are possible.
+        The simulated samples of the study. Their piles help to judge whether a pile can
+        have the angle of a target.
     answer_row : mapping, optional
-        The row of the answer in `table4.csv`. It has the angle of its piles by every
-        definition.
+        The row of the answer in `table4.csv`. If it has the angle of the answer's piles
+        by every definition in `repose.measure.angles`, the card states all of them.
 
     Returns
     -------
@@ -223,6 +250,7 @@ def make_card(
         The card.
     """
     settings = study.settings
+    # Without a distribution of sizes, all grains are simulated with the mean size.
     has_equal_grains = settings.berry.size_distribution == "none"
     subject = {
         "grain": _describe_grain(has_equal_grains, grain, particle),
@@ -233,13 +261,14 @@ def make_card(
         },
     }
 
-    # Describe for each target how it is measured and whether a pile can reach it.
+    # Describe for each target how its response is measured.
     tests = {}
     for target in study.targets:
         tests[target.name] = {
             **describe_response(study, target.response, grain),
-            **_describe_lines(settings.measure, target.name, answer_row or {}),
+            **_describe_angles(settings.measure, target.name, answer_row or {}),
         }
+    # For an angle, add whether piles of these grains can have it at the targeted height.
     assessments = reach.assess_targets(study.config, particle, dataset_csv)
     for name, assessment in assessments.items():
         tests[name]["reach"] = assessment.record()
@@ -265,7 +294,7 @@ def make_external_card(
 ) -> dict[str, Any]:
     """Make the card of a calibration whose runs another program made.
 
-    Its user states in words how each response is defined.
+    The configuration states in words how each response is defined.
 
     Parameters
     ----------
@@ -291,7 +320,7 @@ def make_external_card(
         }
         tests[name] = {"definition": definition, "bench": None}
         if measure is not None:
-            tests[name] |= _describe_lines(measure, name, answer_row or {})
+            tests[name] |= _describe_angles(measure, name, answer_row or {})
     return assemble_card(
         {"simulator": simulator},
         tests,
@@ -313,7 +342,8 @@ def describe_laws(settings: SimulationSettings) -> dict[str, str]:
     Returns
     -------
     dict
-        The sentences by direction, and under "end of an impact" when contacts separate.
+        The sentences by direction. The sentence under "end of an impact" says when two
+        bodies separate.
     """
     from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
     from repose.dem.laws.law import COULOMB
@@ -434,14 +464,17 @@ def _select_bench_settings(study: CardStudy, test_name: str) -> dict[str, Any]:
     return settings
 
 
-def _describe_lines(
+def _describe_angles(
     measure: MeasureSettings, response_name: str, answer_row: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Describe the line that defines an angle, and the piles' angles by all definitions.
+    """Describe how the angle of a pile is defined, and its values by all definitions.
+
+    Each definition fits another line to the side of a pile. The angle is its slope.
 
     Parameters
     ----------
     measure : MeasureSettings
+        The section `measure`, which defines the lines.
     response_name : str
         Name of a response.
     answer_row : mapping
@@ -450,8 +483,10 @@ def _describe_lines(
     Returns
     -------
     dict
-        ``line``, and ``definitions`` if the row has all angles. The dict is empty if the
-        response is not the angle of a pile.
+        ``line`` describes the line of the response. If the row has the angles by all
+        definitions, ``definitions`` has the line, the mean angle and its standard error
+        by the name of the definition. The dict is empty if the response is not the angle
+        of a pile.
     """
     from repose.measure.angles import MEAN_KEYS
     from repose.measure.settings import describe_line_of_response, line_of
@@ -467,14 +502,14 @@ def _describe_lines(
     for definition, column in MEAN_KEYS.items():
         definitions[definition] = {
             "line": line_of(measure, definition),
-            "simulated": _number_or_none(answer_row[column]),
-            "standard_error": _number_or_none(answer_row[name_error_column(column)]),
+            "simulated": _replace_nan(answer_row[column]),
+            "standard_error": _replace_nan(answer_row[name_error_column(column)]),
         }
     return {"line": line, "definitions": definitions}
 
 
-def _number_or_none(value: float) -> float | None:
-    """Convert NaN, which JSON lacks, to None."""
+def _replace_nan(value: float) -> float | None:
+    """Replace NaN, which JSON lacks, by None."""
     return None if math.isnan(value) else float(value)
 
 
@@ -575,13 +610,14 @@ def require_same_study(
     """
     card_values = _collect_card_values(content)
     study_values = _collect_study_values(study, grain, content["tests"])
-    different_keys = []
-    for key, value in study_values.items():
-        # Cards of earlier versions lack the gravity.
-        if key == GRAVITY_KEY and GRAVITY_KEY not in card_values:
-            continue
-        if not _is_same(card_values.get(key), value):
-            different_keys.append(key)
+    # Cards of earlier versions lack the gravity.
+    if GRAVITY_KEY not in card_values:
+        del study_values[GRAVITY_KEY]
+    different_keys = [
+        key
+        for key, value in study_values.items()
+        if not _is_same(card_values.get(key), value)
+    ]
     if not different_keys:
         return
 
@@ -642,6 +678,11 @@ def _collect_study_values(
         The grain of the configuration.
     card_tests : iterable of mapping
         The tests of the card. They determine which keys of a bench test are compared.
+
+    Returns
+    -------
+    dict
+        The values by dotted key. A setting that the study lacks is None.
     """
     settings = study.settings
     values: dict[str, Any] = {
@@ -756,8 +797,8 @@ def _rebuild_funnel(content: Mapping[str, Any], source: object) -> dict[str, Any
 def _find_laws(content: Mapping[str, Any], source: object) -> dict[str, str]:
     """Find the names of the contact laws that a card describes in sentences.
 
-    The function describes every combination of the laws of this version, until the
-    sentences equal those of the card.
+    The sentences of a card cannot be parsed. Instead the function describes every
+    combination of laws, until the sentences are equal to those of the card.
 
     Parameters
     ----------
@@ -816,11 +857,21 @@ def rebuild_particle(
     InputError
         If the card has no body, or lacks the moments of inertia of a clump.
     """
+    particle = _read_particle(content["grain"], source)
+    # A clump keeps the spheres that were simulated.
+    if n_spheres is None or n_spheres == 1 or particle.is_clump:
+        return particle
+    return _fill_with_spheres(particle, n_spheres)
+
+
+def _read_particle(grain: Mapping[str, Any], source: object) -> "Particle":
+    """Read the simulated particle from the section `grain` of a card.
+
+    `source` is the card's file, for messages.
+    """
     from repose.grain.particle import Particle
 
-    # Read the body. Each row has the half axes of an ellipsoid, or the centre and radius
-    # of a sphere.
-    grain = content["grain"]
+    # A row has the half axes of an ellipsoid, or the centre and radius of a sphere.
     semi_axes_m = 1e-3 * np.array(grain["ellipsoids_mm"], float).reshape(-1, 3)
     spheres_m = 1e-3 * np.array(grain["spheres_mm"], float).reshape(-1, 4)
     if len(semi_axes_m) == 0 and len(spheres_m) == 0:
@@ -847,9 +898,9 @@ def rebuild_particle(
                     "give --config, the study's own"
                 ),
             )
-        inertia_kg_m2 = np.full(3, 0.4 * mass_kg * radius_m**2)
+        inertia_kg_m2 = np.full(3, SPHERE_INERTIA_FACTOR * mass_kg * radius_m**2)
 
-    particle = Particle(
+    return Particle(
         kind=grain["shape"],
         semi_axes_m=semi_axes_m,
         density_kg_m3=grain["density_kg_m3"],
@@ -857,14 +908,11 @@ def rebuild_particle(
         mass_kg=mass_kg,
         inertia_kg_m2=np.array(inertia_kg_m2),
         bounding_radius_m=float(radius_m),
+        # The distance between the particle and the mesh of a grain is not on the card.
         deviation_max_m=0.0,
         deviation_rms_m=0.0,
         spheres_m=spheres_m,
     )
-    # A clump keeps the spheres that were simulated.
-    if n_spheres is None or n_spheres == 1 or particle.is_clump:
-        return particle
-    return _fill_with_spheres(particle, n_spheres)
 
 
 def _compute_enclosing_radius(
@@ -903,9 +951,8 @@ def _fill_with_spheres(particle: "Particle", n_spheres: int) -> "Particle":
     from repose.grain import build
     from repose.grain.mesh import move_to_principal_pose
 
-    # The builder of clumps needs a mesh with lengths in mm. This one has 48 rings of 96
-    # points.
-    points_m, _, triangles = tessellate(particle, 48, 96)
+    # The builder of clumps needs a mesh with lengths in mm.
+    points_m, _, triangles = tessellate(particle, MESH_RINGS, MESH_POINTS_OF_RING)
     mesh = trimesh.Trimesh(1e3 * points_m, triangles)
     clump = build.make_particle(
         move_to_principal_pose(mesh),
