@@ -32,6 +32,10 @@ RUN_COLUMNS = ("seed", "status", "reason")
 STATUS_COLUMNS = ("status", "reason", "n_seeds")
 # A measured restitution may lie a little above its limit of 1.
 ROUNDING_FACTOR = 1.01
+# The parameters of a sample may be rounded differently in the file of a job and in the
+# table of samples. The absolute tolerance is for values near 0.
+PARAMETER_RELATIVE_TOLERANCE = 1e-6
+PARAMETER_TOLERANCE = 1e-9
 Job = Mapping[str, Any]
 # Jobs by bench test, then by sample.
 Jobs = Mapping[str, Mapping[int, Job]]
@@ -63,34 +67,37 @@ def make_tables(
     pandas.DataFrame
         A row for each run.
     """
-    columns_of_bench = {
-        name: list_recorded_columns(name, targets) for name in targets.apparatus
+    recorded_by_bench_test = {
+        bench_test: list_recorded_columns(bench_test, targets)
+        for bench_test in targets.apparatus
     }
 
-    # Summarise the runs of each sample.
+    # Summarise the runs of each sample, in one row for all bench tests.
     summaries = []
     for sample in samples["sample"]:
-        summary_of_bench = {}
-        for name, bench_columns in columns_of_bench.items():
-            runs = jobs[name][sample]["runs"]
-            summary_of_bench[name] = summarise_runs(runs, bench_columns)
-        summaries.append(_merge_summaries(summary_of_bench))
+        summaries_of_sample = {
+            bench_test: summarise_runs(jobs[bench_test][sample]["runs"], recorded)
+            for bench_test, recorded in recorded_by_bench_test.items()
+        }
+        summaries.append(_merge_summaries(summaries_of_sample))
 
-    # Begin with each target and its standard error. Append the other columns of the
-    # bench tests.
+    # Each target and its standard error come first, then the other recorded columns.
     columns = list(STATUS_COLUMNS)
     for name, error in zip(targets.names, targets.errors, strict=True):
         columns += [name, error]
-    for bench_columns in columns_of_bench.values():
-        columns += bench_columns.summary
-    # A target may also be among the recorded columns, so keep each name once.
-    unique_columns = list(dict.fromkeys(columns))
+    for recorded in recorded_by_bench_test.values():
+        columns += recorded.summary
+    means = pd.DataFrame(summaries, columns=_drop_repeated(columns))
 
-    means = pd.DataFrame(summaries, columns=unique_columns)
     parameters = list_parameters(samples, parameter_names)
     sets = samples[["sample", *parameters]].reset_index(drop=True)
     dataset = pd.concat([sets, means], axis=1)
     return dataset, _tabulate_runs(samples["sample"], jobs, targets)
+
+
+def _drop_repeated(columns: Iterable[str]) -> list[str]:
+    """Keep the first of equal names, since a target may also be a recorded column."""
+    return list(dict.fromkeys(columns))
 
 
 def list_recorded_columns(apparatus: str, targets: Targets) -> Recorded:
@@ -142,7 +149,7 @@ def count_by_status(dataset: pd.DataFrame, runs: pd.DataFrame) -> dict[str, Any]
 def describe_counts(samples: Mapping[str, int], runs: Mapping[str, int]) -> str:
     """Describe in two sentences how many samples and runs can be used, and why not all.
 
-    Both are numbers by status.
+    `samples` and `runs` are the numbers of samples and of runs by their status.
     """
     left_out = {status: count for status, count in samples.items() if status != "ok"}
     failed = {status: count for status, count in runs.items() if status != "ok"}
@@ -195,11 +202,13 @@ def write_dataset(
     dataset, runs = make_tables(samples, jobs, targets, parameter_names)
     summary = count_by_status(dataset, runs) | {"definitions": definitions}
 
-    angle = definitions.get(CALIBRATED_ANGLE, {})
-    if "measure.response" in angle:
-        # Remove the name of the section, as in `measure.response`, from the keys.
-        measure = {key.rpartition(".")[2]: value for key, value in angle.items()}
-        summary["line"] = line_of(MeasureSettings.with_defaults(**measure))
+    definition_of_angle = definitions.get(CALIBRATED_ANGLE, {})
+    if "measure.response" in definition_of_angle:
+        # The keys begin with the name of the section, as in `measure.response`.
+        settings = {
+            key.rpartition(".")[2]: value for key, value in definition_of_angle.items()
+        }
+        summary["line"] = line_of(MeasureSettings.with_defaults(**settings))
 
     folder = Path(out)
     write_table(folder / f"{prefix}dataset.csv", dataset)
@@ -221,6 +230,7 @@ def read_jobs(
     paths : iterable of path
         The files of the jobs.
     samples : pandas.DataFrame
+        A row for each sample, with its number and its parameters.
     targets : Targets
     parameter_names : sequence of str, optional
         Names of the parameters, if another program simulates the study. By default,
@@ -236,34 +246,36 @@ def read_jobs(
     InputError
         If a job is damaged or belongs to no sample, or if a sample has no job or several.
     """
-    columns = list(list_parameters(samples, parameter_names))
-    parameters = samples.set_index("sample")[columns]
-    jobs: dict[str, dict[int, Job]] = {name: {} for name in targets.apparatus}
+    parameter_columns = list(list_parameters(samples, parameter_names))
+    parameters_of_samples = samples.set_index("sample")[parameter_columns]
+    jobs: dict[str, dict[int, Job]] = {
+        bench_test: {} for bench_test in targets.apparatus
+    }
     path_of_job: dict[tuple[str, int], object] = {}
     for path in paths:
-        job, apparatus = read_job(path, targets)
+        job, bench_test = read_job(path, targets)
         sample = job["sample"]
-        if sample not in parameters.index:
+        if sample not in parameters_of_samples.index:
             raise InputError(path, key="sample", value=sample, allowed="in the table")
-        if sample in jobs[apparatus]:
-            first_path = path_of_job[apparatus, sample]
+        if sample in jobs[bench_test]:
+            first_path = path_of_job[bench_test, sample]
             raise InputError(
                 path,
                 key="sample",
                 value=sample,
                 allowed=f"a sample of the table, once; also in {first_path}",
             )
-        _check_parameters(job, parameters.loc[sample], path)
-        jobs[apparatus][sample] = job
-        path_of_job[apparatus, sample] = path
+        _check_parameters(job, parameters_of_samples.loc[sample], path)
+        jobs[bench_test][sample] = job
+        path_of_job[bench_test, sample] = path
 
-    for name, jobs_of_bench in jobs.items():
+    for bench_test, jobs_by_sample in jobs.items():
         missing_samples = [
-            int(sample) for sample in parameters.index if sample not in jobs_of_bench
+            int(sample) for sample in samples["sample"] if sample not in jobs_by_sample
         ]
         if missing_samples:
             raise InputError(
-                f"jobs of the {name}",
+                f"jobs of the {bench_test}",
                 key="samples without a file",
                 value=missing_samples,
                 allowed="one file a sample",
@@ -278,8 +290,12 @@ def _check_parameters(job: Job, parameters: pd.Series, path: object) -> None:
         value = job["parameters"].get(name)
         # Treat a missing value or a text as NaN, which fails the comparison.
         number = value if isinstance(value, int | float) else math.nan
-        # The numbers of the file and of the table may be rounded differently.
-        if not math.isclose(number, expected, rel_tol=1e-6, abs_tol=1e-9):
+        if not math.isclose(
+            number,
+            expected,
+            rel_tol=PARAMETER_RELATIVE_TOLERANCE,
+            abs_tol=PARAMETER_TOLERANCE,
+        ):
             raise InputError(
                 path,
                 key=f"parameters.{name}",
@@ -296,7 +312,7 @@ def read_job(path: StrPath, targets: Targets) -> tuple[Job, str]:
     path : path
         The file.
     targets : Targets
-        Their responses must be in every good run.
+        Each good run must have the responses of the targets in the job's bench test.
 
     Returns
     -------
@@ -312,44 +328,65 @@ def read_job(path: StrPath, targets: Targets) -> tuple[Job, str]:
     """
     keys = {"sample": int, "parameters": dict, "runs": list}
     job = read_json(path, keys, "a job's JSON file")
-    apparatus = job.get("apparatus", UNNAMED)
-    if apparatus not in targets.apparatus:
+    bench_test = job.get("apparatus", UNNAMED)
+    if bench_test not in targets.apparatus:
         raise InputError(
             path,
             key="apparatus",
-            value=apparatus,
+            value=bench_test,
             allowed=f"a bench test of the targets, {', '.join(targets.apparatus)}",
         )
     if not job["runs"]:
         raise InputError(path, key="runs", value=[], allowed="at least one run")
 
     # The statuses that a run may have depend on its bench test.
-    if apparatus == OWN_BENCH:
+    if bench_test == OWN_BENCH:
         statuses: tuple[str, ...] = RUN_STATUSES
     else:
-        statuses = bench(apparatus, path).statuses
-    bench_targets = _select_targets(targets, apparatus)
+        statuses = bench(bench_test, path).statuses
     for position, run in enumerate(job["runs"]):
-        key = f"runs[{position}]"
-        # In a damaged file, an entry may be something else than a run.
-        status = run.get("status") if isinstance(run, dict) else run
-        if not isinstance(run, dict) or status not in statuses:
-            raise InputError(
-                path, key=f"{key}.status", value=status, allowed=", ".join(statuses)
-            )
+        run_key = f"runs[{position}]"
+        _check_status(run, run_key, statuses=statuses, path=path)
         # Only a good run must have the responses.
-        if status == "ok":
-            for target in bench_targets:
-                _check_response(run, key, target=target, path=path)
+        if run["status"] == "ok":
+            for target in _select_targets(targets, bench_test):
+                _check_response(run, run_key, target=target, path=path)
+    _check_seeds(job["runs"], path)
+    return job, bench_test
 
+
+def _check_status(
+    run: object, run_key: str, statuses: Sequence[str], path: object
+) -> None:
+    """Refuse a run with an unknown status, or an entry of a file that is no run.
+
+    Parameters
+    ----------
+    run : object
+        The entry of the file, which should be a mapping with a `status`.
+    run_key : str
+        Key of the entry in its file, for the message.
+    statuses : sequence of str
+        The statuses that a run may have.
+    path : path
+        File of the job, for the message.
+    """
+    status = run.get("status") if isinstance(run, dict) else run
+    if not isinstance(run, dict) or status not in statuses:
+        raise InputError(
+            path, key=f"{run_key}.status", value=status, allowed=", ".join(statuses)
+        )
+
+
+def _check_seeds(runs: Sequence[Mapping[str, Any]], path: object) -> None:
+    """Refuse runs without a seed, and runs with the same seed."""
+    seeds = [run.get("seed") for run in runs]
     # Compare seeds as texts, since a damaged seed may be of any type.
-    seeds = [run.get("seed") for run in job["runs"]]
     has_repeated_seed = len(set(map(str, seeds))) < len(seeds)
     if None in seeds or has_repeated_seed:
         raise InputError(
             path, key="seed", value=seeds, allowed="a seed for each run, and none twice"
         )
-    return job, apparatus
 
 
 def _check_response(
@@ -388,10 +425,10 @@ def _select_targets(targets: Targets, apparatus: str) -> tuple[Target, ...]:
 
 
 def _merge_summaries(summaries: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
-    """Merge the summaries of a sample, one of each bench test, into one row.
+    """Merge the summaries of a sample, one for each bench test, into one row.
 
     The status is that of the first bench test that failed. The number of runs is the
-    fewest of a bench test.
+    smallest one of all bench tests.
 
     Parameters
     ----------
@@ -408,16 +445,16 @@ def _merge_summaries(summaries: Mapping[str, dict[str, Any]]) -> dict[str, Any]:
         return summary
 
     merged: dict[str, Any] = {}
-    status = "ok"
+    statuses = []
     reasons = []
-    for name, summary in summaries.items():
+    for bench_test, summary in summaries.items():
         merged |= summary
-        if status == "ok":
-            status = summary["status"]
+        statuses.append(summary["status"])
         if summary["reason"]:
-            reasons.append(f"{name}: {summary['reason']}")
-    # Every summary has these three columns, so merging would keep only the last ones.
-    merged["status"] = status
+            reasons.append(f"{bench_test}: {summary['reason']}")
+    # Every summary has these three columns. Without the following lines, those of the
+    # last bench test would remain.
+    merged["status"] = next((status for status in statuses if status != "ok"), "ok")
     merged["reason"] = "; ".join(reasons)
     merged["n_seeds"] = min(summary["n_seeds"] for summary in summaries.values())
     return merged
@@ -446,12 +483,11 @@ def _tabulate_runs(
     if len(targets.apparatus) > 1:
         columns.append("apparatus")
     columns += [*RUN_COLUMNS, *targets.names]
-    for name in targets.apparatus:
-        columns += list_recorded_columns(name, targets).single
-    unique_columns = list(dict.fromkeys(columns))
+    for bench_test in targets.apparatus:
+        columns += list_recorded_columns(bench_test, targets).single
 
     rows = []
-    for sample, name in product(samples, targets.apparatus):
-        for run in jobs[name][sample]["runs"]:
-            rows.append({"sample": sample, "apparatus": name, **run})
-    return pd.DataFrame(rows, columns=unique_columns)
+    for sample, bench_test in product(samples, targets.apparatus):
+        for run in jobs[bench_test][sample]["runs"]:
+            rows.append({"sample": sample, "apparatus": bench_test, **run})
+    return pd.DataFrame(rows, columns=_drop_repeated(columns))
