@@ -20,6 +20,7 @@ from repose.common.numbers import format_significant, format_with_error
 STRONG_CORRELATION = 0.5
 # Keys of the grain that a comparison shows.
 COMPARED_GRAIN_KEYS = ("mean_axes_mm", "density_kg_m3", "shear_modulus_pa", "shape")
+N_COLUMNS = 3  # of a comparison: a name, and the texts of both cards
 Card = Mapping[str, Any]
 
 
@@ -74,31 +75,42 @@ def describe_card(card: Card) -> str:
     if "reason" in card:
         lines.append(card["reason"])
     lines += _describe_subject(card)
+    lines += _describe_parameters(card)
+    lines += _describe_tests(card)
+    lines.append(_describe_maker(card["made_by"]))
+    return "\n".join(lines)
 
-    # List each parameter with its interval and its meaning.
-    lines.append(f"parameters [{_describe_interval_kind(card)}]:")
+
+def _describe_parameters(card: Card) -> Iterator[str]:
+    """Describe each parameter with its interval and its meaning, line by line."""
+    yield f"parameters [{_describe_interval_kind(card)}]:"
     for name, parameter in card["parameters"].items():
         meaning = add_remark(parameter["meaning"], parameter)
-        lines.append(f"  {name:7} {_format_interval(parameter):32} {meaning}")
+        yield f"  {name:7} {_format_interval(parameter):32} {meaning}"
     if "near_bounds" in card:
-        lines.append(f"{NEAR_BOUNDS_INTRODUCTION}: {'; '.join(card['near_bounds'])}")
-    lines.append(f"correlations of 0.5 and more: {_list_strong_correlations(card)}")
+        yield f"{NEAR_BOUNDS_INTRODUCTION}: {'; '.join(card['near_bounds'])}"
+    yield (
+        f"correlations of {STRONG_CORRELATION:g} and more: "
+        f"{_list_strong_correlations(card)}"
+    )
 
-    lines.append("tests:")
+
+def _describe_tests(card: Card) -> Iterator[str]:
+    """Describe all tests of a card, and how well they are met together, line by line."""
+    yield "tests:"
     for test in card["tests"]:
-        lines += [f"  {line}" for line in _describe_test(test)]
-    lines.append(f"  {describe_differences(map(_read_check, card['tests']))}")
+        for line in _describe_test(test):
+            yield f"  {line}"
+    yield f"  {describe_differences(map(_read_check, card['tests']))}"
     # The probability is unknown with too few runs.
     for percent, probability in card["within"].items():
         if probability is None:
             text = "unknown; it requires two good runs of each bench test"
         else:
             text = f"{probability:.2f}"
-        lines.append(f"  all within {percent}: probability {text}")
-    for name, settings in _collect_bench_settings(card).items():
-        lines.append(f"  {name}: {_format_settings(settings)}")
-    lines.append(_describe_maker(card["made_by"]))
-    return "\n".join(lines)
+        yield f"  all within {percent}: probability {text}"
+    for bench_test, settings in _collect_bench_settings(card).items():
+        yield f"  {bench_test}: {_format_settings(settings)}"
 
 
 def _describe_interval_kind(card: Card) -> str:
@@ -121,7 +133,18 @@ def _describe_subject(card: Card) -> Iterator[str]:
             yield f"probability that the simulator's means lie {probability}"
         return
 
-    grain = card["grain"]
+    yield from _describe_grain(card["grain"])
+    yield f"wall: {_format_moduli(card['wall'])}"
+    yield "contact laws:"
+    for direction, sentence in card["laws"].items():
+        yield f"  {direction}: {sentence}"
+
+
+def _describe_grain(grain: Card) -> Iterator[str]:
+    """Describe size, shape, mass and material of the simulated grain, line by line.
+
+    `grain` is the section `grain` of a card.
+    """
     axes = " x ".join(format_significant(axis) for axis in grain["mean_axes_mm"])
     if grain["measured"] == 1:
         sizes = "mean axes only"
@@ -129,15 +152,11 @@ def _describe_subject(card: Card) -> Iterator[str]:
         sizes = f"mean of {grain['measured']}"
     if grain["relative_spread"]:
         sizes += f", spread {format_significant(100 * grain['relative_spread'], 2)} %"
-    yield (
-        f"grain: {axes} mm ({sizes}), {grain['shape']}, "
-        f"{format_significant(grain['volume_mm3'])} mm3, {format_significant(grain['mass_g'])} g"
-    )
-    yield f"  density {format_significant(grain['density_kg_m3'])} kg/m3, {_format_moduli(grain)}"
-    yield f"wall: {_format_moduli(card['wall'])}"
-    yield "contact laws:"
-    for direction, sentence in card["laws"].items():
-        yield f"  {direction}: {sentence}"
+    volume = format_significant(grain["volume_mm3"])
+    mass = format_significant(grain["mass_g"])
+    yield f"grain: {axes} mm ({sizes}), {grain['shape']}, {volume} mm3, {mass} g"
+    density = format_significant(grain["density_kg_m3"])
+    yield f"  density {density} kg/m3, {_format_moduli(grain)}"
 
 
 def _list_strong_correlations(card: Card) -> str:
@@ -166,12 +185,14 @@ def _describe_test(test: Card) -> Iterator[str]:
     test : mapping
         An entry of `tests` in a card.
     """
+    measured = format_significant(test["measured"])
+    sd = format_significant(test["sd"], 2)
     simulated = _format_mean(test["simulated"], test["standard_error"])
     if test["simulated"] is not None:
         simulated += f" {test['unit']}"
     yield (
-        f"{test['response']} ({test['apparatus']}): measured {format_significant(test['measured'])} "
-        f"(sd {format_significant(test['sd'], 2)}, {test['repetitions']} repetitions), "
+        f"{test['response']} ({test['apparatus']}): measured {measured} "
+        f"(sd {sd}, {test['repetitions']} repetitions), "
         f"target {test['low']:g} to {test['high']:g}, "
         f"simulated {simulated} (runs: {test['runs']}): {get_verdict(test)}"
     )
@@ -179,27 +200,38 @@ def _describe_test(test: Card) -> Iterator[str]:
     # Compare the surrogate's prediction with the simulation, if there is one.
     check = _read_check(test)
     if check.predicted is not None and check.error_percent is not None:
+        predicted = format_significant(check.predicted)
         optimism = f" ({check.optimism_clause})" if check.optimism_clause else ""
         yield (
-            f"  predicted {format_significant(check.predicted)}{optimism}, {check.error_percent:.1f} % "
+            f"  predicted {predicted}{optimism}, {check.error_percent:.1f} % "
             "off the simulated"
         )
 
-    definition = test["definition"]
-    definition_text = f"  definition: {definition['name'] or 'not stated'}"
-    if definition["settings"]:
-        definition_text += f"; {_format_settings(definition['settings'])}"
-    yield definition_text
+    yield f"  definition: {_format_definition(test['definition'])}"
     if "reach" in test:
         yield f"  {test['reach']['sentence']}"
     if "definitions" in test:
-        means_by_line = []
-        for other_definition in test["definitions"].values():
-            mean = _format_mean(
-                other_definition["simulated"], other_definition["standard_error"]
-            )
-            means_by_line.append(f"{other_definition['line']}: {mean}")
-        yield f"  the same piles by every line, {test['unit']}: {'; '.join(means_by_line)}"
+        angles = _format_angles(test["definitions"])
+        yield f"  the same piles by every line, {test['unit']}: {angles}"
+
+
+def _format_definition(definition: Card) -> str:
+    """Write the name of a response's definition, and its settings if it has any."""
+    name = definition["name"] or "not stated"
+    settings = definition["settings"]
+    return f"{name}; {_format_settings(settings)}" if settings else name
+
+
+def _format_angles(definitions: Card) -> str:
+    """Write the mean angle of piles by each definition, after the line that defines it.
+
+    `definitions` has the line, the mean and its standard error by definition.
+    """
+    texts = []
+    for angle in definitions.values():
+        mean = _format_mean(angle["simulated"], angle["standard_error"])
+        texts.append(f"{angle['line']}: {mean}")
+    return "; ".join(texts)
 
 
 def _describe_maker(made_by: Card) -> str:
@@ -229,7 +261,7 @@ def compare_cards(first: Card, second: Card) -> str:
         each difference of the studies, since such a difference can forbid to compare the
         parameters.
     """
-    # A row has a name, and then the texts of the first and the second card.
+    # A row has a name, the texts of the first and the second card, and perhaps a note.
     rows = [["", first["material"], second["material"]]]
     for name in first["parameters"] | second["parameters"]:
         rows.append(_format_parameter_row(name, first, second))
@@ -253,7 +285,10 @@ def compare_cards(first: Card, second: Card) -> str:
 
 
 def _format_parameter_row(name: str, first: Card, second: Card) -> list[str]:
-    """Write the values of a parameter in two cards; `-` if a card lacks it."""
+    """Write the values of a parameter in two cards, with a note if they are far apart.
+
+    The text is `-` if a card lacks the parameter.
+    """
     parameter = first["parameters"].get(name)
     other_parameter = second["parameters"].get(name)
     row = [
@@ -267,11 +302,18 @@ def _format_parameter_row(name: str, first: Card, second: Card) -> list[str]:
 
 
 def _align_columns(rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Write rows of three cells and a note in columns."""
-    widths = [max(len(row[k]) for row in rows) for k in range(3)]
+    """Write rows in columns, line by line.
+
+    A row has `N_COLUMNS` cells. A further cell is a note, whose length does not
+    matter.
+    """
+    widths = [max(len(row[column]) for row in rows) for column in range(N_COLUMNS)]
     for row in rows:
-        cells = [f"{cell:{width}}" for cell, width in zip(row, widths, strict=False)]
-        yield "  ".join([*cells, *row[3:]]).rstrip()
+        cells = [
+            f"{cell:{width}}"
+            for cell, width in zip(row[:N_COLUMNS], widths, strict=True)
+        ]
+        yield "  ".join([*cells, *row[N_COLUMNS:]]).rstrip()
 
 
 def _describe_differences(first: Card, second: Card) -> Iterator[str]:
