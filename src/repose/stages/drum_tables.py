@@ -52,8 +52,8 @@ def run_job(
 ) -> list[dict[str, Any]]:
     """Run the drum once with each seed, and save and measure each run.
 
-    A run writes OUT/drum_SEED.npz with all frames first, and OUT/drum_SEED.json last. A
-    JSON file therefore marks a complete run.
+    Each run has two files: OUT/drum_SEED.npz has all frames, and OUT/drum_SEED.json is
+    written after it. A JSON file therefore marks a complete run.
 
     Parameters
     ----------
@@ -135,12 +135,13 @@ def write_tables(
         runs.append(_measure_run(record, path, scene))
         path_of_seed[seed] = path
 
+    out = Path(out_dir)
     tables_by_name = make_tables(runs)
     for name, table in tables_by_name.items():
-        write_table(Path(out_dir) / f"{name}.csv", table)
-    median_path = path_of_seed[choose_median_run(tables_by_name["runs"])]
-    median_frames = read_npz(median_path.with_suffix(".npz"), (), EXPECTED_FILES)
-    write_npz(Path(out_dir) / "median.npz", median_frames)
+        write_table(out / f"{name}.csv", table)
+    median_seed = choose_median_run(tables_by_name["runs"])
+    median_npz = path_of_seed[median_seed].with_suffix(".npz")
+    write_npz(out / "median.npz", read_npz(median_npz, (), EXPECTED_FILES))
     return tables_by_name
 
 
@@ -167,7 +168,17 @@ def choose_median_run(runs: "pd.DataFrame") -> int:
 
 
 def _measure_run(record: Mapping[str, Any], path: Path, scene: Scene) -> MeasuredRun:
-    """Measure a run by the frames beside its JSON file."""
+    """Measure a run by the frames beside its JSON file.
+
+    Parameters
+    ----------
+    record : mapping
+        The record of the run.
+    path : Path
+        Its JSON file.
+    scene : Scene
+        The drum and the grains.
+    """
     test = DrumTest()
     frames = read_npz(
         path.with_suffix(".npz"), _list_required_arrays(record), EXPECTED_FILES
@@ -193,15 +204,13 @@ def _list_required_arrays(run: Mapping[str, Any]) -> tuple[str, ...]:
     return tuple(names)
 
 
-def make_tables(
-    runs: Sequence[tuple[Mapping[str, Any], Mapping[str, np.ndarray]]],
-) -> "dict[str, pd.DataFrame]":
+def make_tables(runs: Sequence[MeasuredRun]) -> "dict[str, pd.DataFrame]":
     """Arrange measured runs of the drum in tables.
 
     Parameters
     ----------
     runs : sequence of MeasuredRun
-        The numbers of each run, and its arrays by name.
+        The runs, each with a seed of its own.
 
     Returns
     -------
@@ -214,12 +223,12 @@ def make_tables(
 
     records = {}
     profiles = {}
-    for run, arrays in runs:
-        seed = run["seed"]
-        record = {key: arrays[key] for key in RECORD_COLUMNS}
-        records[seed] = pd.DataFrame(record)
-        profiles[seed] = pd.DataFrame(arrays["profile"], columns=PROFILE_COLUMNS)
-    run_table = pd.DataFrame([run for run, _ in runs])
+    for run in runs:
+        seed = run.record["seed"]
+        columns = {key: run.arrays[key] for key in RECORD_COLUMNS}
+        records[seed] = pd.DataFrame(columns)
+        profiles[seed] = pd.DataFrame(run.arrays["profile"], columns=PROFILE_COLUMNS)
+    run_table = pd.DataFrame([run.record for run in runs])
     return {
         "runs": run_table,
         "summary": average_quantities(run_table),
@@ -254,20 +263,31 @@ def average_quantities(runs: "pd.DataFrame") -> "pd.DataFrame":
 
     quantities = pd.read_csv(QUANTITIES_FILE)
     rows = []
-    for key, quantity in quantities.itertuples(index=False):
+    for key, quantity in zip(quantities["key"], quantities["quantity"], strict=True):
         values = np.zeros(0)
         if key in runs:
             values = runs[key].dropna().to_numpy(float)
-        n_runs = len(values)
-        row = dict.fromkeys(SUMMARY_COLUMNS, np.nan)
-        row |= {"quantity": quantity, "key": key, "runs": n_runs}
-        if n_runs > 0:
-            row |= {
-                "mean": values.mean(),
-                "lowest": values.min(),
-                "highest": values.max(),
-            }
-        if n_runs > 1:
-            row["standard_error"] = values.std(ddof=1) / np.sqrt(n_runs)
-        rows.append(row)
+        rows.append({"quantity": quantity, "key": key, **_average(values)})
     return pd.DataFrame(rows, columns=SUMMARY_COLUMNS)
+
+
+def _average(values: np.ndarray) -> dict[str, float]:
+    """Average the values (n,) of a quantity, one for each run that has it.
+
+    Returns
+    -------
+    dict
+        Mean, standard error, lowest and highest value, and the number of runs, by column
+        of the summary. Columns that cannot be computed from so few runs are left out.
+    """
+    n_runs = len(values)
+    averages: dict[str, float] = {"runs": n_runs}
+    if n_runs > 0:
+        averages |= {
+            "mean": values.mean(),
+            "lowest": values.min(),
+            "highest": values.max(),
+        }
+    if n_runs > 1:
+        averages["standard_error"] = values.std(ddof=1) / np.sqrt(n_runs)
+    return averages
