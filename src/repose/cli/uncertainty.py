@@ -138,4 +138,4 @@ def next(args: argparse.Namespace, study: PipelineConfig) -> None:
         targets=study.targets,
         discrepancy_percent=study.settings.posterior.discrepancy_percent,
     )
-    print(next_measurement.message(table))
+    print(next_measurement.format_ranking(table))

@@ -2,9 +2,10 @@
 
 Parameter sets are drawn from the posterior, and each is simulated a few times in every
 bench test of the configuration. A response that differs more between these sets than from
-run to run separates them. Between plausible sets it has the variance tau^2, its mean over
-n repetitions the error s^2 = sigma^2 / n + d^2, with the scatter sigma^2 of a run and the
-discrepancy d of the simulator. For normal variables the information is
+run to run separates them. The variance of its true mean between the sets is tau^2. The
+mean of n repetitions has the error variance s^2 = sigma^2 / n + d^2, with the variance
+sigma^2 of a single run and the discrepancy d of the simulator. For normal variables the
+information is
 
     bits = 1/2 log2(1 + tau^2 / s^2)
 
@@ -46,6 +47,8 @@ COLUMNS = [
 ]
 # Fewest sets that must have two runs with a response.
 FEWEST_SETS = 4
+# A correlation of 1 would give infinite information, so a larger one is set to this.
+LARGEST_CORRELATION = 1 - 1e-12
 
 
 def draw_plausible_sets(draws_csv: StrPath, seed: int, out: StrPath) -> pd.DataFrame:
@@ -115,7 +118,7 @@ def rank_responses(
     """
     rows = []
     groups = runs.groupby(["apparatus", "response"], sort=False)
-    for (apparatus, response), response_runs in groups:
+    for (bench_test, response), response_runs in groups:
         has_several_runs = response_runs.groupby("sample").size() > 1
         if has_several_runs.sum() < FEWEST_SETS:
             continue
@@ -127,21 +130,17 @@ def rank_responses(
         # A response that never varies has no scatter, and would divide by 0.
         if not error_variance > 0:
             continue
-
-        # The variance between the sets follows from the intraclass correlation. The ends
-        # of its confidence interval give those of the information.
-        correlations = np.array([variances.icc, variances.icc_low, variances.icc_high])
-        # An estimate below 0 means 0. A correlation of 1 would give infinite
-        # information, so the largest value is just below 1.
-        correlations = correlations.clip(0, 1 - 1e-12)
-        between_variances = variances.within * correlations / (1 - correlations)
-        # Information of a normal variable that is measured with a normal error
-        signal_to_noise = between_variances / error_variance
-        bits, bits_low, bits_high = 0.5 * np.log2(1 + signal_to_noise)
+        # The intraclass correlation has an interval, whose ends give those of the
+        # information.
+        bits, bits_low, bits_high = _compute_information(
+            np.array([variances.icc, variances.icc_low, variances.icc_high]),
+            run_variance=variances.within,
+            error_variance=error_variance,
+        )
         rows.append(
             {
                 "response": response,
-                "apparatus": apparatus,
+                "apparatus": bench_test,
                 "mean": variances.mean,
                 "sd_between_sets": np.sqrt(variances.between),
                 "sd_of_a_run": np.sqrt(variances.within),
@@ -164,8 +163,40 @@ def rank_responses(
     return table.sort_values("bits", ascending=False, kind="stable", ignore_index=True)
 
 
+def _compute_information(
+    correlations: np.ndarray, run_variance: float, error_variance: float
+) -> np.ndarray:
+    """Compute the information that the measurement of a response would add.
+
+    Parameters
+    ----------
+    correlations : ndarray
+        Intraclass correlations (n,) of the response: the variance between the parameter
+        sets as a share of the variance of all runs. An estimate below 0 counts as 0.
+    run_variance : float
+        Variance of the runs of one parameter set.
+    error_variance : float
+        Variance of the difference between a measurement and the simulator.
+
+    Returns
+    -------
+    ndarray
+        The information (n,) in bits, for each correlation.
+    """
+    shares = correlations.clip(0, LARGEST_CORRELATION)
+    between_variances = run_variance * shares / (1 - shares)
+    # Information of a normal variable that is measured with a normal error
+    return 0.5 * np.log2(1 + between_variances / error_variance)
+
+
 def list_all_responses() -> list[dict[str, str]]:
-    """List the responses of all bench tests as targets of a scene, to measure them all."""
+    """List the responses of all bench tests as targets of a scene, to measure them all.
+
+    Returns
+    -------
+    list of dict
+        `response` and `apparatus` of each, as in the section `targets`.
+    """
     entries = []
     for test in bench_tests():
         for response in test.responses:
@@ -204,10 +235,44 @@ def write_ranking(
     pandas.DataFrame
         The content of next.csv.
     """
-    # Measure all responses of each saved run.
+    runs = _measure_responses(pours, scene, Path(out_dir))
+    # Leave out what is measured already. One measurement of a pile gives its angle by
+    # every definition.
+    known_responses = set(targets.names)
+    if CALIBRATED_ANGLE in known_responses:
+        known_responses.update(MEAN_KEYS.values())
+    new_runs = runs[~runs["response"].isin(known_responses)]
+
+    # Assume that a further response would be measured as often as the present targets.
+    repetitions = round(np.mean([target.repetitions for target in targets]))
+    table = rank_responses(new_runs, repetitions, discrepancy_percent)
+    write_table(Path(out_dir) / "next.csv", table, float_format="%.6g")
+    return table
+
+
+def _measure_responses(
+    pours: Iterable[StrPath], scene: Scene, out: Path
+) -> pd.DataFrame:
+    """Measure all responses of saved runs, and write the measured jobs.
+
+    Parameters
+    ----------
+    pours : iterable of path
+        Saved jobs. Each job is written into a folder with the name of its own folder.
+    scene : Scene
+        The scene, whose targets are `list_all_responses`.
+    out : Path
+        Folder for the measured jobs.
+
+    Returns
+    -------
+    pandas.DataFrame
+        A row for each run and response that could be measured: `apparatus`, `sample`,
+        `response` and `value`.
+    """
     rows = []
     for path in map(Path, pours):
-        job = measure_job(scene, path, Path(out_dir) / path.parent.name)
+        job = measure_job(scene, path, out / path.parent.name)
         test = bench_of(job, path)
         for run in job["runs"]:
             for response in list_responses(test.name):
@@ -219,23 +284,11 @@ def write_ranking(
                         "value": response.of(run),
                     }
                 )
-    runs = pd.DataFrame(rows).dropna(subset="value")
-
-    # Leave out what is measured already. One measurement of a pile gives its angle by
-    # every definition.
-    known_responses = set(targets.names)
-    if CALIBRATED_ANGLE in known_responses:
-        known_responses.update(MEAN_KEYS.values())
-    new_runs = runs[~runs["response"].isin(known_responses)]
-
-    repetitions = round(np.mean([target.repetitions for target in targets]))
-    table = rank_responses(new_runs, repetitions, discrepancy_percent)
-    write_table(Path(out_dir) / "next.csv", table, float_format="%.6g")
-    return table
+    return pd.DataFrame(rows).dropna(subset="value")
 
 
-def message(table: pd.DataFrame) -> str:
-    """Write the table in lines, the most informative response first."""
+def format_ranking(table: pd.DataFrame) -> str:
+    """Write the ranking of `write_ranking` in lines for the terminal."""
     lines = ["Information that one more response would add, in bits:"]
     for row in table.itertuples():
         lines.append(
