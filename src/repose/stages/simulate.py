@@ -14,7 +14,7 @@ import signal
 import subprocess
 import sys
 import traceback
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from math import isqrt
 from pathlib import Path
@@ -174,7 +174,7 @@ def read_template(path: StrPath) -> str:
 
 
 def deck_name(template: StrPath) -> str:
-    """Return the name of the deck: the name of its template without the last ending."""
+    """Return the name of a deck, which is that of its template without an ending as `.j2`."""
     path = Path(template)
     return path.stem if path.suffix in TEMPLATE_ENDINGS else path.name
 
@@ -259,9 +259,21 @@ def _find_faults(
     for name in missing_files:
         key = "simulator.template" if name == settings.template else "simulator.files"
         yield YamlError(source, key=key, value=name, allowed=EXPECTED_FILE)
-    yield from _find_file_faults(settings, source)
+    yield from _find_equal_file_names(settings, source)
 
-    # A parameter must not have the name of a number of the run.
+    yield from _find_reserved_names(parameters, source)
+    # A missing template was reported above, and cannot be read.
+    if settings.template not in missing_files:
+        yield from _find_name_faults(
+            settings, parameters, source=source, fixed_names=fixed_names
+        )
+    yield from _find_unknown_targets(settings, targets, source)
+
+
+def _find_reserved_names(
+    parameters: Iterable[str], source: str
+) -> Iterator[InputError]:
+    """Find parameters that have the name of a number of the run, such as its seed."""
     reserved_names = ", ".join(RUN_VARIABLES)
     for name in RUN_VARIABLES:
         if name in parameters:
@@ -272,29 +284,34 @@ def _find_faults(
                 allowed=f"another name: {reserved_names} are numbers of the run itself",
             )
 
-    # A missing template was reported above, and cannot be read.
-    if settings.template not in missing_files:
-        yield from _find_name_faults(
-            settings, parameters, source=source, fixed_names=fixed_names
-        )
 
-    # Without a table of responses, all of them come from the pile of particles.
-    if settings.output is None:
-        pile_responses = list_pile_responses()
-        for name in targets:
-            if name not in pile_responses:
-                yield YamlError(
-                    source,
-                    key=f"targets.{name}",
-                    value=name,
-                    allowed=(
-                        f"one of {', '.join(pile_responses)}, which a file of particles "
-                        "gives, or `simulator.output` with the table that has it"
-                    ),
-                )
+def _find_unknown_targets(
+    settings: SimulatorSettings, targets: Iterable[str], source: str
+) -> Iterator[InputError]:
+    """Find targets whose response no file of a run gives.
+
+    A table of responses may have any column. Without this table, all responses come from
+    the pile of particles.
+    """
+    if settings.output is not None:
+        return
+    pile_responses = list_pile_responses()
+    for name in targets:
+        if name not in pile_responses:
+            yield YamlError(
+                source,
+                key=f"targets.{name}",
+                value=name,
+                allowed=(
+                    f"one of {', '.join(pile_responses)}, which a file of particles "
+                    "gives, or `simulator.output` with the table that has it"
+                ),
+            )
 
 
-def _find_file_faults(settings: SimulatorSettings, source: str) -> Iterator[InputError]:
+def _find_equal_file_names(
+    settings: SimulatorSettings, source: str
+) -> Iterator[InputError]:
     """Find files that would have the same name in the folder of a run.
 
     Yields
@@ -348,13 +365,13 @@ def _find_name_faults(
     """
     known_names = (*parameters, *RUN_VARIABLES)
     used_names: set[str] = set()
-    for source_of_text, text in _read_templates(settings, source).items():
-        names_in_text = find_template_names(text, source_of_text)
+    for place, text in _read_templates(settings, source).items():
+        names_in_text = find_template_names(text, place)
         used_names |= names_in_text
         unknown_names = sorted(names_in_text.difference(known_names))
         for name in unknown_names:
             yield InputError(
-                source_of_text,
+                place,
                 key="name",
                 value=name,
                 allowed=f"one of {', '.join(known_names)}",
@@ -362,7 +379,7 @@ def _find_name_faults(
         # If all names are known, fill the text to test whether its expressions can be
         # computed.
         if not unknown_names:
-            yield from _try_to_fill(text, parameters, source_of_text)
+            yield from _try_to_fill(text, parameters, place)
     # Without a template the program reads all parameters from a file, so none is unused.
     if settings.template is None:
         return
@@ -393,11 +410,14 @@ def _read_templates(settings: SimulatorSettings, source: str) -> dict[str, str]:
 
 
 def _try_to_fill(
-    text: str, parameters: Mapping[str, float], source: str
+    text: str, parameters: Mapping[str, float], place: str
 ) -> Iterator[InputError]:
-    """Fill a template for a first run on trial, and yield the fault if this fails."""
+    """Fill a template on trial, and yield the fault if this fails.
+
+    `place` says where the text is, for the message. All numbers of the run are 1.
+    """
     try:
-        fill_template(text, {**parameters, **dict.fromkeys(RUN_VARIABLES, 1)}, source)
+        fill_template(text, {**parameters, **dict.fromkeys(RUN_VARIABLES, 1)}, place)
     except InputError as error:
         yield error
 
@@ -450,7 +470,7 @@ def run_once(
 ) -> dict[str, Any]:
     """Run the program once, and write the record of the run.
 
-    If a good run with the same inputs exists, its result is used instead.
+    If a good run with the same inputs exists, its files are used again.
 
     Parameters
     ----------
@@ -515,7 +535,8 @@ def _collect_inputs(
     -------
     dict
         The filled command and deck, the path of the program, the values, the hash of
-        each file by its name, and the names of the files that are read or kept.
+        each file by its name, and the names of the files that are read or kept. The run
+        is made again if one of these changes.
 
     Raises
     ------
@@ -629,8 +650,8 @@ def _run_in_folder(
 ) -> Ending:
     """Run the program in a temporary folder, and rename this folder at the end.
 
-    A folder with the final name is therefore complete. An existing folder with this
-    name is replaced.
+    A folder with the final name is therefore always complete. If there is one already,
+    it is replaced.
 
     Parameters
     ----------
@@ -650,6 +671,7 @@ def _run_in_folder(
     shutil.rmtree(work_folder, ignore_errors=True)
     work_folder.mkdir(parents=True)
     _write_inputs(settings, inputs, work_folder)
+    # The first part of the command is the program, which is called by its path.
     command = [inputs["program"], *inputs["command"][1:]]
     ending = _call_program(command, work_folder, settings)
     # The program may have removed its own folder. The run then has no files.
@@ -658,12 +680,12 @@ def _run_in_folder(
         ending = _check_outputs(settings, work_folder)
 
     _remove_unlisted_files(work_folder, settings)
-    # The hash of its inputs lets a later call use this run again. A failed run gets none,
-    # because the user may repair the cause.
     if ending.status == OK:
-        (work_folder / INPUT_HASH_FILE).write_text(
-            json.dumps(_hash_inputs(inputs)), encoding="utf-8"
-        )
+        # The hash of its inputs lets a later call use this run again. A failed run gets
+        # none, because the user may repair the cause.
+        input_hash = json.dumps(_hash_inputs(inputs))
+        (work_folder / INPUT_HASH_FILE).write_text(input_hash, encoding="utf-8")
+        # The ledger shows later whether a file that is read has changed since the run.
         for name in settings.files_read:
             final_name = f"{folder.name}/{name}"
             ledger.list_file_below(folder.parent, final_name, source=work_folder / name)
@@ -767,12 +789,14 @@ def _call_program(
             raise
     if process.returncode == 0:
         return Ending(OK)
-    cause = f"exit status {process.returncode}"
+    reason = f"exit status {process.returncode}"
     # A negative status is the negated number of the signal that ended the program.
     if process.returncode < 0:
-        cause = f"ended by {signal.Signals(-process.returncode).name}"
+        reason = f"ended by {signal.Signals(-process.returncode).name}"
     last_line = _read_last_line(work_folder / PRINTED_FILE)
-    return Ending("exit_status", f"{cause}: {last_line}" if last_line else cause)
+    if last_line:
+        reason += f": {last_line}"
+    return Ending("exit_status", reason)
 
 
 @contextmanager

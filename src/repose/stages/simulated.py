@@ -24,6 +24,9 @@ from repose.stages.simulate import MAX_REASON_LENGTH, Ending, find_file_fault
 if TYPE_CHECKING:
     from repose.measure.settings import MeasureSettings
 
+# Entries in the record of a run that describe its sample.
+DESCRIPTION_KEYS = ("apparatus", "sample", "parameters")
+
 
 def list_record_files(entries: Iterable[str]) -> dict[Path, list[Path]]:
     """List the records of runs by the folder of their sample.
@@ -31,7 +34,7 @@ def list_record_files(entries: Iterable[str]) -> dict[Path, list[Path]]:
     Parameters
     ----------
     entries : iterable of str
-        FOLDER=COUNT: the folder of a sample, with the number of its runs.
+        An entry FOLDER=COUNT has the folder of a sample and the number of its runs.
 
     Returns
     -------
@@ -89,21 +92,23 @@ def measure_sample(
     """
     keys = {"sample": int, "run": int, "seed": int, "parameters": dict, "status": str}
     runs = []
-    job: dict[str, Any] = {}
+    description: dict[str, Any] = {}
     for path in map(Path, records):
         record = read_json(path, keys, "the record of a run")
-        # All runs of a sample agree in these three entries.
-        job = {name: record[name] for name in ("apparatus", "sample", "parameters")}
+        # These entries are the same for all runs of a sample.
+        description = {key: record[key] for key in DESCRIPTION_KEYS}
         ending = Ending(record["status"], record["reason"])
         numbers: dict[str, float | None] = dict.fromkeys(responses)
         # A run that failed has no files to read.
         if ending.status == OK:
+            # The folder of a run has the name of its record without the ending.
             folder = path.with_suffix("")
             ending, numbers = read_responses(folder, settings, responses, measure)
         runs.append({"seed": record["seed"], **ending._asdict(), **numbers})
+
     names = tuple(responses)
     summary = summarise_runs(runs, Recorded(means=names, single=names))
-    job |= {"summary": summary, "runs": runs}
+    job = description | {"summary": summary, "runs": runs}
     write_json(out_json, job)
     return job
 
@@ -146,36 +151,56 @@ def read_responses(
         if fault is not None:
             raise fault
 
-    # The file of particles comes first, so that the table may overwrite its responses.
     no_numbers: dict[str, float | None] = dict.fromkeys(responses)
     contents: dict[str, Any] = {}
     try:
         if settings.particles is not None:
             contents |= measure_pile(folder, settings, measure)
+        # Responses in the table replace those of the pile.
         if settings.output is not None:
             contents |= read_response_table(folder / settings.output)
     except NoFlankError as error:
         return Ending("no_pile", error.reason), no_numbers
     except (InputError, OSError, ValueError) as error:
-        return Ending("bad_output", _in_one_line(error)), no_numbers
+        return Ending("bad_output", _shorten(error)), no_numbers
+    return _judge_contents(contents, responses)
 
-    # The contents may have a status that the program gave. Judge the run by this status
-    # and by its numbers, like a row of a user's table.
+
+def _judge_contents(
+    contents: dict[str, Any], responses: Sequence[str]
+) -> tuple[Ending, dict[str, float | None]]:
+    """Judge a run by what it left, and take its responses.
+
+    Parameters
+    ----------
+    contents : dict
+        The responses that the run left, and perhaps a `status` that the program gave.
+    responses : sequence of str
+        Names of the responses that the run must have.
+
+    Returns
+    -------
+    Ending, dict
+        As in `read_responses`.
+    """
+    # A table of runs has the same rules, so judge the run as a table with one row.
     cells, _ = make_cells(contents, responses)
     outcome = judge_runs({name: [cell] for name, cell in cells.items()}, responses)
     status = outcome.statuses[0]
     if status == OK:
         return Ending(OK), {name: outcome.values[name][0] for name in responses}
+
+    no_numbers: dict[str, float | None] = dict.fromkeys(responses)
     missing_responses = [name for name in responses if not math.isfinite(cells[name])]
     if status == FAILED and missing_responses:
         names = ", ".join(missing_responses)
         reason = f"no finite number for {names}; the run left {contents}"
-        return Ending("bad_output", _in_one_line(reason)), no_numbers
-    return Ending("failed", f"its status is {_in_one_line(status)}"), no_numbers
+        return Ending("bad_output", _shorten(reason)), no_numbers
+    return Ending("failed", f"its status is {_shorten(status)}"), no_numbers
 
 
-def _in_one_line(text: object) -> str:
-    """Write a text in one line of limited length."""
+def _shorten(text: object) -> str:
+    """Write a text in one line of at most `MAX_REASON_LENGTH` characters."""
     return " ".join(str(text).split())[:MAX_REASON_LENGTH]
 
 
@@ -212,6 +237,11 @@ def measure_pile(
     folder: Path, settings: SimulatorSettings, measure: "MeasureSettings | None"
 ) -> dict[str, float | None]:
     """Measure the pile of a run as `repose measure` does.
+
+    Returns
+    -------
+    dict
+        The responses of the pile by name. One that cannot be measured is None.
 
     Raises
     ------
