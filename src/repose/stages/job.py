@@ -179,7 +179,8 @@ def measure_job(
     out_dir : path, optional
         Folder to write. The default is the folder of the job.
     keep_runs : bool, optional
-        Whether to reuse a kept measurement that is still valid, and to keep a new one.
+        Whether the result is also kept in the folder `runs`, and is read from there
+        instead of measured again while it is valid (`kept_runs`).
 
     Returns
     -------
@@ -187,7 +188,6 @@ def measure_job(
         The content of NAME.json.
     """
     path = Path(pours_json)
-    # Measure only if no valid measurement was kept.
     result = read_measurement(path) if keep_runs else None
     if result is None:
         result = measure_runs(scene, path)
@@ -221,23 +221,27 @@ def measure_runs(scene: Scene, path: Path) -> dict[str, Any]:
     """
     job = read_pours(path)
     test = bench_of(job, path)
-    saved_runs = job.pop("pours")
-    for saved_run in saved_runs:
-        status = saved_run["status"]
+    # The measured runs replace the records of the runs in the result.
+    records = job.pop("pours")
+    for record in records:
+        status = record["status"]
         if status not in test.statuses:
             raise InputError(
                 path, key="status", value=status, allowed=", ".join(test.statuses)
             )
-    positions = read_positions(positions_file(path))
-    runs = []
-    for saved_run in saved_runs:
+
+    arrays_of_job = read_positions(positions_file(path))
+    measured_runs = []
+    for record in records:
         # The arrays of a failed run may be incomplete, so none is required.
-        required_arrays = test.required_arrays if saved_run["status"] == "ok" else ()
+        required_arrays = test.required_arrays if record["status"] == "ok" else ()
         arrays = select_pour(
-            positions, saved_run["seed"], source=path, required_arrays=required_arrays
+            arrays_of_job, record["seed"], source=path, required_arrays=required_arrays
         )
-        runs.append(test.result(saved_run, arrays, scene))
+        measured_runs.append(test.result(record, arrays, scene))
+
     # Summarise the responses of the targets first, then those always recorded.
     targets = test.target_responses(scene.settings.config)
-    columns = test.recorded.put_targets_first(tuple(target.name for target in targets))
-    return job | {"summary": summarise_runs(runs, columns), "runs": runs}
+    recorded = test.recorded.put_targets_first(tuple(target.name for target in targets))
+    summary = summarise_runs(measured_runs, recorded)
+    return job | {"summary": summary, "runs": measured_runs}

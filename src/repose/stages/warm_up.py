@@ -13,9 +13,9 @@ from repose.calibrate.targets import Targets
 def warm_up(scene: Scene, cores: int = 1) -> float:
     """Compile the kernels of every bench test of the targets.
 
-    A single time step with one grain compiles them. The kernels of the contacts with
-    walls take nearly half of the time. If there is a second core, another process
-    compiles these at the same time.
+    A kernel is compiled when it is first called, which a single time step with one grain
+    does. The kernels of the contacts with walls take nearly half of the time. If there
+    is a second core, another process compiles these at the same time.
 
     Parameters
     ----------
@@ -41,12 +41,13 @@ def warm_up(scene: Scene, cores: int = 1) -> float:
 
     context = multiprocessing.get_context("fork")
     wall_process = context.Process(target=compile_walls, daemon=True)
-    if cores > 1:
+    has_second_core = cores > 1
+    if has_second_core:
         wall_process.start()
     for simulation in simulations:
         simulation.add("berry", (0.0, 0.0, 0.0))
         simulation.run_steps(1)
-    if cores > 1:
+    if has_second_core:
         # The time step above needed all kernels, so they are compiled now. The other
         # process may be slower, but its result is no longer needed.
         wall_process.terminate()
