@@ -29,9 +29,9 @@ class Drawable(Protocol):
 
 @dataclass(frozen=True)
 class Bodies:
-    """N bodies to be drawn, of S shapes with V points and T triangles each.
+    """N parts to be drawn, of S shapes with V points and T triangles each.
 
-    A body of spheres is drawn as its spheres, each a part of its own.
+    A part is a whole body or a sphere of a clump. A clump is a body made of spheres.
 
     Attributes
     ----------
@@ -40,13 +40,13 @@ class Bodies:
     triangles : array (T, 3) of int
         Numbers of their points, the same for all shapes.
     shape_ids : array (N,) of int
-        Number of the shape of each body or part.
+        Number of the shape of each part.
     rotations : array (N, 3, 3)
-        Rotation of each body or part to the world.
+        Rotation of each part to the world.
     vertices : array (N, V, 3)
-        Points of each in the world, in m.
+        Points of each part in the world, in m.
     owner : array (N,) of int
-        Number of the body to which a part belongs.
+        Number of the body to which each part belongs.
     largest_m : float
         Bounding radius of the largest body. Without bodies it is that of the first
         shape.
@@ -61,8 +61,8 @@ class Bodies:
     largest_m: float
 
 
-class _Ball:
-    """A sphere of radius 1, the part of bodies that are made of spheres."""
+class _UnitSphere:
+    """A sphere of radius 1, as a `Drawable`."""
 
     bounding_radius_m = 1.0
 
@@ -74,12 +74,12 @@ class _Ball:
 
 
 class _Parts(NamedTuple):
-    """Parts of bodies: centres (M, 3) in m, scales, shapes and bodies (M,)."""
+    """The M parts that are drawn: whole bodies, and spheres of clumps."""
 
-    centres: np.ndarray
-    scales: np.ndarray
-    shape_ids: np.ndarray
-    owner: np.ndarray
+    centres: np.ndarray  # (M, 3), in m
+    scales: np.ndarray  # (M,), size of each part as a multiple of its shape
+    shape_ids: np.ndarray  # (M,) of int, number of the shape of each part
+    owner: np.ndarray  # (M,) of int, number of the body to which it belongs
 
 
 def place_bodies(
@@ -103,19 +103,34 @@ def place_bodies(
         Number of the shape of each body.
     scales : array (N,)
         Size of each body as a multiple of its shape.
+
+    Returns
+    -------
+    Bodies
+        Their parts, with the triangles of S + 1 shapes. The last shape is the unit
+        sphere.
     """
     rotations = rotation_matrices(quaternions)
+    # The unit sphere follows the other shapes, so its number is that of the shapes.
     parts = _split_into_parts(
-        centres, rotations=rotations, shapes=shapes, shape_ids=shape_ids, scales=scales
+        centres,
+        rotations=rotations,
+        shapes=shapes,
+        shape_ids=shape_ids,
+        scales=scales,
+        sphere_id=len(shapes),
     )
-    # The unit sphere is added as the last shape. It draws each sphere of a clump, so the
-    # clump itself is not drawn and any mesh may stand in its place.
-    drawn_shapes = [_Ball() if len(_read_spheres(shape)) else shape for shape in shapes]
-    drawn_shapes.append(_Ball())
-    tessellated = [tessellate(shape) for shape in drawn_shapes]
-    points = np.array([points for points, _, _ in tessellated])
-    normals = np.array([normals for _, normals, _ in tessellated])
-    triangles = tessellated[0][2]
+    # Only the spheres of a clump are drawn, not the clump itself. Since each shape must
+    # have a mesh, a clump gets the mesh of a sphere.
+    meshed_shapes = [
+        _UnitSphere() if len(_read_spheres(shape)) else shape for shape in shapes
+    ]
+    meshed_shapes.append(_UnitSphere())
+    meshes = [tessellate(shape) for shape in meshed_shapes]
+    points = np.array([points for points, _, _ in meshes])
+    normals = np.array([normals for _, normals, _ in meshes])
+    # All meshes have the same triangles.
+    _, _, triangles = meshes[0]
 
     # Scale the points of each part, turn them, and move them to its centre.
     rotations_of_parts = rotations[parts.owner]
@@ -147,8 +162,9 @@ def _split_into_parts(
     shapes: Sequence[Drawable],
     shape_ids: np.ndarray,
     scales: np.ndarray,
+    sphere_id: int,
 ) -> _Parts:
-    """Split bodies of spheres into their spheres; other bodies are one part each.
+    """Split clumps into their spheres. Each other body is one part.
 
     Parameters
     ----------
@@ -156,67 +172,77 @@ def _split_into_parts(
         As in `place_bodies`.
     rotations : array (N, 3, 3)
         Rotations of the bodies to the world.
+    sphere_id : int
+        Number of the unit sphere, which is the shape of each sphere of a clump.
 
     Returns
     -------
     _Parts
-        The parts. A sphere gets the number of shapes as the number of its shape,
-        because the unit sphere follows the other shapes.
+        The parts of all bodies, shape by shape.
     """
-    ball_id = len(shapes)
-    parts_of_shapes = []
+    parts_by_shape = []
     for shape_id, shape in enumerate(shapes):
-        bodies = np.flatnonzero(shape_ids == shape_id)
+        body_numbers = np.flatnonzero(shape_ids == shape_id)
         spheres = _read_spheres(shape)
         if len(spheres):
             parts = _place_spheres(
-                bodies,
+                body_numbers,
                 spheres,
                 centres=centres,
                 rotations=rotations,
                 scales=scales,
-                ball_id=ball_id,
+                sphere_id=sphere_id,
             )
         else:
             parts = _Parts(
-                centres[bodies],
-                scales[bodies],
-                shape_ids=np.full(len(bodies), shape_id),
-                owner=bodies,
+                centres[body_numbers],
+                scales[body_numbers],
+                shape_ids=np.full(len(body_numbers), shape_id),
+                owner=body_numbers,
             )
-        parts_of_shapes.append(parts)
-    # Join the parts of all shapes, field by field.
-    columns = zip(*parts_of_shapes, strict=True)
-    return _Parts(*(np.concatenate(column) for column in columns))
+        parts_by_shape.append(parts)
+    return _Parts(
+        centres=np.concatenate([parts.centres for parts in parts_by_shape]),
+        scales=np.concatenate([parts.scales for parts in parts_by_shape]),
+        shape_ids=np.concatenate([parts.shape_ids for parts in parts_by_shape]),
+        owner=np.concatenate([parts.owner for parts in parts_by_shape]),
+    )
 
 
 def _place_spheres(
-    bodies: np.ndarray,
+    body_numbers: np.ndarray,
     spheres: np.ndarray,
     centres: np.ndarray,
     rotations: np.ndarray,
     scales: np.ndarray,
-    ball_id: int,
+    sphere_id: int,
 ) -> _Parts:
-    """Place the spheres of several bodies of one shape, each as a part.
+    """Place the spheres of several clumps of one shape, each as a part.
 
     Parameters
     ----------
-    bodies : array (M,) of int
-        Numbers of the bodies.
+    body_numbers : array (M,) of int
+        Numbers of the clumps among all bodies.
     spheres : array (S, 4)
         Centres and radii of the spheres of their shape in m.
-    centres, turn, scales
-        Of all bodies, as in `_split_into_parts`.
-    ball_id : int
-        Number of the shape of a sphere.
+    centres, rotations, scales
+        Those of all bodies, as in `_split_into_parts`.
+    sphere_id : int
+        Number of the unit sphere among the shapes.
+
+    Returns
+    -------
+    _Parts
+        M S parts, with all spheres of a clump one after the other.
     """
-    owner = np.repeat(bodies, len(spheres))
-    spheres_of_bodies = np.tile(spheres, (len(bodies), 1))
+    owner = np.repeat(body_numbers, len(spheres))
+    spheres_of_bodies = np.tile(spheres, (len(body_numbers), 1))
+    radii = spheres_of_bodies[:, 3]
+    # Turn the centre of each sphere with its clump.
     offsets = np.einsum("nij,nj->ni", rotations[owner], spheres_of_bodies[:, :3])
     return _Parts(
         centres[owner] + scales[owner, None] * offsets,
-        scales[owner] * spheres_of_bodies[:, 3],
-        shape_ids=np.full(len(owner), ball_id),
+        scales[owner] * radii,
+        shape_ids=np.full(len(owner), sphere_id),
         owner=owner,
     )

@@ -21,6 +21,8 @@ FIELD_OF_VIEW_DEG = 24.0
 # Pixels of a band of rows; the temporary arrays of a band take tens of MB.
 BAND_PIXELS = 65_536
 CIRCLE_POINTS = 36
+# A unit vector whose z component is smaller points down, but for rounding.
+DOWNWARDS = -1 + 1e-9
 # Origin in m, then the rotation to the world by rows.
 WORLD_FRAME = (0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1)
 
@@ -160,6 +162,35 @@ def look_at(
     Camera
         The camera.
     """
+    axes = _compute_camera_axes(elevation_deg, azimuth_deg)
+    _, _, forward = axes
+    focal_px = max(width, height) / 2 / math.tan(math.radians(field_of_view_deg / 2))
+
+    # Look at the middle of the points, from the smallest distance at which each of
+    # them is in the picture. A point is in the picture if its offset across the view is
+    # at most its depth, times half the size of the picture over the focal length.
+    view_points = points_m @ axes.T
+    middle = (view_points.min(axis=0) + view_points.max(axis=0)) / 2
+    offset = view_points - middle
+    share = margin * (np.abs(offset[:, :2]) * 2 / (width, height)).max(axis=1)
+    distance = np.max(share * focal_px - offset[:, 2])
+    return Camera(
+        middle @ axes + distance * -forward,
+        axes,
+        focal_px=focal_px,
+        width=width,
+        height=height,
+    )
+
+
+def _compute_camera_axes(elevation_deg: float, azimuth_deg: float) -> np.ndarray:
+    """Compute the axes of a camera from the direction towards it, as for `look_at`.
+
+    Returns
+    -------
+    array (3, 3)
+        Rows: the unit vectors right, up and forward of the camera in the world.
+    """
     elevation = math.radians(elevation_deg)
     azimuth = math.radians(azimuth_deg)
     towards_camera = np.array(
@@ -171,23 +202,7 @@ def look_at(
     )
     right = np.array([-math.sin(azimuth), math.cos(azimuth), 0.0])
     up = np.cross(towards_camera, right)
-    axes = np.stack([right, up, -towards_camera])
-    focal_px = max(width, height) / 2 / math.tan(math.radians(field_of_view_deg / 2))
-
-    # Look at the middle of the points, from the smallest distance at which each of
-    # them is in the picture.
-    view_points = points_m @ axes.T
-    middle = (view_points.min(axis=0) + view_points.max(axis=0)) / 2
-    offset = view_points - middle
-    share = margin * (np.abs(offset[:, :2]) * 2 / (width, height)).max(axis=1)
-    distance = np.max(share * focal_px - offset[:, 2])
-    return Camera(
-        middle @ axes + distance * towards_camera,
-        axes,
-        focal_px=focal_px,
-        width=width,
-        height=height,
-    )
+    return np.stack([right, up, -towards_camera])
 
 
 def make_box_corners(centres: np.ndarray, reach: float) -> np.ndarray:
@@ -245,7 +260,7 @@ def find_frame_points(
 
 
 def _make_circle(radius: float, z: float) -> np.ndarray:
-    """Make points (36, 3) of a level circle about the z axis."""
+    """Make `CIRCLE_POINTS` points (N, 3) of a level circle about the z axis."""
     angle = np.linspace(0, 2 * math.pi, CIRCLE_POINTS, endpoint=False)
     return np.column_stack(
         [radius * np.cos(angle), radius * np.sin(angle), np.full(CIRCLE_POINTS, z)]
@@ -333,19 +348,21 @@ def _split_planes(
     """
     plate_m = None
     panels = []
-    for k, plane in enumerate(planes):
-        is_other = np.arange(len(planes)) != k
-        endless_others = planes[are_endless(planes) & is_other]
-        is_endless = np.isinf(plane[6])
+    is_endless = are_endless(planes)
+    for number, plane in enumerate(planes):
+        is_other = np.arange(len(planes)) != number
+        endless_others = planes[is_endless & is_other]
+        point_z = plane[2]
+        normal_z = plane[5]
         # The normal points away from the grains, so that of a plate points down.
-        faces_up = plane[5] < -1 + 1e-9
-        if is_endless and faces_up and not len(endless_others):
-            plate_m = float(plane[2])
+        faces_up = normal_z < DOWNWARDS
+        if is_endless[number] and faces_up and not len(endless_others):
+            plate_m = float(point_z)
             continue
         corners = find_plane_polygon(
             plane, simulation.lower, upper=simulation.upper, others=endless_others
         )
-        # A plane outside the box of the simulation has no corners.
+        # A plane outside the box of the simulation has no polygon in it.
         if len(corners) > 2:
             panels.append(Panel(corners))
     return plate_m, panels

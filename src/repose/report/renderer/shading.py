@@ -22,14 +22,20 @@ OTHER_SHAPE_COLOURS = np.array(
     [[0.30, 0.42, 0.56], [0.45, 0.52, 0.26], [0.76, 0.125, 0.045]]
 )
 PANEL_SHARE = 0.93  # of the plate's brightness
-# Direction towards the light: right of the camera, ahead of it, up.
+UP = np.array([0.0, 0.0, 1.0])
+# Direction towards the light, a unit vector: its parts to the right of the camera, ahead
+# of it, and up. The light is therefore above and behind the camera.
 LIGHT_DIRECTION = np.array([0.42, -0.38, 0.82]) / np.linalg.norm([0.42, -0.38, 0.82])
+# A view with a smaller level part counts as vertical. It has no direction ahead.
+SMALLEST_LEVEL_PART = 1e-9
 LIGHT_PIXELS = 1400  # of the longer side of the depth map seen from the light
 # Lengths as shares of the largest body: radius of the soft edge of a shadow, distance
 # at which a surface begins to shade, radius of the neighbours that hide the sky.
 SOFTNESS_SHARE = 0.35
 BIAS_SHARE = 0.03
 SKY_REACH_SHARE = 1.3
+# Numbers of samples for a visible point: places on the light's depth map around it, and
+# pixels of the picture around it.
 LIGHT_TAPS = 24
 SKY_TAPS = 20
 RIM_WIDTH_M = 0.0012  # of the ends of a frustum
@@ -76,16 +82,16 @@ def choose_tints(
     shapes: int,
     colour: str = GRAIN_COLOUR,
 ) -> np.ndarray:
-    """Choose the colours of bodies or parts, slightly different for each body.
+    """Choose the colours of the parts of bodies, slightly different for each body.
 
     Parameters
     ----------
     body, shape : array (N,) of int
-        Number of the body of each part, and of its shape.
+        For each part, the number of its body and the number of its shape.
     count, shapes : int
-        Numbers of all bodies and of all shapes.
+        How many bodies and how many shapes there are.
     colour : str
-        Of the first shape, as #rrggbb.
+        Colour of the first shape, as #rrggbb.
 
     Returns
     -------
@@ -141,6 +147,8 @@ def paint_picture(
     width = camera.width // supersample
     picture = np.empty((height, width, 3), np.uint8)
     order = _sort_far_to_near(setting.frusta, camera)
+    # Paint the picture in bands of rows, which need little memory. Opaque surfaces come
+    # first, and the glass walls over them.
     for rows in camera.bands(supersample):
         rays = camera.rays(rows)
         image = np.broadcast_to(BACKGROUND_COLOUR, rays.shape).copy()
@@ -212,31 +220,38 @@ def _compute_light_and_sky(
     return lit, sky
 
 
+def _compute_light_direction(camera: Camera) -> np.ndarray:
+    """Compute the direction (3,) towards the light, which turns with the camera.
+
+    It is a unit vector in the world.
+    """
+    # The rows of the camera's axes are its right, the top of its picture, and forward.
+    right, top_of_picture, forward = camera.axes
+    level_forward = forward * (1.0, 1.0, 0.0)
+    length = np.linalg.norm(level_forward)
+    if length > SMALLEST_LEVEL_PART:
+        ahead = level_forward / length
+    else:
+        # If the camera looks straight down, the top of its picture is ahead.
+        ahead = top_of_picture
+    part_right, part_ahead, part_up = LIGHT_DIRECTION
+    return part_right * right + part_ahead * ahead + part_up * UP
+
+
 def _compute_light_axes(camera: Camera) -> np.ndarray:
-    """Compute the axes of the light, which turns with the camera.
+    """Compute the axes of a picture that is seen from the light.
 
     Returns
     -------
     array (3, 3)
-        Rows: two unit vectors across the light, and one towards it.
+        Rows: two unit vectors across the light, the first of them level, and the unit
+        vector towards the light. They are at right angles to each other.
     """
-    right, top_of_picture, forward = camera.axes
-    level_forward = forward * (1.0, 1.0, 0.0)
-    length = np.linalg.norm(level_forward)
-    if length > 1e-9:
-        heading = level_forward / length
-    else:
-        # The camera looks straight down.
-        heading = top_of_picture
-    vertical = np.array([0.0, 0.0, 1.0])
-    towards_light = (
-        LIGHT_DIRECTION[0] * right
-        + LIGHT_DIRECTION[1] * heading
-        + LIGHT_DIRECTION[2] * vertical
-    )
-    across = np.cross(vertical, towards_light)
+    towards_light = _compute_light_direction(camera)
+    across = np.cross(UP, towards_light)
     across /= np.linalg.norm(across)
-    return np.stack([across, np.cross(towards_light, across), towards_light])
+    second_across = np.cross(towards_light, across)
+    return np.stack([across, second_across, towards_light])
 
 
 def _draw_light_map(bodies: Bodies, axes: np.ndarray) -> LightMap:
@@ -255,6 +270,7 @@ def _draw_light_map(bodies: Bodies, axes: np.ndarray) -> LightMap:
     pixel_m = float(extent.max() / LIGHT_PIXELS)
     x = (points[..., 0] - corner[0]) / pixel_m
     y = (points[..., 1] - corner[1]) / pixel_m
+    # One pixel more than the last one that has a point, at the right and on top
     shape = (int(y.max()) + 2, int(x.max()) + 2)
     # Rows of the map count upwards. Triangles that are anticlockwise in a picture are
     # therefore clockwise in the map.
@@ -283,7 +299,7 @@ def _paint_bodies(band: Band, camera: Camera, tints: np.ndarray) -> None:
         Colours of the bodies.
     """
     hit = band.view.hit
-    towards_light = _compute_light_axes(camera)[2]
+    towards_light = _compute_light_direction(camera)
     colour = np.clip(tints[band.view.body[hit]], 0, 1)
     normal = band.view.normal[hit]
     lit = band.lit[hit]
@@ -480,7 +496,7 @@ def _blend_side(band: Band, camera: Camera, side: ConeSide) -> None:
     rays = band.rays[mask]
     point = (eye + distance[mask][:, None] * rays) @ rotation
     sight = rays @ rotation / np.linalg.norm(rays, axis=1, keepdims=True)
-    towards_light = _compute_light_axes(camera)[2] @ rotation
+    towards_light = _compute_light_direction(camera) @ rotation
     # The normal of a cone points away from its axis, and down by the slope.
     normal = point / np.hypot(point[:, 0], point[:, 1])[:, None]
     normal[:, 2] = -wall.slope
