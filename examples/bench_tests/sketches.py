@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from repose.common.keys import require_section
 from repose.report.figures import style
-from repose.report.figures.testbench import dimension
+from repose.report.figures.testbench import draw_dimension
 
 Config = Mapping[str, Any]
 Point = tuple[float, float]
@@ -88,7 +88,7 @@ class Sketch:
 
         `options` go to the number.
         """
-        dimension(
+        draw_dimension(
             self.axes, (-half, z), (half, z), f"{2 * half:g}", (0, text_z), **options
         )
 
@@ -97,7 +97,9 @@ class Sketch:
     ) -> None:
         """Draw the dimension of a height at a place along x, its number beside it."""
         middle = (z[0] + z[1]) / 2
-        dimension(self.axes, (x, z[0]), (x, z[1]), text, (text_x, middle), **options)
+        draw_dimension(
+            self.axes, (x, z[0]), (x, z[1]), text, (text_x, middle), **options
+        )
 
     def height_on_the_left(self, x: float, z: Ends) -> None:
         """Draw the dimension of a height with its number at its left."""

@@ -28,6 +28,15 @@ PLATE_COLOUR = "#C9CED3"
 PILE_PIXELS = 1300  # width of the picture of a pile at the default resolution
 SNAPSHOT_S = 9.0  # time of the pour in Figure 8
 DIMENSION_FONT_SIZE = 6.5
+# The drawing of the test bench, in mm
+PLATE_THICKNESS_MM = 7  # as drawn
+ROOM_BESIDE_MM = 75
+ROOM_BELOW_MM = 34
+ROOM_ABOVE_MM = 34
+LEAST_HALF_VIEW_MM = 190
+# Room in inches for the labels of the axes, across and down
+LABEL_WIDTH = 0.5
+LABEL_HEIGHT = 0.55
 
 
 # --- The pile and its measurement -----------------------------------------------------
@@ -140,7 +149,7 @@ def _name_lines(
     settings: MeasureSettings,
     height_mm: float,
 ) -> None:
-    """Write the angle of each flank beside its line, and that of the pile as a title.
+    """Write the angle of each flank beside its line, and their mean above the picture.
 
     Parameters
     ----------
@@ -165,10 +174,12 @@ def _name_lines(
         ("right", angle.right_deg, right_line, drawing.GREEN, "left", 12),
     )
     for name, flank_deg, line, blue_green_red, alignment, offset_pt in flanks:
+        # The middle of the line. Rows count downwards, to the centre of a pixel.
         column, row = np.mean(line, axis=0)
+        middle = (column * scale, height_mm - (row + 0.5) * scale)
         panel.annotate(
             f"{name} {flank_deg:.1f}°",
-            (column * scale, height_mm - (row + 0.5) * scale),
+            middle,
             (offset_pt, 12),
             textcoords="offset points",
             ha=alignment,
@@ -204,21 +215,27 @@ def draw_test_bench(inputs: Inputs, study: StudyView) -> Figure:
     top = 1e3 * walls[-1].z_high_m
     half_inlet = settings.inlet_diameter_mm / 2
     factory = top + settings.factory_height_mm
-    half_view = max(half_inlet + 75, 190)
-    low = -34
-    high = factory + 34
+    # Leave room for the lengths beside the funnel, below the plate and above the factory.
+    half_view = max(half_inlet + ROOM_BESIDE_MM, LEAST_HALF_VIEW_MM)
+    low = -ROOM_BELOW_MM
+    high = factory + ROOM_ABOVE_MM
 
-    # The panel is to scale, so its width gives its height. The labels of the axes need
-    # 0.5 inches across and 0.55 inches down.
+    # The panel is to scale, so its width gives its height.
     width = 1.3 * style.COLUMN
-    height = (width - 0.5) * (high - low) / (2 * half_view) + 0.55
-    figure, (panel,) = panels.grid(1, height, width=width)
+    panel_width = width - LABEL_WIDTH
+    panel_height = panel_width * (high - low) / (2 * half_view)
+    figure, (panel,) = panels.grid(1, panel_height + LABEL_HEIGHT, width=width)
     if {"trajectory", "particle"} <= inputs.keys():
         _draw_grains(panel, inputs, study.settings.colour)
     _draw_funnel(panel, walls, settings)
     half_plate = min(settings.plate_diameter_mm / 2, half_view)
     panel.fill_between(
-        [-half_plate, half_plate], -7, 0, color=PLATE_COLOUR, lw=0, zorder=2
+        [-half_plate, half_plate],
+        -PLATE_THICKNESS_MM,
+        0,
+        color=PLATE_COLOUR,
+        lw=0,
+        zorder=2,
     )
     panel.set(
         xlim=(-half_view, half_view),
@@ -261,8 +278,9 @@ def _draw_grains(panel: Axes, inputs: Inputs, colour: str) -> None:
     is_there = np.isfinite(grains.centres_m).all(axis=1)
     # The view is along y, and x points right. The nearest grains, those of the smallest
     # y, are drawn last, over the others.
-    nearness = -grains.centres_m[is_there, 1]
-    far_to_near = np.flatnonzero(is_there)[np.argsort(nearness)]
+    shown_grains = np.flatnonzero(is_there)
+    nearness = -grains.centres_m[shown_grains, 1]
+    far_to_near = shown_grains[np.argsort(nearness)]
     outlines_m = compute_outlines(grains[far_to_near], [0.0])[0]
     panel.add_collection(
         PolyCollection(
@@ -349,7 +367,9 @@ def _draw_levels(
 def _draw_dimensions(
     panel: Axes, settings: FunnelSettings, top: float, half_inlet: float
 ) -> None:
-    """Draw arrows with lengths: diameters at their heights, heights at the left.
+    """Draw the lengths of the test bench as arrows with numbers, or as text.
+
+    Diameters are at their heights, and heights at the left.
 
     Parameters
     ----------
@@ -365,43 +385,45 @@ def _draw_dimensions(
     outlet = settings.outlet_height_mm
     half_outlet = settings.outlet_diameter_mm / 2
 
-    # Diameters of the inlet and of the outlet.
-    row_of_inlet = top + settings.factory_height_mm + 14
-    dimension(
+    # Diameters of the inlet, above the place where grains are made, and of the outlet,
+    # below it. The distances were chosen by eye, as all others here.
+    inlet_z = top + settings.factory_height_mm + 14
+    draw_dimension(
         panel,
-        start=(-half_inlet, row_of_inlet),
-        end=(half_inlet, row_of_inlet),
+        start=(-half_inlet, inlet_z),
+        end=(half_inlet, inlet_z),
         text=f"inlet {2 * half_inlet:g}",
-        place=(0, row_of_inlet + 4),
+        place=(0, inlet_z + 4),
         va="bottom",
     )
-    row_of_outlet = outlet - 11
-    dimension(
+    outlet_z = outlet - 11
+    draw_dimension(
         panel,
-        start=(-half_outlet, row_of_outlet),
-        end=(half_outlet, row_of_outlet),
+        start=(-half_outlet, outlet_z),
+        end=(half_outlet, outlet_z),
         text=f"{2 * half_outlet:g}",
-        place=(half_outlet + 4, row_of_outlet),
+        place=(half_outlet + 4, outlet_z),
         ha="left",
         va="center",
     )
 
     # Heights of the outlet above the plate, and of the funnel.
-    column = -half_inlet - 32
+    heights_x = -half_inlet - 32
     for low, high, text in (
         (0, outlet, f"{outlet:g}"),
         (outlet, top, f"{top - outlet:.0f}"),
     ):
-        dimension(
+        draw_dimension(
             panel,
-            start=(column, low),
-            end=(column, high),
+            start=(heights_x, low),
+            end=(heights_x, high),
             text=text,
-            place=(column - 4, (low + high) / 2),
+            place=(heights_x - 4, (low + high) / 2),
             ha="right",
             va="center",
         )
 
+    # Angle of the cone, beside the middle of its right side, and size of the plate.
     text_style = {"color": style.BLUE, "fontsize": DIMENSION_FONT_SIZE}
     panel.text(
         (half_outlet + half_inlet) / 2 + 9,
@@ -418,10 +440,10 @@ def _draw_dimensions(
     )
 
 
-def dimension(
+def draw_dimension(
     panel: Axes, start: Place, end: Place, text: str, place: Place, **options: Any
 ) -> None:
-    """Draw a measured arrow with its number.
+    """Draw a length of the test bench as an arrow with two heads and a number.
 
     Parameters
     ----------
@@ -434,7 +456,7 @@ def dimension(
     place : tuple of float
         Place of the number.
     **options
-        Arguments of matplotlib's `text`.
+        Arguments of matplotlib's `text`. By default, the number is centred at its place.
     """
     arrow = {
         "arrowstyle": "<->",
