@@ -20,6 +20,13 @@ SMALLEST_SD_SHARE = 1e-3
 # Half the width of a drawn normal curve, in standard deviations.
 CURVE_HALF_WIDTH_SDS = 3.2
 PICTURE_PIXELS = 400  # width of the picture of a grain at the default resolution
+# Upper edge of the text below a picture, as a share of the panel's height, and its size.
+DESCRIPTION_Y = -0.04
+DESCRIPTION_FONT_SIZE = 6.5
+N_BINS = 9  # of a histogram
+# Height of a panel of a histogram, as a multiple of the highest bar. The numbers are
+# written above the bars.
+PANEL_HEIGHT_FACTOR = 1.35
 
 # Column of the table of sizes, label and colour of each axis of a grain.
 GRAIN_AXES = (
@@ -44,16 +51,15 @@ def draw_sizes_and_sphericity(inputs: Inputs, study: StudyView) -> Figure:
     study : StudyView
         The study.
     """
-    # Three panels for the axes, and one for the sphericity.
     sizes = berry.read_sizes(inputs["sizes"])
+    # Three panels for the axes, and one for the sphericity.
     figure, histogram_panels = panels.grid(4, 2.1, columns=4, sharey=True)
-    *size_panels, sphericity_panel = histogram_panels
-    lengths = []
-    for panel, (column, label, colour) in zip(size_panels, GRAIN_AXES, strict=True):
-        length = sizes[column].to_numpy()
-        lengths.append(length)
-        _draw_histogram(panel, length, label=f"{label} (mm)", colour=colour, unit="mm")
-    sphericity_percent = 100 * berry.sphericity(*lengths)
+    *axis_panels, sphericity_panel = histogram_panels
+    for panel, (column, label, colour) in zip(axis_panels, GRAIN_AXES, strict=True):
+        lengths = sizes[column].to_numpy()
+        _draw_histogram(panel, lengths, label=f"{label} (mm)", colour=colour, unit="mm")
+    axis_lengths = [sizes[column].to_numpy() for column, _, _ in GRAIN_AXES]
+    sphericity_percent = 100 * berry.sphericity(*axis_lengths)
     _draw_histogram(
         sphericity_panel,
         sphericity_percent,
@@ -62,8 +68,9 @@ def draw_sizes_and_sphericity(inputs: Inputs, study: StudyView) -> Figure:
         unit="%",
     )
     style.name_panels(histogram_panels)
-    size_panels[0].set_ylabel("number of grains")
-    size_panels[0].yaxis.set_major_locator(MaxNLocator(integer=True))
+    first_panel = histogram_panels[0]
+    first_panel.set_ylabel("number of grains")
+    first_panel.yaxis.set_major_locator(MaxNLocator(integer=True))
     style.write_below(
         figure, "curves: normal distributions of these means and standard deviations"
     )
@@ -77,7 +84,7 @@ def draw_sizes_and_sphericity(inputs: Inputs, study: StudyView) -> Figure:
 def _draw_histogram(
     panel: Axes, values: np.ndarray, label: str, colour: str, unit: str
 ) -> None:
-    """Draw the histogram of a size with the normal curve of its mean and deviation.
+    """Draw the histogram of a size with a normal curve of the same mean and deviation.
 
     Parameters
     ----------
@@ -102,7 +109,7 @@ def _draw_histogram(
     high = max(values.max(), mean + shown_sd)
     counts, edges, _ = panel.hist(
         values,
-        bins=9,
+        bins=N_BINS,
         range=(low, high),
         color=colour,
         alpha=0.55,
@@ -118,7 +125,8 @@ def _draw_histogram(
     bin_width = edges[1] - edges[0]
     expected_count = len(values) * bin_width * stats.norm.pdf(x, mean, shown_sd)
     panel.plot(x, expected_count, color=style.BLACK)
-    top = max(panel.get_ylim()[1], 1.35 * counts.max())
+    # The panels share their y axis. A panel must not lower the top of another one.
+    top = max(panel.get_ylim()[1], PANEL_HEIGHT_FACTOR * counts.max())
     panel.set(xlabel=label, ylim=(0, top))
     text = f"{mean:.2f} ± {sd:.2f} {unit}\nn = {len(values)}"
     style.write_note(panel, text, x=0.98, ha="right")
@@ -164,8 +172,11 @@ def draw_particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
     figure = style.new_figure(style.PAGE, 2.35)
     figure.set_layout_engine("compressed")
     mesh_panel, *particle_panels = figure.subplots(1, 4)
-    mesh_words = f"{len(mesh.faces)} triangles"
-    _write_description(mesh_panel, "a  mesh", body=simulated.mesh, text=mesh_words)
+    mesh_text = f"{len(mesh.faces)} triangles"
+    # The file of a particle may lack the properties of its mesh.
+    if simulated.mesh is not None:
+        mesh_text = _describe_body(simulated.mesh, mesh_text)
+    _write_description(mesh_panel, "a  mesh", mesh_text)
     mesh_panel.imshow(render_mesh(mesh_in_m, **view))
     style.draw_scale_bar(
         mesh_panel,
@@ -181,14 +192,13 @@ def draw_particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
             )
         except InputError as error:
             # Not every mesh has a particle of each kind.
-            text = "\n".join(textwrap.wrap(str(error), 34))
-            _write_description(panel, title, body=None, text=text)
+            reason = "\n".join(textwrap.wrap(str(error), 34))
+            _write_description(panel, title, reason)
             continue
         if kind == simulated.kind:
             title += " (poured)"
-        _write_description(
-            panel, title, body=particle, text=_describe_composition(particle)
-        )
+        text = _describe_body(particle, _describe_composition(particle))
+        _write_description(panel, title, text)
         picture = render_bodies(
             np.zeros((1, 3)),
             np.array([[1.0, 0.0, 0.0, 0.0]]),
@@ -252,31 +262,35 @@ def _describe_parts(particle: Particle) -> str:
     return "one ellipsoid" if count == 1 else f"sum of {count} ellipsoids"
 
 
-def _write_description(
-    panel: Axes, title: str, body: Particle | Body | None, text: str
-) -> None:
-    """Write the name of a body above its picture, and its properties below.
+def _describe_body(body: Particle | Body, further_lines: str) -> str:
+    """Describe the axes, volume, mass and moments of inertia of a body in three lines.
 
-    Parameters
-    ----------
-    panel : Axes
-        The panel of the picture.
-    title : str
-        Name of the body.
-    body : Particle, Body or None
-        The body with axes, volume, mass and moments. With None, only the text is written.
-    text : str
-        Further lines.
+    `further_lines` are written below them.
+    """
+    axes = " × ".join(f"{1e3 * value:.1f}" for value in body.axes_m)
+    volume = f"{1e9 * body.volume_m3:.0f}"
+    mass = f"{1e3 * body.mass_kg:.3f}"
+    moments = ", ".join(f"{1e9 * value:.1f}" for value in body.inertia_kg_m2)
+    return (
+        f"{axes} mm\n"
+        f"volume {volume} mm³, mass {mass} g\n"
+        f"moments {moments} g mm²\n"
+        f"{further_lines}"
+    )
+
+
+def _write_description(panel: Axes, title: str, text: str) -> None:
+    """Write a title above the picture in a panel, and a text below it.
+
+    The panel loses its axes.
     """
     panel.axis("off")
     panel.set_title(title, loc="center", fontweight="bold")
-    if body is not None:
-        axes = " × ".join(f"{1e3 * value:.1f}" for value in body.axes_m)
-        volume = f"{1e9 * body.volume_m3:.0f}"
-        mass = f"{1e3 * body.mass_kg:.3f}"
-        moments = ", ".join(f"{1e9 * value:.1f}" for value in body.inertia_kg_m2)
-        text = (
-            f"{axes} mm\nvolume {volume} mm³, mass {mass} g\n"
-            f"moments {moments} g mm²\n{text}"
-        )
-    style.write_note(panel, text, x=0.5, y=-0.04, ha="center", fontsize=6.5)
+    style.write_note(
+        panel,
+        text,
+        x=0.5,
+        y=DESCRIPTION_Y,
+        ha="center",
+        fontsize=DESCRIPTION_FONT_SIZE,
+    )

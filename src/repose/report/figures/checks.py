@@ -18,6 +18,7 @@ from .registry import Inputs, StudyView
 
 # Distance of the two marks of a solution from its tick, to the left and to the right.
 MARK_OFFSET = 0.12
+ROOM_FOR_NOTE = 0.15  # at the lower edge, as a share of a panel's height
 ERROR_BAR_STYLE = {"ms": 4.5, "elinewidth": 1, "capsize": 2}
 SIMULATION_STYLE = ERROR_BAR_STYLE | {
     "fmt": "s",
@@ -145,22 +146,23 @@ def _draw_published_and_simulated(
     response = target.response
     x = np.arange(len(table))
     _draw_measurement(panel, table, target)
-    unpublished = np.empty(0)
-    published_column = name_derived_column(response.name, "published_simulated")
+    unpublished_x = np.empty(0)
+    simulated_column = name_derived_column(response.name, "published_simulated")
     measured_column = name_derived_column(response.name, "published_measured")
-    if published_column in table:
-        published = table[published_column]
-        measured = table.get(measured_column, pd.Series(np.nan, table.index))
+    if simulated_column in table:
+        published = table[simulated_column]
+        no_measurements = pd.Series(np.nan, table.index)
+        measured = table.get(measured_column, no_measurements)
         panel.errorbar(x - MARK_OFFSET, published, **PUBLISHED_SIMULATION_STYLE)
         if measured.notna().any():
             panel.errorbar(x - MARK_OFFSET, measured, **PUBLISHED_MEASUREMENT_STYLE)
-        unpublished = x[published.isna() & measured.isna()]
+        unpublished_x = x[published.isna() & measured.isna()]
     simulated = table[response.simulated]
     error = table[response.standard_error].fillna(0.0)
     panel.errorbar(x + MARK_OFFSET, simulated, error, **SIMULATION_STYLE)
     panel.set(ylabel=style.response_label(response), xlabel="published solution (P)")
     panel.margins(y=0.15)
-    _write_below(panel, unpublished, "not\npublished")
+    _write_below(panel, unpublished_x, "not\npublished")
 
 
 def _draw_predicted_and_simulated(
@@ -205,15 +207,34 @@ def _draw_predicted_and_simulated(
     # Write the error of each prediction below both marks and the error bar.
     bar_ends = simulated if error is None else simulated - error.to_numpy(float)
     lowest = np.fmin(predicted, bar_ends)
-    for place, prediction, simulation, low in zip(
-        x, predicted, simulated, lowest, strict=True
-    ):
+    _write_prediction_errors(panel, predicted, simulated, lowest)
+    panel.margins(y=0.25)
+    _write_below(panel, x[~np.isfinite(simulated)], "not\nsimulated")
+
+
+def _write_prediction_errors(
+    panel: Axes, predicted: np.ndarray, simulated: np.ndarray, lowest: np.ndarray
+) -> None:
+    """Write the error of each prediction in percent of the simulated value.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel to write in.
+    predicted, simulated : ndarray
+        Responses (n,) of the solutions. A solution without a simulated value, or with
+        the value 0, gets no text.
+    lowest : ndarray
+        Heights (n,) in the panel, below which the texts begin.
+    """
+    values = zip(predicted, simulated, lowest, strict=True)
+    for tick, (prediction, simulation, low) in enumerate(values):
         if not np.isfinite(simulation) or simulation == 0:
             continue
         percent = 100 * abs((prediction - simulation) / simulation)
         panel.annotate(
             f"{percent:.1f} %",
-            (place, low),
+            (tick, low),
             xytext=(0, -7),
             textcoords="offset points",
             ha="center",
@@ -221,28 +242,26 @@ def _draw_predicted_and_simulated(
             fontsize=6.3,
             color=style.GREY,
         )
-    panel.margins(y=0.25)
-    _write_below(panel, x[~np.isfinite(simulated)], "not\nsimulated")
 
 
-def _write_below(panel: Axes, places: np.ndarray, text: str) -> None:
-    """Write a short note below everything in a panel, at each of some places.
+def _write_below(panel: Axes, ticks: np.ndarray, text: str) -> None:
+    """Write the same short note below everything in a panel, at some of its ticks.
 
     Parameters
     ----------
     panel : Axes
-        The panel, which gets room at its lower edge if there is a place.
-    places : ndarray
-        Places (n,) on the x axis.
+        The panel. If there is a note, it gets room for it at its lower edge.
+    ticks : ndarray
+        Places (n,) of the notes on the x axis.
     text : str
         The note.
     """
-    if len(places):
+    if len(ticks):
         bottom, top = panel.get_ylim()
-        panel.set_ylim(bottom - 0.15 * (top - bottom), top)
-    for place in places:
+        panel.set_ylim(bottom - ROOM_FOR_NOTE * (top - bottom), top)
+    for tick in ticks:
         panel.text(
-            place,
+            tick,
             0.02,
             text,
             transform=panel.get_xaxis_transform(),

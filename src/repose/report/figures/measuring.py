@@ -26,9 +26,14 @@ COLOURS = dict(
 LINE_STYLES = dict(
     zip(DEFINITIONS, ("-", "-", "-", (0, (4, 2)), (0, (2, 1))), strict=True)
 )
-# Greys of the silhouette and of the background.
+# Greys of the silhouette and of the background, as drawn. In the image, the silhouette is
+# darker than the middle grey.
 PILE_GREY = 205
 BACKGROUND_GREY = 255
+MIDDLE_GREY = 128
+# Least distance of two labels of levels, as a share of the pile's height.
+LABEL_DISTANCE_SHARE = 0.11
+HALF_BAR = 0.32  # half the length of the bar at a mean; rows are 1 apart
 
 
 def draw_definitions(inputs: Inputs, study: StudyView) -> Figure:
@@ -86,11 +91,12 @@ def _draw_first_view(
     settings : MeasureSettings
         Scale of the picture, and settings of the lines.
     """
-    # Draw the picture in mm, with the crest at 0.
+    # Draw the picture in mm, with the crest at x = 0. A column is the centre of a pixel,
+    # so the picture begins half a pixel before column 0.
     scale = settings.mm_per_pixel
     height, width = image.shape
     crest_column = measured.top[0]
-    greys = np.where(image < 128, PILE_GREY, BACKGROUND_GREY).astype(np.uint8)
+    greys = np.where(image < MIDDLE_GREY, PILE_GREY, BACKGROUND_GREY).astype(np.uint8)
     left = (-0.5 - crest_column) * scale
     right = (width - 0.5 - crest_column) * scale
     panel.imshow(
@@ -175,7 +181,7 @@ def _draw_levels(panel: Axes, height_mm: float, settings: MeasureSettings) -> No
     for level, name in sorted(levels):
         panel.axhline(level, color=style.GREY, lw=0.6, ls=":", zorder=0.5)
         # Stack the labels of levels that are close together.
-        text_height = max(level, text_height + 0.11 * height_mm)
+        text_height = max(level, text_height + LABEL_DISTANCE_SHARE * height_mm)
         panel.text(
             right, text_height, f" {name}", va="center", fontsize=style.SMALL_TEXT_PT
         )
@@ -197,8 +203,8 @@ def _draw_all_views(
         The measurement in the view that is drawn above.
     """
     # The first definition is on top.
-    for k, name in enumerate(DEFINITIONS):
-        row = -k
+    rows = [-k for k in range(len(DEFINITIONS))]
+    for row, name in zip(rows, DEFINITIONS, strict=True):
         colour = COLOURS[name]
         values = all_views.aor[name]
         panel.plot(
@@ -212,7 +218,8 @@ def _draw_all_views(
         )
         mean = all_views.mean_deg(name)
         if mean is not None:
-            panel.plot([mean, mean], [row - 0.32, row + 0.32], color=colour, lw=1.6)
+            bar = [row - HALF_BAR, row + HALF_BAR]
+            panel.plot([mean, mean], bar, color=colour, lw=1.6)
             panel.text(
                 1.0,
                 row,
@@ -230,9 +237,8 @@ def _draw_all_views(
                 mec=style.BLACK,
                 mew=0.7,
             )
-    count = len(DEFINITIONS)
-    panel.set_yticks([-k for k in range(count)], DEFINITIONS)
-    panel.set(ylim=(0.9 - count - 0.4, 0.9), xlabel="angle of repose (deg)")
+    panel.set_yticks(rows, DEFINITIONS)
+    panel.set(ylim=(0.5 - len(rows), 0.9), xlabel="angle of repose (deg)")
     n_views = all_views.view_height_mm.size
     panel.set_title(
         f"b  all {n_views} views of this pile, their mean (bar), and view a (ring)"

@@ -1,6 +1,7 @@
 """Draw the noise: how far runs with the same parameters scatter."""
 
 from collections.abc import Mapping
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -15,6 +16,15 @@ from .registry import Inputs, StudyView
 
 SEED_TICKS = (1, 2, 4, 8, 16, 32, 64)
 PERCENT_TICKS = (0.5, 1, 2, 5)
+
+
+class NoisePanels(NamedTuple):
+    """The panels of the figure."""
+
+    figure: Figure
+    responses: list[Axes]  # runs of each response
+    error: Axes  # standard error of a mean over the number of seeds
+    r2: Axes  # reachable R2 over the number of seeds
 
 
 def draw_noise_floor(inputs: Inputs, study: StudyView) -> Figure:
@@ -34,19 +44,10 @@ def draw_noise_floor(inputs: Inputs, study: StudyView) -> Figure:
     seeds = read_table(inputs["seeds"])
     deviations = read_json(inputs["noise"], ("responses",))["responses"]
 
-    # Arrange a panel for each response, two in a row. Below them are two panels over the
-    # number of seeds. If the last response is alone in its row, its number appears twice
-    # in the row, so that its panel is twice as wide.
-    n_targets = len(targets)
-    rows = [[k, min(k + 1, n_targets - 1)] for k in range(0, n_targets, 2)]
-    figure = style.new_figure(style.PAGE, 2.15 + 2.45 * len(rows))
-    panels = figure.subplot_mosaic(
-        [*rows, ["error", "r2"]], height_ratios=[1.15] * len(rows) + [1]
-    )
-    response_panels = [panels[k] for k in range(n_targets)]
-    error_panel = panels["error"]
-    r2_panel = panels["r2"]
-
+    panels = _arrange_panels(len(targets))
+    response_panels = panels.responses
+    error_panel = panels.error
+    r2_panel = panels.r2
     for k, (panel, target) in enumerate(zip(response_panels, targets, strict=True)):
         name = target.name
         measured_runs = runs[(runs["status"] == "ok") & runs[name].notna()]
@@ -67,7 +68,24 @@ def draw_noise_floor(inputs: Inputs, study: StudyView) -> Figure:
         title="band: 95 % interval",
         title_fontsize=style.SMALL_TEXT_PT,
     )
-    return figure
+    return panels.figure
+
+
+def _arrange_panels(n_targets: int) -> NoisePanels:
+    """Arrange a panel for each response, and two panels over the number of seeds."""
+    # Two responses share a row. If the last response is alone in its row, its number
+    # appears twice in the row, so that its panel is twice as wide.
+    rows = [[k, min(k + 1, n_targets - 1)] for k in range(0, n_targets, 2)]
+    figure = style.new_figure(style.PAGE, 2.15 + 2.45 * len(rows))
+    panels = figure.subplot_mosaic(
+        [*rows, ["error", "r2"]], height_ratios=[1.15] * len(rows) + [1]
+    )
+    return NoisePanels(
+        figure,
+        responses=[panels[k] for k in range(n_targets)],
+        error=panels["error"],
+        r2=panels["r2"],
+    )
 
 
 def _draw_runs(panel: Axes, runs: pd.DataFrame, column: str, colour: str) -> None:

@@ -1,5 +1,6 @@
 """Draw the simulated pile's outline and slope with the measured height and slope."""
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -67,29 +68,24 @@ def draw_outline_and_measurement(inputs: Inputs, study: StudyView) -> Figure:
     profiles = [pile.find_profile(view) for view in views]
     measured = pile.measure_profiles(profiles, height_m, settings)
     outlines = [_center_outline(profile, settings) for profile, _ in profiles]
-    mean = _average_outlines(outlines)
+    mean_outline = _average_outlines(outlines)
 
     # Draw the simulated pile, and over it what was measured.
     figure = style.new_figure(style.PAGE, 2.8)
     panel = figure.subplots()
-    for k, outline in enumerate(outlines):
-        label = f"simulated pile, views: {len(outlines)}" if k == 0 else None
-        panel.plot(*outline, color=style.SKY, lw=0.5, alpha=0.6, label=label)
-    panel.plot(
-        *mean, color=style.BLUE, lw=1.6, label="simulated pile, mean of the views"
-    )
-    highest_mm = [float(outline.height_mm.max()) for outline in outlines]
-    _draw_simulated_height(panel, float(np.mean(highest_mm)), mean)
-    _draw_measured_height(panel, study.targets, mean)
-    angles = [
+    _draw_outlines(panel, outlines, mean_outline)
+    _draw_simulated_height(panel, outlines, mean_outline)
+    _draw_measured_height(panel, study.targets, mean_outline)
+    angle_targets = [
         target
         for target in study.targets
         if "measure.response" in target.response.definition
     ]
-    if angles:
-        flank = _find_flank(mean, settings)
-        _draw_measured_slope(panel, angles[0], flank)
-        _draw_simulated_slope(panel, angles[0], flank, measured.aor_deg)
+    if angle_targets:
+        angle_target = angle_targets[0]
+        flank = _find_flank(mean_outline, settings)
+        _draw_measured_slope(panel, angle_target, flank)
+        _draw_simulated_slope(panel, angle_target, flank, measured.aor_deg)
     panel.set(
         xlabel="distance from the middle of the pile (mm)",
         ylabel="height (mm)",
@@ -108,7 +104,8 @@ def _center_outline(profile: np.ndarray, settings: MeasureSettings) -> Outline:
     `profile` has the heights (W,) of the upper edge in pixels.
     """
     columns = np.arange(profile.size)
-    # Midway between the outermost columns that are half as high as the pile.
+    # The middle is halfway between the outermost columns that are half as high as the
+    # pile.
     high_columns = np.flatnonzero(profile >= 0.5 * profile.max())
     middle = 0.5 * (high_columns[0] + high_columns[-1])
     scale = settings.mm_per_pixel
@@ -131,14 +128,34 @@ def _average_outlines(outlines: list[Outline]) -> Outline:
     return Outline(x_mm, np.mean(heights, axis=0))
 
 
-def _draw_simulated_height(panel: Axes, height_mm: float, mean: Outline) -> None:
+def _draw_outlines(
+    panel: Axes, outlines: Sequence[Outline], mean_outline: Outline
+) -> None:
+    """Draw the outline of the simulated pile in each view, and the mean of all views."""
+    for k, outline in enumerate(outlines):
+        # Only the first view gets an entry in the legend.
+        label = f"simulated pile, views: {len(outlines)}" if k == 0 else None
+        panel.plot(*outline, color=style.SKY, lw=0.5, alpha=0.6, label=label)
+    panel.plot(
+        *mean_outline,
+        color=style.BLUE,
+        lw=1.6,
+        label="simulated pile, mean of the views",
+    )
+
+
+def _draw_simulated_height(
+    panel: Axes, outlines: Sequence[Outline], mean_outline: Outline
+) -> None:
     """Draw the height of the simulated pile, the mean of its highest points in the views.
 
-    The mean outline is lower, since the highest points lie at different places. `mean`
-    is this outline, whose width the line has.
+    The mean outline is lower, since the highest points lie at different places. The line
+    is as wide as this outline.
     """
+    highest_mm = [float(outline.height_mm.max()) for outline in outlines]
+    height_mm = float(np.mean(highest_mm))
     panel.plot(
-        mean.x_mm[[0, -1]],
+        mean_outline.x_mm[[0, -1]],
         [height_mm, height_mm],
         color=style.BLUE,
         ls="--",
@@ -147,16 +164,15 @@ def _draw_simulated_height(panel: Axes, height_mm: float, mean: Outline) -> None
     )
 
 
-def _draw_measured_height(panel: Axes, targets: Targets, mean: Outline) -> None:
+def _draw_measured_height(panel: Axes, targets: Targets, mean_outline: Outline) -> None:
     """Draw the measured height as a line with its standard deviation.
 
-    Nothing is drawn if the height is no target. `mean` is the mean outline, whose width
-    the line has.
+    The line is as wide as the mean outline. Nothing is drawn if the height is no target.
     """
     for target in targets:
         if target.name != HEIGHT_RESPONSE:
             continue
-        ends = mean.x_mm[[0, -1]]
+        ends = mean_outline.x_mm[[0, -1]]
         panel.fill_between(
             ends,
             target.value - target.sd,
@@ -173,20 +189,21 @@ def _draw_measured_height(panel: Axes, targets: Targets, mean: Outline) -> None:
         )
 
 
-def _find_flank(mean: Outline, settings: MeasureSettings) -> Flank:
+def _find_flank(mean_outline: Outline, settings: MeasureSettings) -> Flank:
     """Find the part of the mean outline to which the line of the angle belongs.
 
     `settings` determine between which heights the line is fitted.
     """
-    low, high = _find_heights_of_line(settings, mean.height_mm.max())
-    middle = 0.5 * (low + high)
-    middle_x = {}
-    for side in (-1, 1):
-        # The outermost point of the flank that has the middle height.
-        is_on_side = side * mean.x_mm >= 0
-        reaches_middle = is_on_side & (mean.height_mm >= middle)
-        middle_x[side] = side * np.abs(mean.x_mm[reaches_middle]).max()
-    return Flank(np.array([low, high]), middle_x[-1], middle_x[1])
+    low, high = _find_heights_of_line(settings, mean_outline.height_mm.max())
+    # The middle of a flank is the outermost place that is as high as the mean of both
+    # heights.
+    is_high = mean_outline.height_mm >= 0.5 * (low + high)
+    high_x = mean_outline.x_mm[is_high]
+    return Flank(
+        heights_mm=np.array([low, high]),
+        left_mm=high_x[high_x <= 0].min(),
+        right_mm=high_x[high_x >= 0].max(),
+    )
 
 
 def _draw_measured_slope(panel: Axes, target: Target, flank: Flank) -> None:

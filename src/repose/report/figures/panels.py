@@ -58,7 +58,7 @@ def grid(
 def add_panels(
     figure: FigureBase, count: int, columns: int = 2, **options: Any
 ) -> list[Axes]:
-    """Add panels to an empty figure, row by row; further places stay empty.
+    """Add panels to an empty figure, row by row; places that remain stay empty.
 
     Parameters
     ----------
@@ -70,6 +70,11 @@ def add_panels(
         Number of panels in a row, at most.
     **options
         Arguments of matplotlib's `subplots`.
+
+    Returns
+    -------
+    list of Axes
+        The panels.
     """
     columns = min(columns, count)
     rows = math.ceil(count / columns)
@@ -187,15 +192,8 @@ def finish_pair_panels(
         Room that is added to both ends of each axis, as a share of the parameter's
         range along its scale.
     """
-    # The ends of each axis, in the unit of its parameter
     names = parameters.free
-    ends = {}
-    lows, highs = parameters.coordinate_ends
-    for name, low, high in zip(names, lows.tolist(), highs.tolist(), strict=True):
-        margin_width = margin * (high - low)
-        coordinates = np.array([low - margin_width, high + margin_width])
-        scale = SCALES[parameters.scale.get(name, LINEAR)]
-        ends[name] = scale.backward(coordinates).tolist()
+    ends = _compute_axis_ends(parameters, margin)
     for axes, x_name, y_name in panels:
         is_diagonal = x_name == y_name
         is_first_column = x_name == names[0]
@@ -214,6 +212,36 @@ def finish_pair_panels(
             axes.set_xlabel(parameter_label(x_name), fontsize=8.5)
         if has_y_axis:
             axes.set_ylabel(parameter_label(y_name), fontsize=8.5)
+
+
+def _compute_axis_ends(
+    parameters: ParameterSpace, margin: float
+) -> dict[str, list[float]]:
+    """Compute the ends of an axis for each free parameter.
+
+    Parameters
+    ----------
+    parameters : ParameterSpace
+        The parameters of the study.
+    margin : float
+        Room beyond both ends of the range, as a share of the range. On a logarithmic
+        scale, this is a share of the range of the logarithm.
+
+    Returns
+    -------
+    dict
+        The lower and the upper end of each axis, in the unit of the parameter.
+    """
+    ends = {}
+    lows, highs = parameters.coordinate_ends
+    for name, low, high in zip(
+        parameters.free, lows.tolist(), highs.tolist(), strict=True
+    ):
+        margin_width = margin * (high - low)
+        coordinates = np.array([low - margin_width, high + margin_width])
+        scale = SCALES[parameters.scale.get(name, LINEAR)]
+        ends[name] = scale.backward(coordinates).tolist()
+    return ends
 
 
 def label_strips(panel: Axes, names: Sequence[str]) -> None:

@@ -12,6 +12,7 @@ from matplotlib.patches import Rectangle
 
 from repose.calibrate.targets import Target, Targets
 from repose.common.files import read_table
+from repose.stages.tables import find_answer
 
 from . import panels, style
 from .registry import Inputs, StudyView
@@ -73,7 +74,7 @@ def draw_planes(inputs: Inputs, study: StudyView) -> Figure:
     checked = read_table(
         inputs["table4"], ("role", *targets.predicted, *simulated, *targets.errors)
     )
-    answer = checked[checked["role"] == "representative"].iloc[0]
+    answer = find_answer(checked, source=inputs["table4"])
 
     n_panels = 2 * math.comb(len(targets), 2)
     figure, axes = panels.grid(n_panels, ROW_HEIGHT, extra_height=1.0)
@@ -103,9 +104,12 @@ def draw_pairs_of_targets(
         Title of the legend, which explains the bars.
     """
     pairs = combinations(targets, 2)
-    for k, (x_target, y_target) in enumerate(pairs):
-        # Both panels show the same, within different limits.
-        whole_panel, enlarged_panel = axes[2 * k : 2 * k + 2]
+    # Two panels after each other belong to a pair. Both show the same, within different
+    # limits.
+    panel_pairs = zip(axes[::2], axes[1::2], strict=True)
+    for k, ((x_target, y_target), (whole_panel, enlarged_panel)) in enumerate(
+        zip(pairs, panel_pairs, strict=True)
+    ):
         for panel in (whole_panel, enlarged_panel):
             _draw_samples(panel, data.samples, x_target=x_target, y_target=y_target)
             _draw_targets(panel, x_target, y_target)
@@ -145,7 +149,7 @@ def _compute_axis_limits(target: Target, answer: pd.Series) -> tuple[float, floa
         The lower and the upper limit, with a margin.
     """
     response = target.response
-    values = [
+    shown_values = [
         target.low,
         target.high,
         target.value - target.standard_error,
@@ -154,12 +158,12 @@ def _compute_axis_limits(target: Target, answer: pd.Series) -> tuple[float, floa
     ]
     if response.simulated in answer:
         error = answer[response.standard_error]
-        values += [
+        shown_values += [
             answer[response.simulated] - error,
             answer[response.simulated] + error,
         ]
     # The mean of a single run has no standard error, so two values are then NaN.
-    known_values = [value for value in values if pd.notna(value)]
+    known_values = [value for value in shown_values if pd.notna(value)]
     low = min(known_values)
     high = max(known_values)
     margin = ENLARGED_MARGIN_SHARE * (high - low)

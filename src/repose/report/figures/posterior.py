@@ -35,16 +35,32 @@ RATIO_LABEL = "posterior over prior in each cell; white: as before the measureme
 SEARCH_SETS_LABEL = "solutions of the search"
 # Share of the draws where samples are thin, above which the figure warns.
 EXTRAPOLATED_SHARE = 0.5
+# Columns with the ends of an interval: of the posterior, of the solutions that the
+# search (MiGA, a multi-island genetic algorithm) found, and of the published solutions.
 CREDIBLE_COLUMNS = ["credible_low", "credible_high"]
+SEARCH_COLUMNS = ["miga_low", "miga_high"]
+PUBLISHED_COLUMNS = ["published_low", "published_high"]
 COLUMN_NOTE = (
     "width that the measurements leave open; information: one bit halves the range"
 )
-SEARCH_COLUMNS = ["miga_low", "miga_high"]
-PUBLISHED_COLUMNS = ["published_low", "published_high"]
+INTERVALS_HEIGHT = 3.3  # inches, of the figure of the credible intervals
+# The panel of the intervals ends at this place in a parameter's range, which goes from 0
+# to 1. The room beside the range has the numbers.
+RIGHT_END = 1.17
+NUMBERS_X = 1.03  # place of the numbers
+CREDIBLE_OFFSET = (
+    0.22  # of the bar of the credible interval above the middle of a strip
+)
 # Bars of a parameter: their columns, place above the middle, colour, width and label.
 # The spans of solutions are thin, since they are no uncertainty.
 INTERVAL_BARS = (
-    (CREDIBLE_COLUMNS, 0.22, style.BLUE, 3.0, "95 % interval, median white"),
+    (
+        CREDIBLE_COLUMNS,
+        CREDIBLE_OFFSET,
+        style.BLUE,
+        3.0,
+        "95 % interval, median white",
+    ),
     (SEARCH_COLUMNS, 0.0, style.RED, 1.2, "span of the solutions found"),
     (PUBLISHED_COLUMNS, -0.22, style.ORANGE, 1.2, "span of the published solutions"),
 )
@@ -121,7 +137,7 @@ def _split_published_sets(
     Parameters
     ----------
     table : DataFrame
-        A row for each set. Its column `wall` is completed.
+        A row for each set, with its `source`, `wall` and parameters.
     names : iterable of str
         Names of the parameters.
 
@@ -132,8 +148,9 @@ def _split_published_sets(
     """
     if not {"source", "wall", *names} <= set(table):
         return []
-    table["wall"] = table["wall"].fillna("").astype(str)
-    by_source = table.groupby(["source", "wall"])
+    # The cell is empty for a set of the study's own wall.
+    walls = table["wall"].fillna("").astype(str)
+    by_source = table.assign(wall=walls).groupby(["source", "wall"])
     # Sources beyond the last marker are left out.
     return [
         PublishedSets(marker, source, wall=wall, table=rows)
@@ -257,13 +274,14 @@ def _draw_marginal(
     """
     name = row.name
     edges = compute_cell_edges(parameters, name, N_BINS)
-    # On the scale of the parameter all cells have the same width. The histogram is the
-    # density along this scale.
+    # Along the scale of the parameter, all cells have the same width. Weight the draws
+    # so that the histogram shows their density along this scale.
     width = parameters.coordinates(name, edges[[0, -1]]) @ [-1, 1] / N_BINS
+    weight = 1 / (len(values) * width)
     panel.hist(
         values,
         bins=edges,
-        weights=np.full(len(values), 1 / (len(values) * width)),
+        weights=np.full(len(values), weight),
         color=style.BLUE,
         alpha=0.35,
     )
@@ -355,7 +373,7 @@ def _compute_prior_of_cells(parameters: ParameterSpace, name: str) -> np.ndarray
     Returns
     -------
     ndarray
-        Probabilities (PAIR_CELLS,), above 0 so that one can divide by them.
+        Probabilities (N_PAIR_CELLS,), above 0 so that one can divide by them.
     """
     index = parameters.free.index(name)
     share_of_range = np.linspace(0, 1, N_PAIR_CELLS + 1)
@@ -395,6 +413,11 @@ def _describe_draws(summary: Mapping[str, Any], targets: Targets) -> str:
         Content of posterior.json.
     targets : Targets
         The targets of the study.
+
+    Returns
+    -------
+    str
+        Several lines.
     """
     lines = []
     for response in targets.responses:
@@ -425,12 +448,13 @@ def _describe_draws(summary: Mapping[str, Any], targets: Targets) -> str:
 def _make_legend_handles(
     panel: Axes, data: CornerData, has_prior: bool, has_published_intervals: bool
 ) -> list[Artist]:
-    """Make the entries of the legend.
+    """Make the entries of the legend: the posterior, its prior, and what is marked.
 
     Parameters
     ----------
     panel : Axes
-        Any panel: it gets empty marks that only appear in the legend.
+        Any panel. Empty marks of the published sets are added to it, which only appear
+        in the legend.
     data : CornerData
         The sets that are marked.
     has_prior : bool
@@ -439,42 +463,17 @@ def _make_legend_handles(
         Whether published intervals are drawn.
     """
     unit_box = {"xy": (0, 0), "width": 1, "height": 1}
+    prior_label = "prior" if has_prior else "uniform prior"
     handles: list[Artist] = [
-        Rectangle(
-            **unit_box,
-            color=style.BLUE,
-            alpha=0.35,
-            lw=0,
-            label="posterior",
-        ),
+        Rectangle(**unit_box, color=style.BLUE, alpha=0.35, lw=0, label="posterior"),
+        Line2D([], [], color=style.GREY, ls="--", lw=0.9, label=prior_label),
         Line2D(
-            [],
-            [],
-            color=style.GREY,
-            ls="--",
-            lw=0.9,
-            label="prior" if has_prior else "uniform prior",
-        ),
-        Line2D(
-            [],
-            [],
-            marker="o",
-            ls="",
-            ms=3.5,
-            color=style.RED,
-            label=data.sets_label,
+            [], [], marker="o", ls="", ms=3.5, color=style.RED, label=data.sets_label
         ),
     ]
     if has_published_intervals:
-        handles.append(
-            Rectangle(
-                **unit_box,
-                fill=False,
-                ec=style.BLACK,
-                lw=1.1,
-                label="published intervals",
-            )
-        )
+        box_style = {"fill": False, "ec": style.BLACK, "lw": 1.1}
+        handles.append(Rectangle(**unit_box, **box_style, label="published intervals"))
     for sets in data.published_sets:
         label = sets.source.partition(",")[0]
         if sets.wall:
@@ -489,23 +488,28 @@ def _make_legend_handles(
 
 
 def draw_credible_intervals(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw credible intervals in the parameters' ranges, with the answer.
+    """Draw the credible interval of each parameter in its range, with the answer.
+
+    Beside it are the span of the solutions that the search found and, if there is one,
+    that of the published solutions.
 
     Parameters
     ----------
     inputs : mapping
-        Paths by name. `posterior` has a row for each parameter, and `feasible` a row for
-        each solution.
+        Paths by name. `posterior` has a row for each parameter, with the ends of its
+        intervals. `feasible` has a row for each solution, of which one is the answer.
     study : StudyView
         The study.
     """
-    table = read_table(inputs["posterior"], ("parameter", "credible_low", "miga_low"))
+    table = read_table(
+        inputs["posterior"], ("parameter", *CREDIBLE_COLUMNS, *SEARCH_COLUMNS)
+    )
     names = table["parameter"].tolist()
     solutions = read_table(inputs["feasible"], ("representative", *names))
     answers = solutions[solutions["representative"]]
     if len(answers):
         table = table.assign(answer=answers.iloc[0][names].to_numpy(float))
-    figure = style.new_figure(style.PAGE, 3.3)
+    figure = style.new_figure(style.PAGE, INTERVALS_HEIGHT)
     draw_intervals(figure.subplots(), table, study.parameters)
     return figure
 
@@ -528,14 +532,14 @@ def draw_intervals(
         The parameters of the study.
     """
     n_parameters = len(table)
-    for row_number, row in table.iterrows():
-        is_first = row_number == 0
-        y = n_parameters - 1 - row_number
+    for number, (_, row) in enumerate(table.iterrows()):
+        # The first parameter is on top.
+        y = n_parameters - 1 - number
         # This function converts values of the parameter to places in its range.
         places = partial(parameters.shares, row["parameter"])
-        _draw_interval_strip(panel, row, places=places, y=y, is_first=is_first)
+        _draw_interval_strip(panel, row, places=places, y=y, is_first=number == 0)
     panel.text(
-        1.17,
+        RIGHT_END,
         n_parameters - 0.45,
         COLUMN_NOTE,
         fontsize=6.3,
@@ -544,7 +548,7 @@ def draw_intervals(
         color=style.BLACK,
     )
     panels.label_strips(panel, table["parameter"].tolist())
-    panel.set(xlim=(-0.03, 1.17), ylim=(-1.2, n_parameters - 0.35))
+    panel.set(xlim=(-0.03, RIGHT_END), ylim=(-1.2, n_parameters - 0.35))
     panel.legend(loc="lower center", ncols=4, bbox_to_anchor=(0.5, -0.02))
 
 
@@ -555,7 +559,7 @@ def _draw_interval_strip(
     y: float,
     is_first: bool,
 ) -> None:
-    """Draw the intervals of one parameter in its range, from left to right.
+    """Draw the intervals of one parameter as bars in a strip, which is its range.
 
     Parameters
     ----------
@@ -587,7 +591,7 @@ def _draw_interval_strip(
         )
     panel.plot(
         [places(row["median"])],
-        [y + 0.22],
+        [y + CREDIBLE_OFFSET],
         "|",
         ms=6,
         mew=1.6,
@@ -605,7 +609,8 @@ def _draw_interval_strip(
     # The intervals are estimates, so their ratio may slightly exceed 1.
     percent = 100 * min(row["width_ratio"], 1.0)
     text = f"{percent:.0f} %   {row['information_bits']:.2f} bits"
-    panel.text(1.03, y, text, fontsize=style.SMALL_TEXT_PT, va="center")
+    panel.text(NUMBERS_X, y, text, fontsize=style.SMALL_TEXT_PT, va="center")
+    # The ends of the range are below the strip.
     for x, value in ((0, row["low"]), (1, row["high"])):
         panel.text(
             x,

@@ -1,7 +1,7 @@
 """Draw the rotating drum: its bed before and after the first slip."""
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
@@ -18,6 +18,9 @@ from repose.stages.drum_tables import choose_median_run
 
 from . import panels, style
 from .registry import Inputs, StudyView
+
+if TYPE_CHECKING:
+    from repose.report.renderer.scenery import Camera
 
 PICTURE_PIXELS = 620  # side of a picture at the default resolution
 SLIP_COLUMNS = ("seed", "before_turned_deg", "before_time_s")
@@ -96,20 +99,23 @@ def _describe_slip(
         The section `drum`.
     """
     seconds = turned_deg / np.degrees(settings.angular_velocity_rad_s)
-    text = (
+    slip = (
         f"The bed slipped first when the drum had turned by {turned_deg:.1f}°, after "
         f"{seconds:.1f} s of rotation."
     )
     if runs.empty:
-        return text
+        return slip
     slipped = runs[runs["status"] == "ok"]
-    if len(slipped) > 1:
-        angle = _format_mean_and_error(slipped["before_turned_deg"])
-        time = _format_mean_and_error(slipped["before_time_s"])
-        number = runs["seed"].tolist().index(choose_median_run(runs)) + 1
-        text = f"Run {number} of {len(runs)}, whose slip angle is the median. {text}"
-        text += f"\nIn {len(slipped)} runs, mean ± standard error: {angle}°, {time} s."
-    return text
+    if len(slipped) < 2:
+        return slip
+    # The states are those of the median run. Its number is its place in the table.
+    number = runs["seed"].tolist().index(choose_median_run(runs)) + 1
+    angle = _format_mean_and_error(slipped["before_turned_deg"])
+    time = _format_mean_and_error(slipped["before_time_s"])
+    return (
+        f"Run {number} of {len(runs)}, whose slip angle is the median. {slip}\n"
+        f"In {len(slipped)} runs, mean ± standard error: {angle}°, {time} s."
+    )
 
 
 def _format_mean_and_error(values: pd.Series) -> str:
@@ -155,6 +161,7 @@ def _draw_and_measure_state(
     centres = arrays[f"position_{state}"].astype(float)
     quaternions = arrays[f"quaternion_{state}"].astype(float)
     scales = arrays.get("scale", np.ones(len(centres)))
+    grains = Grains(centres, quaternions, particle=particle, scales=scales)
     turned_rad = np.radians(float(arrays[f"turned_{state}_deg"]))
     inside = make_drum_inside(settings, turned_rad)
 
@@ -186,25 +193,37 @@ def _draw_and_measure_state(
 
     # The surface is measured in the silhouette of the bed.
     mm_per_pixel = study.settings.measure.mm_per_pixel
-    silhouette = bed.side_view(
-        Grains(centres, quaternions, particle=particle, scales=scales),
-        inside.radius_m,
-        mm_per_pixel,
-    )
+    silhouette = bed.side_view(grains, inside.radius_m, mm_per_pixel)
     surface = bed.surface_of(
         silhouette,
         inside.radius_m,
         mm_per_pixel=mm_per_pixel,
         fit_share=settings.fit_share,
     )
-    # Its line lies in the plane y = 0, across the middle of the drum.
-    line_m = np.insert(surface.line_m, 1, 0.0, axis=1)
-    x, y, _ = camera.project(line_m)
-    panel.plot(x, y, color="white", lw=2.6, solid_capstyle="butt")
-    panel.plot(x, y, color=style.GREEN, lw=1.6, solid_capstyle="butt")
+    _draw_surface(panel, surface.line_m, camera)
     panel.set(xticks=[], yticks=[])
     panel.spines[:].set_visible(False)
     return surface.angle_deg
+
+
+def _draw_surface(panel: Axes, line_m: np.ndarray, camera: "Camera") -> None:
+    """Draw the line of the bed's surface into a picture of the drum.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel of the picture.
+    line_m : ndarray
+        Ends of the line: x and z (2, 2) in m.
+    camera : Camera
+        The camera of the picture.
+    """
+    # The line lies in the plane y = 0, across the middle of the drum.
+    ends_m = np.insert(line_m, 1, 0.0, axis=1)
+    x, y, _ = camera.project(ends_m)
+    # A white margin, since the line lies over grains.
+    panel.plot(x, y, color="white", lw=2.6, solid_capstyle="butt")
+    panel.plot(x, y, color=style.GREEN, lw=1.6, solid_capstyle="butt")
 
 
 def draw_course(inputs: Inputs, study: StudyView) -> Figure:

@@ -18,6 +18,9 @@ from .registry import Inputs, StudyView
 
 # Fewest good samples for which a rank correlation is written.
 FEWEST_CORRELATED = 4
+# Left and lower edge, width and height of the comparison of methods, as shares of the
+# figure.
+COMPARISON_BOX = (0.70, 0.70, 0.27, 0.10)
 # Longest line of the note below a figure.
 NOTE_CHARACTERS = 120
 
@@ -55,20 +58,8 @@ def draw_design_matrix(inputs: Inputs, study: StudyView) -> Figure:
                 lw=0,
             )
     panels.finish_pair_panels(pair_panels, study.parameters)
-    # Describe the design. With constraints it is a selection from a larger design.
-    method = METHOD_LABELS[study.settings.design.method]
-    origin = method
-    remark = ""
-    if study.parameters.constraints:
-        origin = f"allowed ones of a larger {method}"
-        rules = "; ".join(
-            constraint.text for constraint in study.parameters.constraints
-        )
-        remark = f"\nspread evenly over {rules}; no Latin hypercube"
-    text = (
-        f"{len(samples)} samples: {origin}\ndiagonal: samples in each tenth of a range"
-        f"{remark}"
-    )
+
+    text = _describe_design(study, len(samples))
     if len(names) == 1:
         # With a single panel there is no empty corner for the text.
         figure.suptitle(text, fontsize=9)
@@ -80,17 +71,36 @@ def draw_design_matrix(inputs: Inputs, study: StudyView) -> Figure:
     return figure
 
 
+def _describe_design(study: StudyView, n_samples: int) -> str:
+    """Describe the method of the design, and what the histograms show, line by line.
+
+    With constraints, the design is a selection from a larger design.
+    """
+    method = METHOD_LABELS[study.settings.design.method]
+    histograms = "diagonal: samples in each tenth of a range"
+    constraints = study.parameters.constraints
+    if not constraints:
+        return f"{n_samples} samples: {method}\n{histograms}"
+    rules = "; ".join(constraint.text for constraint in constraints)
+    return (
+        f"{n_samples} samples: allowed ones of a larger {method}\n"
+        f"{histograms}\n"
+        f"spread evenly over {rules}; no Latin hypercube"
+    )
+
+
 def _compare_methods(figure: Figure, comparison: pd.DataFrame) -> None:
-    """Draw the smallest distance of each method as bars, in the empty corner.
+    """Draw the smallest distance of two samples by each method as bars.
 
     Parameters
     ----------
     figure : Figure
-        The figure, whose upper right corner is empty.
+        The figure. The bars are drawn in its upper right corner, which is empty.
     comparison : DataFrame
-        The method and its smallest distance, a row for each.
+        A row for each method, with its smallest distance.
     """
-    panel = figure.add_axes((0.70, 0.70, 0.27, 0.10))
+    panel = figure.add_axes(COMPARISON_BOX)
+    # The panels of the parameters must not make room for it.
     panel.set_in_layout(False)
     names = [METHOD_LABELS[method] for method in comparison["method"]]
     distances = comparison["min_distance"]
@@ -131,7 +141,7 @@ def draw_responses_over_parameters(inputs: Inputs, study: StudyView) -> Figure:
 def _draw_response(
     panel: Axes, table: pd.DataFrame, name: str, response: Response
 ) -> None:
-    """Draw one response over one parameter, with failed samples as crosses below.
+    """Draw one response over one parameter, and failed samples as crosses below it.
 
     Parameters
     ----------
@@ -161,17 +171,15 @@ def _draw_response(
         mew=0,
     )
     if len(failed):
-        # Place the crosses below all values, by a tenth of their range. If no sample is
-        # good, there are no values, so choose any range.
+        # If no sample is good, there are no values, so choose any range.
         bottom = 0.0
         top = 1.0
         if len(good):
             bottom = (value - error).min()
             top = (value + error).max()
-        row = bottom - 0.1 * (top - bottom)
-        panel.plot(
-            failed[name], np.full(len(failed), row), "x", ms=3.5, color=style.RED
-        )
+        # Place the crosses below all values, by a tenth of their range.
+        y = bottom - 0.1 * (top - bottom)
+        panel.plot(failed[name], np.full(len(failed), y), "x", ms=3.5, color=style.RED)
     if len(good) >= FEWEST_CORRELATED:
         correlation = good[name].rank().corr(value.rank())
         panel.set_title(

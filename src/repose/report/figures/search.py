@@ -24,6 +24,8 @@ LEAST_LOSS_NOTE = (
     "prediction is; so it may lie beside the other sets."
 )
 GOLDEN_FRACTION = 0.6180339887
+# Place of the share that the solutions span, right of a range, which goes from 0 to 1.
+SHARE_X = 1.03
 # With more generations than this, their axis is logarithmic.
 LINEAR_GENERATIONS = 200
 HISTORY_COLUMNS = (
@@ -122,13 +124,13 @@ def _describe_overlap(
 def _write_title(
     figure: Figure, panel: Axes, solutions: pd.DataFrame, summary: Mapping[str, Any]
 ) -> None:
-    """Write the number of solutions as the title, or why none of them is feasible.
+    """Write the number of solutions as the title, or that none of them is feasible.
 
     Parameters
     ----------
     figure : Figure
         The figure. If no solution is feasible, the message of the search is written
-        below it.
+        below it, in place of other words.
     panel : Axes
         Its panel.
     solutions : DataFrame
@@ -139,10 +141,9 @@ def _write_title(
     n_shown = len(solutions)
     if summary["feasible"]:
         n_feasible = int(_read_booleans(solutions["feasible"]).sum())
-        others = ""
+        title = f"{n_feasible} feasible solutions"
         if n_feasible < n_shown:
-            others = f" and the {n_shown - n_feasible} nearest others"
-        title = f"{n_feasible} feasible solutions{others}"
+            title += f" and the {n_shown - n_feasible} nearest others"
         panel.set_title(title, fontweight="bold", color=style.BLACK)
         return
     title = f"no set is predicted inside all ranges: the {n_shown} nearest are shown"
@@ -188,12 +189,12 @@ def _draw_parameter_strips(
     names = study.parameters.free
     ranges = parameter_ranges(study.parameters)
     is_answer = _read_booleans(solutions["representative"])
-    for row, name in enumerate(names):
+    for number, name in enumerate(names):
         low, high = ranges[name]
-        y = len(names) - 1 - row  # the first parameter is on top
+        y = len(names) - 1 - number  # the first parameter is on top
         positions = study.parameters.shares(name, solutions[name].to_numpy())
         # Only the first strip adds its labels to the legend.
-        label_prefix = "" if row == 0 else "_"
+        label_prefix = "" if number == 0 else "_"
         _draw_strip(
             panel,
             y,
@@ -204,22 +205,14 @@ def _draw_parameter_strips(
         if published is not None:
             ends = published.loc[name, ["low", "high"]].astype(float).to_numpy()
             start, end = study.parameters.shares(name, ends)
-            panel.barh(
-                y - 0.22,
-                end - start,
-                left=start,
-                height=0.18,
-                color=style.ORANGE,
-                zorder=3,
-                label=f"{label_prefix}published interval",
-            )
+            _draw_published_interval(panel, y, start, end, label_prefix)
         _write_range(panel, y, low=low, high=high)
         percent = 100 * (positions.max() - positions.min())
         panel.text(
-            1.03, y, f"{percent:.0f} %", fontsize=style.SMALL_TEXT_PT, va="center"
+            SHARE_X, y, f"{percent:.0f} %", fontsize=style.SMALL_TEXT_PT, va="center"
         )
     panel.text(
-        1.03,
+        SHARE_X,
         len(names) - 0.55,
         "share of\nits range",
         fontsize=style.SMALL_TEXT_PT,
@@ -237,6 +230,33 @@ def _draw_parameter_strips(
     )
 
 
+def _draw_published_interval(
+    panel: Axes, y: float, start: float, end: float, label_prefix: str
+) -> None:
+    """Draw the published interval of one parameter in the lower part of its strip.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    y : float
+        Height of the strip's middle.
+    start, end : float
+        Ends of the interval as shares of the parameter's range.
+    label_prefix : str
+        A prefix of the label. An underscore keeps it out of the legend.
+    """
+    panel.barh(
+        y - 0.22,
+        end - start,
+        left=start,
+        height=0.18,
+        color=style.ORANGE,
+        zorder=3,
+        label=f"{label_prefix}published interval",
+    )
+
+
 def _write_range(panel: Axes, y: float, low: float, high: float) -> None:
     """Write both ends of a parameter's range below its strip."""
     text_style = {"fontsize": 6, "va": "top", "color": style.GREY}
@@ -251,7 +271,7 @@ def _draw_strip(
     is_answer: np.ndarray,
     label_prefix: str,
 ) -> None:
-    """Draw the range of one parameter with solutions, interval and answer.
+    """Draw the range of one parameter with the solutions, their span and the answer.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Draw Figures 10 and 13: the network, and the quality of its predictions."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -91,6 +91,7 @@ def draw_network_structure(inputs: Inputs, study: StudyView) -> Figure:
     network = read_json(
         path, ("inputs", "outputs", "W1", "W2"), "the file of a network"
     )
+    # The weights of the first layer have a row for each hidden node.
     n_hidden, n_inputs = np.shape(np.atleast_2d(network["W1"]))
     n_outputs = len(network["outputs"])
     layers = Layers(
@@ -98,29 +99,47 @@ def draw_network_structure(inputs: Inputs, study: StudyView) -> Figure:
         hidden=_place_nodes(1, n_hidden),
         outputs=_place_nodes(2, n_outputs),
     )
+    titles = _format_layer_titles(network, layers)
+    symbols = _find_symbols(network["outputs"], study.targets, path)
     influence = compute_influence(
         load(path), study.parameters, study.settings.design.seed
     )
-    # The outputs are responses of targets, which another program may define, or other
-    # responses of a bench test.
-    responses_of_targets = {target.name: target.response for target in study.targets}
-    symbols = []
-    for name in network["outputs"]:
-        output = responses_of_targets.get(name) or response(name, path)
-        symbols.append(output.symbol)
-    n_bars = n_outputs * len(layers.inputs)
+
+    # The panels are as high as their bars need.
+    n_bars = n_outputs * n_inputs
     figure = style.new_figure(style.PAGE, max(3.1, 1.0 + 0.17 * n_bars))
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.15))
-    titles = _format_layer_titles(network, layers)
     _draw_network(
         left, layers, titles=titles, inputs=network["inputs"], symbols=symbols
     )
     _draw_influence(right, influence, inputs=network["inputs"], symbols=symbols)
     style.name_panels((left, right))
-    is_constrained = bool(study.parameters.constraints)
-    note = INFLUENCE_NOTE_WITH_CONSTRAINTS if is_constrained else INFLUENCE_NOTE
+    note = INFLUENCE_NOTE
+    if study.parameters.constraints:
+        note = INFLUENCE_NOTE_WITH_CONSTRAINTS
     style.write_below(figure, note)
     return figure
+
+
+def _find_symbols(outputs: Sequence[str], targets: Targets, source: str) -> list[str]:
+    """Find the symbols of the outputs of a network.
+
+    Parameters
+    ----------
+    outputs : sequence of str
+        Names of responses: those of targets, which another program may define, or other
+        responses of a bench test.
+    targets : Targets
+        The targets of the study.
+    source : path
+        File of the network, for messages.
+    """
+    responses_of_targets = {target.name: target.response for target in targets}
+    symbols = []
+    for name in outputs:
+        output = responses_of_targets.get(name) or response(name, source)
+        symbols.append(output.symbol)
+    return symbols
 
 
 def _format_layer_titles(network: Mapping[str, Any], layers: Layers) -> list[str]:
@@ -211,7 +230,8 @@ def _draw_influence(
     symbols : sequence of str
         Symbols of the responses.
     """
-    # The bars of an input lie side by side about its position.
+    # The bars of an input lie side by side about its position. Together they fill 0.8 of
+    # the distance between two inputs.
     positions = np.arange(len(inputs))
     height = 0.8 / len(symbols)
     for k, symbol in enumerate(symbols):
@@ -219,16 +239,12 @@ def _draw_influence(
         percent = 100 * influence.share[k]
         colour = style.SERIES[k % len(style.SERIES)]
         panel.barh(y, percent, height=height, color=colour, label=symbol)
-        for row, value, direction in zip(
+        for bar_y, bar_percent, direction in zip(
             y, percent, influence.direction[k], strict=True
         ):
-            label = "none"
-            if direction:
-                arrow = "↗" if direction > 0 else "↘"
-                label = f"{value:.0f} % {arrow}"
             panel.annotate(
-                label,
-                (value, row),
+                _format_influence(bar_percent, direction),
+                (bar_percent, bar_y),
                 xytext=(3, 0),
                 textcoords="offset points",
                 va="center",
@@ -240,6 +256,14 @@ def _draw_influence(
     panel.set(xlabel="influence on the prediction (%)")
     panel.margins(x=0.18)
     panel.legend(loc="lower right")
+
+
+def _format_influence(percent: float, direction: float) -> str:
+    """Write the influence of an input with an arrow up or down; "none" without one."""
+    if not direction:
+        return "none"
+    arrow = "↗" if direction > 0 else "↘"
+    return f"{percent:.0f} % {arrow}"
 
 
 def compute_influence(
@@ -261,20 +285,16 @@ def compute_influence(
     Influence
         Share of the variance and direction, each (outputs, inputs).
     """
-    from repose.calibrate.uncertainty.sensitivity import (
-        compute_main_effects,
-        compute_variance_shares,
-    )
-
-    shape = len(model.outputs), len(model.inputs)
-    influence = Influence(share=np.zeros(shape), direction=np.zeros(shape))
-    free_columns = [model.inputs.index(name) for name in parameters.free]
+    from repose.calibrate.uncertainty.sensitivity import compute_variance_shares
 
     def respond(coordinates: np.ndarray) -> np.ndarray:
         """Predict the responses at coordinates of the free parameters."""
         values = parameters.from_coordinates(coordinates)
         return model.predict(parameters.complete(values))
 
+    shape = len(model.outputs), len(model.inputs)
+    share = np.zeros(shape)
+    direction = np.zeros(shape)
     settings = SensitivitySettings.model_construct(
         samples=INFLUENCE_POINTS, resamples=1, seed=seed
     )
@@ -282,26 +302,53 @@ def compute_influence(
         shares = compute_variance_shares(respond, parameters, settings)
     except ValueError:
         # Shares are undefined for a constant output, so leave all at zero.
-        return influence
+        return Influence(share, direction)
+
+    # Fixed inputs keep a share of zero.
+    free_columns = [model.inputs.index(name) for name in parameters.free]
+    share[:, free_columns] = shares["remaining" if parameters.constraints else "total"]
+    rise = _compute_rise(respond, parameters, seed)
+    direction[:, free_columns] = np.sign(rise).T
+    return Influence(share, direction)
+
+
+def _compute_rise(
+    respond: Callable[[np.ndarray], np.ndarray], parameters: ParameterSpace, seed: int
+) -> np.ndarray:
+    """Compute how much the mean responses rise along each free parameter.
+
+    Parameters
+    ----------
+    respond : callable
+        Function that maps coordinates (n, free) of the free parameters to responses
+        (n, outputs).
+    parameters : ParameterSpace
+        The parameters of the study.
+    seed : int
+        Seed of the random points over which the other parameters are averaged.
+
+    Returns
+    -------
+    ndarray
+        The rise (free, outputs) from the least to the largest value that the constraints
+        allow.
+    """
+    from repose.calibrate.uncertainty.sensitivity import compute_main_effects
+
     low, high = parameters.coordinate_ends
-    if parameters.constraints:
-        _, means = compute_main_effects(
-            respond, low, high, seed=seed, is_allowed=parameters.is_allowed
-        )
-        rise = np.array([_compute_rise(curve) for curve in means])
-        influence.share[:, free_columns] = shares["remaining"]
-    else:
+    if not parameters.constraints:
         _, means = compute_main_effects(respond, low, high=high, seed=seed, points=2)
-        rise = means[:, 1] - means[:, 0]
-        influence.share[:, free_columns] = shares["total"]
-    influence.direction[:, free_columns] = np.sign(rise).T
-    return influence
+        return means[:, 1] - means[:, 0]
 
-
-def _compute_rise(curve: np.ndarray) -> np.ndarray:
-    """Compute the rise (outputs,) of a main effect (points, outputs) where it is known."""
-    known_points = curve[~np.isnan(curve).any(axis=1)]
-    return known_points[-1] - known_points[0]
+    # Means are NaN at values that the constraints do not allow.
+    _, means = compute_main_effects(
+        respond, low, high, seed=seed, is_allowed=parameters.is_allowed
+    )
+    rises = []
+    for curve in means:
+        allowed = curve[~np.isnan(curve).any(axis=1)]
+        rises.append(allowed[-1] - allowed[0])
+    return np.array(rises)
 
 
 def _place_nodes(x: float, count: int) -> np.ndarray:
@@ -491,11 +538,12 @@ def _describe_accuracy(
     unit = plotted_response.unit
     surrogate_accuracy = _format_accuracy(simulated, predicted - simulated, unit)
 
-    # The test samples are too few to estimate the noise, so use the whole design.
-    noisy_rows = rows
+    # The test samples are too few to estimate the noise, so use the whole design. New
+    # points are no part of the design.
+    rows_for_noise = rows
     if split == "test":
-        noisy_rows = table[table["split"] != "new points"]
-    errors = noisy_rows[plotted_response.standard_error].to_numpy(float)
+        rows_for_noise = table[table["split"] != "new points"]
+    errors = rows_for_noise[plotted_response.standard_error].to_numpy(float)
     noise = np.full(len(rows), np.sqrt(np.mean(errors**2)))
     perfect_accuracy = _format_accuracy(simulated, noise, unit)
     return [
@@ -521,7 +569,7 @@ def _format_accuracy(simulated: np.ndarray, deviation: np.ndarray, unit: str) ->
     """
     if not np.isfinite(deviation).all():
         return "unknown"
-    share = compute_r2(simulated, simulated + deviation)
+    r2 = compute_r2(simulated, simulated + deviation)
     rmse = np.sqrt(np.mean(deviation**2))
-    share_text = "undefined" if share is None else f"{share:.2f}"
-    return f"R² {share_text}, RMSE {rmse:.2f} {unit}".rstrip()
+    r2_text = "undefined" if r2 is None else f"{r2:.2f}"
+    return f"R² {r2_text}, RMSE {rmse:.2f} {unit}".rstrip()
