@@ -30,6 +30,13 @@ POSITION_STEPS = 65534
 ABSENT_POSITION = 65535
 ORIENTATION_STEPS = 127  # numbers of 8 bits with a sign
 MAX_TRIANGLES = 600_000  # of all grains together, for a phone
+# Rings of points on the surface of a smooth grain, at least and at most
+LEAST_RINGS = 8
+MOST_RINGS = 18
+# The least extent of the grains in mm avoids a division by zero if all of them have the
+# same coordinate.
+LEAST_EXTENT = 1e-9
+ROUNDED_DOWN = 1 - 1e-9  # factor by which a radius is reduced, more than by rounding
 
 
 class Surface(NamedTuple):
@@ -152,11 +159,10 @@ def quantise(positions: np.ndarray) -> QuantisedPositions:
     whole = np.full(positions.shape, ABSENT_POSITION, np.uint16)
     if not is_there.any():
         return QuantisedPositions(whole, low=np.zeros(3), step=np.ones(3))
-    # Divide the space of all grains into equal steps along each axis. The least extent
-    # avoids a division by zero if all grains have the same coordinate.
+    # Divide the space of all grains into equal steps along each axis.
     low = positions[is_there].min(axis=0)
     high = positions[is_there].max(axis=0)
-    step = np.maximum(high - low, 1e-9) / POSITION_STEPS
+    step = np.maximum(high - low, LEAST_EXTENT) / POSITION_STEPS
     whole[is_there] = np.rint((positions[is_there] - low) / step)
     return QuantisedPositions(whole, low, step)
 
@@ -175,7 +181,7 @@ def make_grain_surface(particle: Particle, most_triangles: int) -> Surface:
     """
     if not particle.is_clump:
         # n rings of 2 n points have about 4 n^2 triangles.
-        n_rings = int(np.clip(np.sqrt(most_triangles / 4), 8, 18))
+        n_rings = int(np.clip(np.sqrt(most_triangles / 4), LEAST_RINGS, MOST_RINGS))
         points, normals, triangles = tessellate(particle, n_rings, 2 * n_rings)
         return Surface(1e3 * points, normals, triangles)
     # Use the finer of two meshes of a sphere, if it has few enough triangles.
@@ -186,28 +192,30 @@ def make_grain_surface(particle: Particle, most_triangles: int) -> Surface:
     return _make_visible_surface(spheres, trimesh.creation.icosphere(subdivisions=1))
 
 
-def _make_visible_surface(spheres: np.ndarray, ball: trimesh.Trimesh) -> Surface:
+def _make_visible_surface(spheres: np.ndarray, unit_sphere: trimesh.Trimesh) -> Surface:
     """Make the surface of a clump without the triangles inside its spheres.
 
     Parameters
     ----------
     spheres : ndarray
         Centres and radii (M, 4) in mm.
-    ball : Trimesh
+    unit_sphere : Trimesh
         Mesh of the unit sphere, which is scaled and moved to each of them.
     """
-    unit_points = np.asarray(ball.vertices)
+    unit_points = np.asarray(unit_sphere.vertices)
     centres = spheres[:, :3]
     radii = spheres[:, 3]
     points = centres[:, None, :] + radii[:, None, None] * unit_points
 
-    # A point is hidden if it lies inside any other sphere.
+    # A point is hidden if it lies inside any other sphere. It is not inside its own one,
+    # from which its distance is the radius but for rounding.
     distances = np.linalg.norm(points[:, :, None] - centres, axis=3)
-    is_hidden = (distances < radii * (1 - 1e-9)).any(axis=2).ravel()
+    is_hidden = (distances < radii * ROUNDED_DOWN).any(axis=2).ravel()
 
-    # Offset the point numbers of each sphere, because all points form one list.
+    # Offset the point numbers of each sphere, because all points form one list. A
+    # triangle is hidden if all its points are.
     first_point = len(unit_points) * np.arange(len(spheres))
-    triangles = (first_point[:, None, None] + ball.faces).reshape(-1, 3)
+    triangles = (first_point[:, None, None] + unit_sphere.faces).reshape(-1, 3)
     visible_triangles = triangles[~is_hidden[triangles].all(axis=1)]
 
     # Drop the points that no visible triangle uses, and renumber the others.

@@ -4,6 +4,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from operator import itemgetter
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -55,17 +56,22 @@ OTHER_PROGRAM_STEP = (
 )
 # An interval that covers this share of the range or more does not determine a parameter.
 UNDETERMINED_SHARE = 0.9
+# A standard error that is a smaller share of its mean is a rounding error: all runs gave
+# the same value.
+ROUNDING_SHARE = 1e-9
+# Angles by which the drum has turned: before the first slip, and at the time when the
+# run of the article ends.
+SLIP_ANGLE = "before_turned_deg"
+REPORT_ANGLE = "report_turned_deg"
 # Quantities of the drum by their keys, and their units.
 DRUM_QUANTITIES = {
-    "before_turned_deg": "deg",
+    SLIP_ANGLE: "deg",
     "before_time_s": "s",
     "before_surface_deg": "deg",
     "after_surface_deg": "deg",
-    "report_turned_deg": "deg",
+    REPORT_ANGLE: "deg",
     "report_surface_deg": "deg",
 }
-
-SLIP_KEYS = ("before_turned_deg", "report_turned_deg")
 
 
 @dataclass(frozen=True)
@@ -230,16 +236,17 @@ def _describe_sets_inside(study: Results) -> str:
     samples_inside = samples[is_inside]
     if len(samples_inside) < 2:
         return ""
-    # The part of each parameter's range that these samples span
-    spans = {}
-    for name in study.parameters.free:
-        spans[name] = np.ptp(study.parameters.shares(name, samples_inside[name]))
-    narrowest = min(spans, key=spans.__getitem__)
-    widest = max(spans, key=spans.__getitem__)
+    # The share of each parameter's range that these samples span, with the parameter
+    spans = [
+        (np.ptp(study.parameters.shares(name, samples_inside[name])), name)
+        for name in study.parameters.free
+    ]
+    narrowest, narrowest_name = min(spans, key=itemgetter(0))
+    widest, widest_name = max(spans, key=itemgetter(0))
     return (
-        f"{len(samples_inside)} of the {len(samples)} simulated samples already lie inside all "
-        f"target ranges; they span {100 * spans[narrowest]:.0f} ({narrowest}) to "
-        f"{100 * spans[widest]:.0f} % ({widest}) of the searched ranges."
+        f"{len(samples_inside)} of the {len(samples)} simulated samples already lie "
+        f"inside all target ranges; they span {100 * narrowest:.0f} ({narrowest_name}) "
+        f"to {100 * widest:.0f} % ({widest_name}) of the searched ranges."
     )
 
 
@@ -252,9 +259,9 @@ def _describe_nearness(study: Results) -> str:
     if not study.get_number("n_seeds"):
         return ""
     checks = list(make_checks(study))
-    sentences = [
-        describe_differences(replace(check, response=check.label) for check in checks)
-    ]
+    # The sentence names the responses by their labels, which people understand.
+    named_checks = [replace(check, response=check.label) for check in checks]
+    sentences = [describe_differences(named_checks)]
     # The standard deviation of a single run follows from the standard error of the mean.
     scatters = [
         _format_with_unit(check.standard_error * math.sqrt(check.runs), check.unit)
@@ -316,7 +323,7 @@ def _make_parameter_row(study: Results, name: str, value: float) -> list[str]:
     label = LABELS.get(name, "")  # empty for parameters of another simulator
     if name in parameters.fixed:
         empty_cells = [] if study.posterior is None else ["", ""]
-        return [name, label, f"{format_significant(value)}", *empty_cells, "fixed"]
+        return [name, label, format_significant(value), *empty_cells, "fixed"]
 
     # `widen_to_value` also finds out whether the value lies at an end of its range.
     if study.posterior is None:
@@ -332,13 +339,18 @@ def _make_parameter_row(study: Results, name: str, value: float) -> list[str]:
             high=float(row["credible_high"]),
         )
         interval_cells = [
-            f"{format_significant(interval['low'], 3)} to {format_significant(interval['high'], 3)}",
+            _format_ends(interval["low"], interval["high"]),
             _describe_share_left_open(row["width_ratio"]),
         ]
-    low, high = parameter_ranges(parameters)[name]
-    searched = f"{format_significant(low, 3)} to {format_significant(high, 3)}"
+    searched = _format_ends(*parameter_ranges(parameters)[name])
+    # Without a label, only the remark is left, with the separator before it.
     meaning = add_remark(label, interval).removeprefix("; ")
-    return [name, meaning, f"{format_significant(value, 3)}", *interval_cells, searched]
+    return [name, meaning, format_significant(value, 3), *interval_cells, searched]
+
+
+def _format_ends(low: float, high: float) -> str:
+    """Write both ends of an interval in three digits."""
+    return f"{format_significant(low, 3)} to {format_significant(high, 3)}"
 
 
 def _describe_share_left_open(share: float) -> str:
@@ -414,6 +426,7 @@ def _make_response_table(study: Results) -> Table:
     columns = ["response", "measured", "target range", "predicted"]
     if study.get_number("n_seeds") is not None:
         columns += ["simulated", "difference", "inside"]
+    # A row has cells for all columns. Leave out those of columns that are not shown.
     rows = [
         _make_response_row(study, target)[: len(columns)] for target in study.targets
     ]
@@ -428,8 +441,9 @@ def _make_response_row(study: Results, target: Target) -> list[str]:
     """
     response = target.response
     unit = response.unit
-    measured = f"{format_significant(target.value)} ± {format_significant(target.sd, 2)} {unit}"
-    measured += f" (n = {target.repetitions})"
+    mean = format_significant(target.value)
+    sd = format_significant(target.sd, 2)
+    measured = f"{mean} ± {sd} {unit} (n = {target.repetitions})"
     target_range = f"{target.low:g} to {target.high:g} {unit}"
 
     # The simulated mean, and how far it is off the measured one.
@@ -511,14 +525,7 @@ def _make_table_of_checked_sets(study: Results) -> Table | None:
         _make_cells_of_set(study, row) for _, row in study.checked_sets.iterrows()
     ]
     for _, row in study.published_sets.iterrows():
-        # The study's own sets have numbers, too. So the numbers of published sets are
-        # marked, because the two kinds share a column.
-        published = row.copy()
-        if row["solution"] == "representative":
-            published["solution"] = "published answer"
-        else:
-            published["solution"] = f"published {row['solution']}"
-        published["role"] = "published"
+        published = _mark_as_published(row)
         cells_of_rows.append(
             _make_cells_of_set(study, published, placeholder="not published")
         )
@@ -528,6 +535,18 @@ def _make_table_of_checked_sets(study: Results) -> Table | None:
         style="sets",
         screen_rows=len(study.published_sets),
     )
+
+
+def _mark_as_published(row: pd.Series) -> pd.Series:
+    """Mark the name of a published set, since the study's own sets have numbers, too."""
+    name = row["solution"]
+    marked = row.copy()
+    if name == "representative":
+        marked["solution"] = "published answer"
+    else:
+        marked["solution"] = f"published {name}"
+    marked["role"] = "published"
+    return marked
 
 
 def _explain_abbreviations(study: Results) -> str:
@@ -616,7 +635,7 @@ def _format_mean_with_error(
     """
     if mean is None or pd.isna(mean):
         return missing
-    is_rounding_error = error is not None and error < 1e-9 * abs(mean)
+    is_rounding_error = error is not None and error < ROUNDING_SHARE * abs(mean)
     if pd.isna(error) or is_rounding_error:
         error = None
     return f"{format_with_error(mean, error).replace('+-', '±')}{unit}"
@@ -642,22 +661,39 @@ def make_drum_section(study: Results) -> DrumSection | None:
                 row["mean"], row["standard_error"], f" {unit}"
             )
             rows.append([row["quantity"], mean, f"{row['runs']:.0f}"])
+    # The article is that of the published sets.
     comparison = ""
-    if len(study.published_sets) and {*SLIP_KEYS} <= set(summary.index):
-        slip_deg, report_deg = summary.loc[list(SLIP_KEYS), "mean"]
-        comparison = (
-            "By its times, the article's run ends when its drum has turned by "
-            f"{report_deg:.0f}°. It shows the bed after a slip and states no angle. Here "
-            f"the bed first slips at {slip_deg:.0f}°."
-        )
-        # If the bed slips later than this, the simulation shows no slip at that time.
-        if slip_deg > report_deg:
-            comparison += " So in this test the simulation disagrees with the article."
+    if len(study.published_sets) > 0:
+        comparison = _compare_slip_with_article(summary)
     return DrumSection(
         comparison=comparison,
         table=Table(["quantity", "simulated", "runs"], rows, style="drum"),
         figures=embed_captioned_pictures(study.files, captions.DRUM_FIGURES),
     )
+
+
+def _compare_slip_with_article(summary: pd.DataFrame) -> str:
+    """Compare when the bed slips in the simulation and in the article.
+
+    Parameters
+    ----------
+    summary : DataFrame
+        Means of the drum's quantities, by their keys. The text is empty if the angles of
+        the slip or of the reported time are not among them.
+    """
+    if SLIP_ANGLE not in summary.index or REPORT_ANGLE not in summary.index:
+        return ""
+    slip_deg = summary.loc[SLIP_ANGLE, "mean"]
+    report_deg = summary.loc[REPORT_ANGLE, "mean"]
+    comparison = (
+        "By its times, the article's run ends when its drum has turned by "
+        f"{report_deg:.0f}°. It shows the bed after a slip and states no angle. Here "
+        f"the bed first slips at {slip_deg:.0f}°."
+    )
+    # If the bed slips later than this, the simulation shows no slip at that time.
+    if slip_deg > report_deg:
+        comparison += " So in this test the simulation disagrees with the article."
+    return comparison
 
 
 # --- Other parameters, the method, the tables -----------------------------------------
@@ -734,11 +770,10 @@ def _list_strategy_steps(study: Results) -> list[str]:
         surrogate = study.surrogate.name.replace("_", " ")
         steps.append(f"Surrogate ({surrogate}): {_describe_accuracy(study)}")
     steps.append(f"Search: {study.summary['message']}")
-    n_sets = len(study.checked_sets)
     n_runs = study.answer_row.get("n_seeds", 0)
     steps.append(
-        f"Check: {n_sets} of the sets found were simulated again with new seeds; "
-        f"the answer {n_runs:.0f} times."
+        f"Check: {len(study.checked_sets)} of the sets found were simulated again with "
+        f"new seeds; the answer {n_runs:.0f} times."
     )
     return steps
 

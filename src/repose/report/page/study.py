@@ -5,6 +5,7 @@ from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import date
+from itertools import chain
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -25,7 +26,7 @@ from repose.report.page import captions
 from repose.report.study_view import Config, StudyView
 from repose.stages.batches import arrange_for_strategy
 from repose.stages.dataset import read_job
-from repose.stages.tables import read_dataset, read_runs
+from repose.stages.tables import find_answer, read_dataset, read_runs
 
 if TYPE_CHECKING:
     from repose.config.models import StudySettings
@@ -173,14 +174,17 @@ def read_results(config: Config, jobs: Sequence[str], files: Files) -> Results:
         _require_files(files, FILES_OF_STEPS)
     study = StudyView(config)
     targets = study.targets
-    runs = _read_runs_of_answer(jobs, targets)
+    runs_by_bench_test = _read_runs_of_answer(jobs, targets)
+    # None stands for the contact parameters of our own simulator.
     names = None if study.simulator is None else study.parameters.names
     parameters = PARAMETERS if names is None else names
     checked_sets = read_table(
         files["table4"], ("role", *parameters, *targets.predicted)
     )
     within = {
-        percent: compute_target_probabilities(runs, targets, percent)["all"]
+        percent: compute_target_probabilities(runs_by_bench_test, targets, percent)[
+            "all"
+        ]
         for percent in REPORTED_PERCENTS
     }
     # Date the page by the file of the answer, so that it only changes with the results.
@@ -190,8 +194,8 @@ def read_results(config: Config, jobs: Sequence[str], files: Files) -> Results:
         is_small_run=study.settings.small_run,
         targets=targets,
         parameters=study.parameters,
-        answer_row=_find_representative(checked_sets, files["table4"]),
-        probability=compute_target_probabilities(runs, targets),
+        answer_row=find_answer(checked_sets, source=files["table4"]),
+        probability=compute_target_probabilities(runs_by_bench_test, targets),
         probability_within=within,
         posterior=_read_posterior(files),
         surrogate=_load_surrogate(files, targets, study.parameters, names),
@@ -205,7 +209,7 @@ def read_results(config: Config, jobs: Sequence[str], files: Files) -> Results:
         settings=study.settings,
         files=files,
         published_sets=_read_published_sets(files),
-        runs_of_answer=[run for of_bench in runs.values() for run in of_bench],
+        runs_of_answer=list(chain.from_iterable(runs_by_bench_test.values())),
         assumed_errors=_read_assumed_errors(files),
     )
 
@@ -241,16 +245,6 @@ def _require_files(files: Files, names: Sequence[str]) -> None:
             )
 
 
-def _find_representative(checked_sets: pd.DataFrame, path: str) -> pd.Series:
-    """Find the row of the answer among the sets that were simulated again."""
-    rows = checked_sets[checked_sets["role"] == "representative"]
-    if rows.empty:
-        raise InputError(
-            path, key="role", value=None, allowed="a row with the role representative"
-        )
-    return rows.iloc[0]
-
-
 def _read_posterior(files: Files) -> pd.DataFrame | None:
     """Read the table of the posterior by parameter, if there is one."""
     if "posterior" not in files:
@@ -278,7 +272,7 @@ def _load_surrogate(
     parameters: ParameterSpace,
     names: Sequence[str] | None,
 ) -> Predictor | None:
-    """Load the surrogate from its file, or fit kriging to all runs of a strategy.
+    """Load the surrogate from its file, or fit one to all runs of a strategy.
 
     Parameters
     ----------
@@ -295,7 +289,8 @@ def _load_surrogate(
     Returns
     -------
     Predictor or None
-        None if there is neither a file nor a table of runs.
+        The surrogate of the file, or else kriging. None if there is neither a file of a
+        surrogate nor a table of runs.
     """
     if "network" in files:
         return load(files["network"], targets.names)
