@@ -12,6 +12,10 @@ MARK_TONE = np.array([0.16, 0.18, 0.20])
 N_MARKS = 12
 MARK_HALF_WIDTH_RAD = 0.035
 CIRCLE_POINTS = 72
+# The rim begins at the inner radius, and at half the length from the middle. A little is
+# left out, so that rounded places on the rim are beyond both.
+RIM_RADIUS_SHARE = 0.9999
+RIM_LENGTH_SHARE = 0.4999
 
 
 @dataclass(frozen=True)
@@ -128,7 +132,7 @@ class DrumInside:
             Red, green and blue, 0 to 1 or a little above.
         """
         # Shadows, gaps between grains, and surfaces that face down are darker. The
-        # weights were chosen by eye.
+        # weights were chosen by eye, as was the factor of the colour.
         tone = (
             (0.62 + 0.38 * light_share)
             * (0.35 + 0.65 * sky_share)
@@ -136,9 +140,10 @@ class DrumInside:
         )
         colour = DRUM_TONE * 1.1 * tone[:, None]
 
-        # The rim is the ring around the open front end.
-        on_rim = np.hypot(points_m[:, 0], points_m[:, 2]) > 0.9999 * self.radius_m
-        on_rim &= points_m[:, 1] < -0.4999 * self.length_m
+        # The rim is the ring around the open front end. The camera is at negative y.
+        distance_from_axis = np.hypot(points_m[:, 0], points_m[:, 2])
+        on_rim = distance_from_axis > RIM_RADIUS_SHARE * self.radius_m
+        on_rim &= points_m[:, 1] < -RIM_LENGTH_SHARE * self.length_m
         colour[on_rim] = RIM_TONE
 
         # The marks turn with the drum.
@@ -148,7 +153,7 @@ class DrumInside:
 
 
 def _is_marked(angle: np.ndarray) -> np.ndarray:
-    """Return which places on the rim have a mark.
+    """Tell which places on the rim have a mark.
 
     The mark at the bottom of a drum that has not turned is three times as wide.
 
@@ -160,10 +165,13 @@ def _is_marked(angle: np.ndarray) -> np.ndarray:
     Returns
     -------
     array (M,) of bool
+        True at a place with a mark.
     """
+    # Marks are at multiples of the spacing. Bring the angle to the range of half a
+    # spacing on both sides of the nearest one.
     spacing = 2.0 * math.pi / N_MARKS
     to_nearest_mark = np.abs((angle + 0.5 * spacing) % spacing - 0.5 * spacing)
-    # The bottom is at the angle -pi / 2; the difference is brought to -pi to pi.
+    # The bottom is at the angle -pi / 2. Bring the difference to the range -pi to pi.
     to_bottom = np.abs((angle + 0.5 * math.pi + math.pi) % (2.0 * math.pi) - math.pi)
     on_mark = to_nearest_mark < MARK_HALF_WIDTH_RAD
     on_wide_mark = to_bottom < 3.0 * MARK_HALF_WIDTH_RAD
