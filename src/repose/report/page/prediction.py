@@ -60,9 +60,20 @@ def describe_surrogate(
 ) -> dict[str, Any]:
     """Describe a surrogate as plain values for the page.
 
-    Their `kind` is ``network`` or ``curves``. `answer` is the reported parameter set,
-    through which the curves and planes run. A network takes the coordinates of the
-    parameters' scales, which the page computes.
+    Parameters
+    ----------
+    surrogate : Predictor
+        The surrogate.
+    parameters : ParameterSpace
+        The parameters of the study.
+    answer : ndarray
+        The reported parameter set (d,), through which curves and planes run.
+
+    Returns
+    -------
+    dict
+        The values by name. `kind` is ``network`` or ``curves``. A network takes the
+        coordinates along the parameters' scales, which the page computes.
     """
     inner_surrogate = unwrap_scales(surrogate)
     if has_network(inner_surrogate):
@@ -120,11 +131,13 @@ def _predict_curves_and_planes(
         the number of points along a side.
     """
     curves = {}
+    n_responses = 0
     for name in parameters.free:
         points = np.tile(np.asarray(answer, dtype=float), (CURVE_POINTS, 1))
         column = parameters.names.index(name)
         points[:, column] = _spread_over_range(parameters, name, CURVE_POINTS)
         mean, std = surrogate.predict(points, return_std=True, noise=False)
+        n_responses = np.shape(mean)[1]
         curves[name] = {
             "mean": np.asarray(mean).tolist(),
             "std": np.asarray(std).tolist(),
@@ -132,10 +145,7 @@ def _predict_curves_and_planes(
 
     # A study of a single parameter has no pairs, and then no planes.
     pairs = list(combinations(parameters.free, 2))
-    n_points = 0
-    if pairs:
-        n_responses = len(curves[pairs[0][0]]["mean"][0])
-        n_points = choose_plane_points(len(pairs), n_responses)
+    n_points = choose_plane_points(len(pairs), n_responses) if pairs else 0
     planes = {}
     for first, second in pairs:
         points = _make_plane_points(parameters, answer, (first, second), n_points)
@@ -164,8 +174,9 @@ def choose_plane_points(n_pairs: int, n_responses: int) -> int:
     n_responses : int
         Number of responses.
     """
-    most_points = MAX_PLANE_NUMBERS / (2 * n_responses * n_pairs)
-    return max(MIN_PLANE_POINTS, min(MAX_PLANE_POINTS, math.isqrt(int(most_points))))
+    points_of_plane = MAX_PLANE_NUMBERS / (2 * n_responses * n_pairs)
+    points_of_side = math.isqrt(int(points_of_plane))
+    return max(MIN_PLANE_POINTS, min(MAX_PLANE_POINTS, points_of_side))
 
 
 def _make_plane_points(

@@ -61,7 +61,7 @@ def make_verdict(study: Results) -> VerdictText:
         small_run=study.is_small_run,
         status="predicted to be met" if is_only_predicted else "",
     )
-    text = line[0].upper() + line[1:]
+    first_sentences = line[0].upper() + line[1:]
     if assessment.feasible:
         # The line of an undecided verdict already has the probability that all means are
         # inside, so do not repeat it.
@@ -71,7 +71,7 @@ def make_verdict(study: Results) -> VerdictText:
         # Without a feasible set, the message describes what the search found instead.
         last_sentences = study.summary["message"]
     rating = _rate_answer(assessment, study.probability["all"])
-    return VerdictText(rating, f"{text} {last_sentences}")
+    return VerdictText(rating, f"{first_sentences} {last_sentences}")
 
 
 def _rate_answer(assessment: Assessment, probability: float | None) -> str:
@@ -110,30 +110,38 @@ def describe_probability(study: Results, names_inside: bool = True) -> str:
     else:
         evidence = f"judged by {n_runs:.0f} new simulations with these parameters"
 
-    # Begin with the probability that all targets are met. Then state how probably the
-    # means lie within some percent of the measured ones.
-    n_targets = len(study.targets)
     sentences = []
     if names_inside:
         sentences.append(
             f"With a probability of {format_percent(probability)} "
-            f"{_describe_inside(n_targets)}, {evidence}."
+            f"{_describe_inside(len(study.targets))}, {evidence}."
         )
-    if n_targets == 1:
+    sentences += _describe_within(study)
+    if n_runs is None:
+        sentences.append(_describe_optimism(study))
+    return " ".join(sentences)
+
+
+def _describe_within(study: Results) -> Iterator[str]:
+    """Describe how probably all means lie within some percent of the measured ones.
+
+    Yields
+    ------
+    str
+        A sentence for each percentage whose probability is known.
+    """
+    if len(study.targets) == 1:
         true_means = "the true mean lies"
         measured_means = "the measured mean"
     else:
         true_means = "all true means lie"
         measured_means = "the measured means"
-    for percent, within in study.probability_within.items():
-        if within is not None:
-            sentences.append(
-                f"With a probability of {format_percent(within)} {true_means} within "
-                f"{percent:g} % of {measured_means}, taken as exact."
+    for percent, probability in study.probability_within.items():
+        if probability is not None:
+            yield (
+                f"With a probability of {format_percent(probability)} {true_means} "
+                f"within {percent:g} % of {measured_means}, taken as exact."
             )
-    if n_runs is None:
-        sentences.append(_describe_optimism(study))
-    return " ".join(sentences)
 
 
 def _describe_optimism(study: Results) -> str:
@@ -157,7 +165,7 @@ def _describe_optimism(study: Results) -> str:
 
 
 def _describe_inside(n_targets: int) -> str:
-    """Return a clause on the true means of all responses, which lie inside."""
+    """Write the clause that the means of all responses lie in their target ranges."""
     if n_targets == 1:
         return "the mean of the response lies inside its target range"
     responses = "both responses" if n_targets == 2 else f"all {n_targets} responses"
