@@ -21,6 +21,7 @@ DISCREPANCY_COLUMNS = (
 )
 FEWEST_EFFECTIVE_POINTS = 400  # a row with fewer is a rough estimate
 ROUGH_OPACITY = 0.3
+COLUMNS = 3  # panels of parameters in a row
 
 
 def draw_information_over_discrepancy(inputs: Inputs, study: StudyView) -> Figure:
@@ -41,16 +42,15 @@ def draw_information_over_discrepancy(inputs: Inputs, study: StudyView) -> Figur
     stated_rows = table[is_stated]
     shape_study_rows = table[~is_stated]
 
-    # Make one panel for the information above. Below it, make a panel for each
-    # parameter, three in a row.
-    n_rows = math.ceil(len(names) / 3)
+    # The upper panel has the information. Below it is a panel for each parameter.
+    n_rows = math.ceil(len(names) / COLUMNS)
     height_above = 2.3
     height_below = 1.55 * n_rows
     figure = style.new_figure(style.PAGE, height_above + height_below)
     above, below = figure.subfigures(2, 1, height_ratios=[height_above, height_below])
     _draw_information(above.subplots(), stated_rows, shape_study_rows)
 
-    axes = panels.add_panels(below, len(names), 3)
+    axes = panels.add_panels(below, len(names), COLUMNS)
     ranges = parameter_ranges(study.parameters)
     for panel, name in zip(axes, names, strict=True):
         _draw_intervals(
@@ -58,8 +58,8 @@ def draw_information_over_discrepancy(inputs: Inputs, study: StudyView) -> Figur
         )
         panels.set_scale(panel.set_yscale, study.parameters, name)
         panel.set(ylabel=style.parameter_label(name), ylim=ranges[name])
-    lowest_panels = axes[max(0, len(names) - 3) :]
-    for panel in lowest_panels:
+    # The last panel of each column has no panel below it.
+    for panel in axes[-COLUMNS:]:
         panel.set_xlabel("assumed error (%)")
     title = (
         "95 % intervals of the parameters, in their ranges; bands: error assumed as "
@@ -89,16 +89,14 @@ def _draw_information(
     y = "information_bits"
     by_correlation = stated_rows.groupby("discrepancy_correlation")
     for k, (correlation, rows) in enumerate(by_correlation):
-        correlation_text = "independent between targets"
+        label = "assumed, independent between targets"
         if correlation:
-            correlation_text = f"correlation {correlation:g}"
+            label = f"assumed, correlation {correlation:g}"
         line_style = style.series_style(k)
         # Draw the whole line pale, and its reliable parts again over it.
         reliable = _mask_rough_rows(rows)
         panel.plot(rows[x], rows[y], **line_style, alpha=ROUGH_OPACITY)
-        panel.plot(
-            reliable[x], reliable[y], **line_style, label=f"assumed, {correlation_text}"
-        )
+        panel.plot(reliable[x], reliable[y], **line_style, label=label)
     panel.plot(
         shape_study_rows[x],
         shape_study_rows[y],

@@ -204,16 +204,7 @@ def draw_corner(
         linespacing=1.5,
     )
     if mesh is not None:
-        bar = figure.colorbar(
-            mesh,
-            ax=[panel.axes for panel in pair_panels],
-            location="bottom",
-            label=RATIO_LABEL,
-            aspect=50,
-            pad=0.02,
-        )
-        bar.set_ticks(RATIO_TICKS, labels=[f"{tick:g}" for tick in RATIO_TICKS])
-        bar.minorticks_off()
+        _draw_ratio_bar(figure, mesh, [panel.axes for panel in pair_panels])
     last_panel = pair_panels[-1].axes
     handles = _make_legend_handles(
         last_panel,
@@ -365,6 +356,25 @@ def _draw_ratio(
         norm=colours,
         rasterized=True,
     )
+
+
+def _draw_ratio_bar(figure: FigureBase, mesh: QuadMesh, axes: Sequence[Axes]) -> None:
+    """Draw the colour bar of the ratio below all panels.
+
+    Parameters
+    ----------
+    figure : FigureBase
+        The figure.
+    mesh : QuadMesh
+        The cells of any pair, whose colours are explained.
+    axes : sequence of Axes
+        The panels, which make room for the bar.
+    """
+    bar = figure.colorbar(
+        mesh, ax=axes, location="bottom", label=RATIO_LABEL, aspect=50, pad=0.02
+    )
+    bar.set_ticks(RATIO_TICKS, labels=[f"{tick:g}" for tick in RATIO_TICKS])
+    bar.minorticks_off()
 
 
 def _compute_prior_of_cells(parameters: ParameterSpace, name: str) -> np.ndarray:

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 from repose.calibrate.profiles import Profile
 from repose.calibrate.responses import Response
 from repose.common.files import read_table
+from repose.stages.tables import find_answer
 
 from . import panels, style
 from .registry import Inputs, StudyView
@@ -34,15 +35,17 @@ def draw_profiles(inputs: Inputs, study: StudyView) -> Figure:
     for score in scores:
         columns += [score.predicted, score.simulated, score.standard_error]
     table = read_table(inputs["table4"], ("role", *columns))
-    answer = table[table["role"] == "representative"].iloc[0]
+    answer = find_answer(table, source=inputs["table4"])
 
-    # A panel for each profile; its targets are the scores of this profile.
+    # A profile is a sum of functions, and each of its scores is a target.
     figure, axes = panels.grid(len(targets.profiles), 2.6)
     for panel, profile in zip(axes, targets.profiles.values(), strict=True):
-        scores_of_profile = [target for target in targets if target.profile == profile]
-        responses = [target.response for target in scores_of_profile]
+        score_targets = [target for target in targets if target.profile == profile]
+        responses = [target.response for target in score_targets]
         lines = _compute_answer_lines(profile, responses, answer)
-        height_sd = scores_of_profile[0].sd * np.sqrt(profile.functions)
+        # All scores have the same standard deviation. Since the functions are
+        # orthonormal, the variances of the scores add up to that of the heights.
+        height_sd = score_targets[0].sd * np.sqrt(profile.functions)
         draw(panel, profile, sd=height_sd, lines=lines)
     style.name_panels(axes)
     return figure
@@ -65,8 +68,8 @@ def _compute_answer_lines(
     Returns
     -------
     dict
-        By label the heights (M,), and half the width of the band around them, as for
-        `draw`.
+        The heights (M,) and half the width of the band around them, by the label of the
+        line.
     """
     predicted = answer[[score.predicted for score in scores]].to_numpy(float)
     simulated = answer[[score.simulated for score in scores]].to_numpy(float)
@@ -110,7 +113,8 @@ def draw(
         zorder=3,
         label="measured ± SD",
     )
-    for k, (label, (heights, half_width)) in enumerate(lines.items()):
+    for k, (label, line) in enumerate(lines.items()):
+        heights, half_width = line
         line_style = style.series_style(k)
         panel.plot(profile.x, heights, label=label, **line_style)
         panel.fill_between(
@@ -121,6 +125,7 @@ def draw(
             alpha=0.2,
             lw=0,
         )
+    # The name of a profile ends with the unit of its lengths, after an underscore.
     unit = profile.name.rpartition("_")[2]
     panel.set(xlabel=f"x ({unit})", ylabel=f"height ({unit})")
     panel.legend(loc="best")

@@ -27,6 +27,7 @@ from .registry import Inputs, StudyView
 
 REGION_COLUMNS = ("x", "y", "x_quantile", "y_quantile", "least_implausibility", "share")
 HIGHEST_MISFIT = 1e9  # upper end of the last band
+MOST_INTERVALS = 3  # between the ticks of an axis
 
 
 class Band(NamedTuple):
@@ -280,8 +281,8 @@ def _place_ticks(panel: Axes, row: int, column: int, last: int) -> None:
     axes: dict[Literal["x", "y"], Axis] = {"x": panel.xaxis, "y": panel.yaxis}
     for name, axis in axes.items():
         if axis.get_scale() == LINEAR:
-            panel.locator_params(name, nbins=3)
+            panel.locator_params(name, nbins=MOST_INTERVALS)
         else:
-            axis.set_major_locator(LogLocator(numticks=4))
+            axis.set_major_locator(LogLocator(numticks=MOST_INTERVALS + 1))
             axis.set_minor_locator(NullLocator())
     panel.spines[:].set_visible(True)

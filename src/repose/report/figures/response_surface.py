@@ -1,6 +1,6 @@
 """Draw the response surface strategy: Pareto charts, perturbation plots, contours."""
 
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 import pandas as pd
@@ -131,16 +131,17 @@ def draw_contour_plots(inputs: Inputs, study: StudyView) -> Figure:
     optimum = read_json(
         inputs["optimum"], ("coded",), "output of repose stage conclude"
     )["coded"]
-    # A panel for each response and pair, at most three in a row.
+    # A panel for each response and pair of factors, at most three in a row. All models
+    # have the same factors.
     pairs = list(combinations(range(len(models[0].factors)), 2))
     columns = min(3, max(len(pairs), len(models)))
     figure, axes = panels.grid(len(models) * len(pairs), 2.3, columns=columns)
-    next_panels = iter(axes)
-    for target, model in zip(targets, models, strict=True):
+    targets_and_models = zip(targets, models, strict=True)
+    for panel, ((target, model), pair) in zip(
+        axes, product(targets_and_models, pairs), strict=True
+    ):
         point = np.array([optimum[name] for name in model.factors])
-        for pair in pairs:
-            panel = next(next_panels)
-            _draw_contours(panel, model, region, target=target, pair=pair, point=point)
+        _draw_contours(panel, model, region, target=target, pair=pair, point=point)
     return figure
 
 
@@ -170,19 +171,20 @@ def _draw_contours(
     point : ndarray
         The optimum in coded factors (d,), from -1 to 1.
     """
-    # Make a grid of points over the two factors. The other factors stay at the optimum.
+    # Predict the response on a grid over the two factors. The other factors stay at the
+    # optimum.
     coded = np.linspace(-1, 1, GRID_POINTS)
     x_grid, y_grid = np.meshgrid(coded, coded)
     points = np.repeat(point[None], GRID_POINTS * GRID_POINTS, axis=0)
     points[:, pair] = np.column_stack([x_grid.ravel(), y_grid.ravel()])
-    values = _predict_allowed(model, points, region)
-    values = values.reshape(GRID_POINTS, GRID_POINTS)
+    values = _predict_allowed(model, points, region).reshape(x_grid.shape)
 
     panel.contourf(x_grid, y_grid, values, levels=12, cmap="viridis", alpha=0.85)
     lines = panel.contour(
         x_grid, y_grid, values, levels=6, colors="white", linewidths=0.5
     )
     panel.clabel(lines, fontsize=6)
+    # A line where the response is on target, if there is such a place.
     if np.nanmin(values) < target.aim < np.nanmax(values):
         panel.contour(
             x_grid,
@@ -225,9 +227,21 @@ def _find_allowed_region(inputs: Inputs, study: StudyView) -> Region | None:
 def _predict_allowed(
     model: Model, points: np.ndarray, region: Region | None
 ) -> np.ndarray:
-    """Predict a response (n,) at points (n, k) in coded units.
+    """Predict a response at points in the allowed region.
 
-    The prediction is NaN at a point outside the allowed region.
+    Parameters
+    ----------
+    model : Model
+        The fitted surface of the response.
+    points : ndarray
+        Points (n, k) in coded factors.
+    region : Region or None
+        The allowed region. With None all points are allowed.
+
+    Returns
+    -------
+    ndarray
+        The response (n,), NaN at a point outside the region.
     """
     values = model.predict(points)
     if region is None:

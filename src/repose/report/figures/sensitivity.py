@@ -32,8 +32,21 @@ CONSTRAINED_SHARES = (
 )
 
 
+EFFECTS_NOTE = (
+    "points: samples; line: mean of the surrogate over the other parameters; %: "
+    "first-order share of the variance"
+)
+EFFECTS_NOTE_WITH_CONSTRAINTS = (
+    "points: samples; line: mean of the surrogate over what the constraints allow at "
+    "each value; %: share of the variance {share}"
+)
+# Two bars side by side for the shares of a parameter: offsets from its tick, and colours.
+BAR_OFFSETS = (-0.2, 0.2)
+BAR_COLOURS = (style.BLUE, style.ORANGE)
+
+
 def _choose_shares(study: StudyView) -> tuple[Share, Share]:
-    """Choose the two columns that the table of a study has."""
+    """Choose the two shares of the variance that the table of a study has."""
     return CONSTRAINED_SHARES if study.parameters.constraints else INDICES
 
 
@@ -82,18 +95,20 @@ def _draw_indices(
         The panel to draw in.
     table : DataFrame
         A row for each parameter, with both shares and the ends of their intervals.
+    shares : tuple of Share
+        The two shares.
     """
     positions = np.arange(len(table))
     for (column, label), offset, colour in zip(
-        shares, (-0.2, 0.2), (style.BLUE, style.ORANGE), strict=True
+        shares, BAR_OFFSETS, BAR_COLOURS, strict=True
     ):
-        # Lengths of the error bars below and above the index
-        index = table[column]
-        below = index - table[f"{column}_low"]
-        above = table[f"{column}_high"] - index
+        # Lengths of the error bars below and above the share
+        share = table[column]
+        below = share - table[f"{column}_low"]
+        above = table[f"{column}_high"] - share
         panel.bar(
             positions + offset,
-            index,
+            share,
             0.38,
             yerr=np.abs([below, above]),
             color=colour,
@@ -150,15 +165,8 @@ def draw_main_effects(inputs: Inputs, study: StudyView) -> Figure:
         panel.set_title(
             f"{percent:.0f} %", fontsize=style.SMALL_TEXT_PT, loc="right", pad=2
         )
+    explanation = EFFECTS_NOTE
     if study.parameters.constraints:
-        text = (
-            "points: samples; line: mean of the surrogate over what the constraints "
-            f"allow at each value; %: share of the variance {label}"
-        )
-    else:
-        text = (
-            "points: samples; line: mean of the surrogate over the other parameters; %: "
-            "first-order share of the variance"
-        )
-    style.write_below(figure, text)
+        explanation = EFFECTS_NOTE_WITH_CONSTRAINTS.format(share=label)
+    style.write_below(figure, explanation)
     return figure

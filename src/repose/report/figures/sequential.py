@@ -11,6 +11,9 @@ from repose.common.files import read_table
 from . import panels, style
 from .registry import Inputs, StudyView
 
+# Place of the check on the axis of the pours, as a multiple of the last place
+CHECK_X_FACTOR = 1.06
+
 
 def draw_sequential_batches(inputs: Inputs, study: StudyView) -> Figure:
     """Draw probability and predicted responses after each batch, and the check.
@@ -42,7 +45,9 @@ def draw_sequential_batches(inputs: Inputs, study: StudyView) -> Figure:
             panel, target, percent=settings.tolerance_percent, xlabel="pours"
         )
         _draw_predictions(panel, batches, target)
-        _draw_check(panel, check, target, x=1.06 * float(batches["pours"].iloc[-1]))
+        # The check follows the last batch.
+        last_pours = float(batches["pours"].iloc[-1])
+        _draw_check(panel, check, target, x=CHECK_X_FACTOR * last_pours)
     style.draw_legend(axes, loc="outside lower center", ncols=3)
 
     last_probability = batches["probability"].iloc[-1]
