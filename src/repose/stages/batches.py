@@ -82,9 +82,9 @@ def write_proposal(
     except InputError as error:
         # The strategy knows no files. Raise its error again with the folder of the last
         # batch as the source. Before the first batch, the strategy itself is the source.
-        last_folder = folders[-1] if folders else strategy_name
+        fault_source = folders[-1] if folders else strategy_name
         raise InputError(
-            last_folder, key=error.key, value=error.value, allowed=error.allowed
+            fault_source, key=error.key, value=error.value, allowed=error.allowed
         ) from None
 
     content = _describe_proposal(proposal, len(runs), study)

@@ -18,6 +18,9 @@ from repose.common.section import ABSENT, OneOf, Section
 from repose.grain.settings import Density, ShearModulus
 
 EXPECTED_CONTENT = "a material card"
+# Pydantic's path to a fault has steps that are no keys of the file: "[key]" for a wrong
+# key, and the type of a union that was chosen.
+PYDANTIC_STEPS = ("[key]", "float", "list", "dict")
 
 Positive = Annotated[float, Field(gt=0)]
 NotNegative = Annotated[float, Field(ge=0)]
@@ -340,10 +343,7 @@ def translate_faults(
         One for each error, with its dotted key, the value, and what is allowed.
     """
     for fault in error.errors(include_url=False):
-        # Pydantic's path to a fault has steps that are no keys of the file: the chosen
-        # type of a union, and "[key]" for a wrong key.
-        internal_steps = ("[key]", "float", "list", "dict")
-        keys = [str(step) for step in fault["loc"] if step not in internal_steps]
+        keys = [str(step) for step in fault["loc"] if step not in PYDANTIC_STEPS]
         dotted_key = prefix + ".".join(keys)
 
         value = fault["input"]

@@ -100,15 +100,15 @@ def _drop_repeated(columns: Iterable[str]) -> list[str]:
     return list(dict.fromkeys(columns))
 
 
-def list_recorded_columns(apparatus: str, targets: Targets) -> Recorded:
+def list_recorded_columns(bench_test: str, targets: Targets) -> Recorded:
     """List the columns of a bench test in the tables.
 
     Its targets come first, then the responses that it always records.
     """
-    names = tuple(target.name for target in _select_targets(targets, apparatus))
-    if apparatus == OWN_BENCH:
+    names = tuple(target.name for target in _select_targets(targets, bench_test))
+    if bench_test == OWN_BENCH:
         return Recorded(means=names, single=names)
-    return bench(apparatus).recorded.put_targets_first(names)
+    return bench(bench_test).recorded.put_targets_first(names)
 
 
 def count_by_status(dataset: pd.DataFrame, runs: pd.DataFrame) -> dict[str, Any]:
@@ -419,9 +419,11 @@ def _check_response(
         )
 
 
-def _select_targets(targets: Targets, apparatus: str) -> tuple[Target, ...]:
-    """Select the targets of a bench test."""
-    return tuple(target for target in targets if target.response.apparatus == apparatus)
+def _select_targets(targets: Targets, bench_test: str) -> tuple[Target, ...]:
+    """Select the targets whose responses a bench test measures."""
+    return tuple(
+        target for target in targets if target.response.apparatus == bench_test
+    )
 
 
 def _merge_summaries(summaries: Mapping[str, dict[str, Any]]) -> dict[str, Any]:

@@ -130,6 +130,7 @@ def run_job(
     kept_runs = KeptRuns(out, name, description) if keep_runs else None
     for seed in seeds:
         run = None
+        # Kept runs have no frames, so a run with frames is made again.
         if kept_runs is not None and interval_s is None:
             run = kept_runs.read(seed)
         if run is None:
