@@ -467,6 +467,21 @@ def _blend_walls(
         _blend_side(band, camera, sides[number])
 
 
+def _compute_cone_normals(points: np.ndarray, slope: float) -> np.ndarray:
+    """Compute the unit normals (M, 3) of a cone, which point away from its axis.
+
+    Parameters
+    ----------
+    points : array (M, 3)
+        Points on the cone, whose axis is the z axis.
+    slope : float
+        Gain of the cone's radius over gain of height, by which the normals point down.
+    """
+    normals = points / np.hypot(points[:, 0], points[:, 1])[:, None]
+    normals[:, 2] = -slope
+    return normals / math.hypot(1.0, slope)
+
+
 def _blend_side(band: Band, camera: Camera, side: ConeSide) -> None:
     """Blend one side of a glass wall into the picture, where no body hides it.
 
@@ -497,10 +512,7 @@ def _blend_side(band: Band, camera: Camera, side: ConeSide) -> None:
     point = (eye + distance[mask][:, None] * rays) @ rotation
     sight = rays @ rotation / np.linalg.norm(rays, axis=1, keepdims=True)
     towards_light = _compute_light_direction(camera) @ rotation
-    # The normal of a cone points away from its axis, and down by the slope.
-    normal = point / np.hypot(point[:, 0], point[:, 1])[:, None]
-    normal[:, 2] = -wall.slope
-    normal /= math.hypot(1.0, wall.slope)
+    normal = _compute_cone_normals(point, wall.slope)
 
     # Glass is least transparent at its ends, and where it is seen at a grazing angle.
     grazing = 1 - np.abs(np.sum(normal * sight, axis=1))

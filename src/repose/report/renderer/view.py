@@ -88,7 +88,8 @@ def _add_setting(
     Parameters
     ----------
     view : View
-        The view (H, W), whose depth, normals and kinds of content are written to.
+        The view (H, W) with the numbers of the bodies. All its other arrays are filled,
+        and a body that is not seen is removed.
     nearest : array (H, W)
         Inverse depth of the bodies. It is 0 or less if the pixel shows no body in front
         of the camera.
@@ -102,8 +103,9 @@ def _add_setting(
     # A body behind the camera is not seen.
     view.body[nearest <= 0] = -1
     depth = np.where(view.hit, 1.0 / nearest, np.inf)
-    view.normal[..., 2] = 1.0
+    view.normal[..., 2] = 1.0  # the normal of the plate, until it is replaced
 
+    # A panel hides what is behind it.
     for panel in setting.panels:
         panel_depth = _compute_panel_depth(panel, eye, rays)
         is_in_front = panel_depth < depth
@@ -113,10 +115,8 @@ def _add_setting(
 
     # Show the plate, and then the backdrop, only in pixels that are still empty.
     if setting.plate_m is not None:
-        with np.errstate(divide="ignore"):
-            plate_depth = (setting.plate_m - eye[2]) / rays[..., 2]
-        is_met = (plate_depth > 0) & np.isfinite(plate_depth)
-        view.plate[...] = np.isinf(depth) & is_met
+        plate_depth = _compute_plate_depth(setting.plate_m, eye, rays)
+        view.plate[...] = np.isinf(depth) & np.isfinite(plate_depth)
         depth[view.plate] = plate_depth[view.plate]
 
     if setting.backdrop is not None:
@@ -157,6 +157,28 @@ def _compute_body_normals(
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
     # Turn each from the frame of its part to the world.
     return np.einsum("mij,mj->mi", bodies.rotations[part], normals)
+
+
+def _compute_plate_depth(
+    plate_m: float, eye: np.ndarray, rays: np.ndarray
+) -> np.ndarray:
+    """Compute the depth at which each ray meets the endless level plate.
+
+    Parameters
+    ----------
+    plate_m : float
+        Height of the plate.
+    eye, rays
+        As in `_compute_panel_depth`.
+
+    Returns
+    -------
+    array (H, W)
+        Depth in m, infinite for a ray that misses the plate.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        depth = (plate_m - eye[2]) / rays[..., 2]
+        return np.where(depth > 0, depth, np.inf)
 
 
 def _compute_panel_depth(panel: Panel, eye: np.ndarray, rays: np.ndarray) -> np.ndarray:
