@@ -18,6 +18,7 @@ from . import panels, plane, posterior, style, surrogate
 
 BARS_NOTE = "a point is the mean of one parameter set's runs; bars: ± 1 standard error of a mean"
 MAX_BATCH_TICKS = 8
+BATCH_WIDTH = 0.6  # of the points of a batch; two batches are 1 apart
 # Key of the note with the predictions at the samples, in training, validation and test.
 ACCURACY_KEY = "accuracy"
 SET_LABEL = "sets predicted inside all ranges"
@@ -139,17 +140,17 @@ def _draw_history(calibration: Calibration, figure: FigureBase) -> None:
         An empty figure.
     """
     study = calibration.study
+    batch_of_sample = _find_batches(calibration)
+    batches = list(range(batch_of_sample.min(), batch_of_sample.max() + 1))
+    answer_x = batch_of_sample.max() + 1
     # If there are many batches, only some get a tick on the axis.
-    batch = _find_batches(calibration)
-    batches = list(range(batch.min(), batch.max() + 1))
-    answer_x = batch.max() + 1
     ticks = batches[:: math.ceil(len(batches) / MAX_BATCH_TICKS)]
     tolerance = study.settings.sequential.tolerance_percent
 
     axes = panels.add_panels(figure, len(study.targets))
     for k, (panel, target) in enumerate(zip(axes, study.targets, strict=True)):
         style.prepare_deviations(panel, target, percent=tolerance, xlabel="batch")
-        _draw_samples(panel, calibration.samples, target=target, batch=batch)
+        _draw_samples(panel, calibration.samples, target, batch_of_sample)
         _draw_answer(
             panel,
             target,
@@ -179,7 +180,7 @@ def _find_batches(calibration: Calibration) -> pd.Series:
 
 
 def _draw_samples(
-    panel: Axes, samples: pd.DataFrame, target: Target, batch: pd.Series
+    panel: Axes, samples: pd.DataFrame, target: Target, batch_of_sample: pd.Series
 ) -> None:
     """Draw how far the samples are off a target, those of a batch beside each other.
 
@@ -191,13 +192,14 @@ def _draw_samples(
         A row for each sample, with its responses and standard errors.
     target : Target
         The target.
-    batch : Series
-        Number of the batch of each sample.
+    batch_of_sample : Series
+        Number of the batch of each sample, with the index of `samples`.
     """
-    # Spread the samples of a batch evenly over 0.6 of the space to the next batch.
-    in_batch = samples.groupby(batch)["sample"]
-    share = (in_batch.cumcount() + 0.5) / in_batch.transform("size")
-    x = batch + 0.6 * (share - 0.5)
+    # Spread the samples of a batch evenly over a part of the space to the next batch.
+    # The share is the place of a sample in this part, between 0 and 1.
+    samples_of_batch = samples.groupby(batch_of_sample)["sample"]
+    share = (samples_of_batch.cumcount() + 0.5) / samples_of_batch.transform("size")
+    x = batch_of_sample + BATCH_WIDTH * (share - 0.5)
     percent_of_target = 100 / target.whole
     panel.errorbar(
         x,

@@ -66,21 +66,28 @@ def draw_states(inputs: Inputs, study: StudyView) -> Figure:
         letter = style.panel_letter(k)
         panel.set_title(f"{letter}  {STATE_TITLES[state]}: surface {angle_deg:.1f}°")
         panel.set_xlabel(f"drum turned by {turned_deg:.1f}°")
-    if not has_slipped:
+    if has_slipped:
+        runs = pd.DataFrame()
+        if "runs" in inputs:
+            runs = read_table(inputs["runs"], ("status", *SLIP_COLUMNS))
+        settings = study.section(DRUM, DrumSettings)
+        text = _describe_slip(float(arrays["turned_before_deg"]), runs, settings)
+        text += _describe_article(arrays, settings)
+        figure.supxlabel(text, fontsize=7.5)
+    else:
         figure.supxlabel("NO SLIP in this run", fontsize=7.5, color=style.RED)
-        return figure
-
-    # Describe the slip below the pictures.
-    runs = pd.DataFrame()
-    if "runs" in inputs:
-        runs = read_table(inputs["runs"], ("status", *SLIP_COLUMNS))
-    settings = study.section(DRUM, DrumSettings)
-    text = _describe_slip(float(arrays["turned_before_deg"]), runs, settings)
-    if settings.report_s == ARTICLE_RUN_S and "turned_report_deg" in arrays:
-        end_deg = float(arrays["turned_report_deg"])
-        text += f"\nThe article's run ends at {end_deg:.0f}° and shows the bed after a slip."
-    figure.supxlabel(text, fontsize=7.5)
     return figure
+
+
+def _describe_article(arrays: Mapping[str, np.ndarray], settings: DrumSettings) -> str:
+    """Describe the end of the article's run in a further line.
+
+    The text is empty if the time reported is not the end of this run.
+    """
+    if settings.report_s != ARTICLE_RUN_S or "turned_report_deg" not in arrays:
+        return ""
+    end_deg = float(arrays["turned_report_deg"])
+    return f"\nThe article's run ends at {end_deg:.0f}° and shows the bed after a slip."
 
 
 def _describe_slip(
@@ -279,16 +286,7 @@ def _draw_angles(
         label="carried like a solid",
     )
     if "report_time_s" in runs:
-        report_time_s = runs["report_time_s"].median()
-        time_label = "the time reported"
-        if settings.report_s == ARTICLE_RUN_S:
-            time_label = "end of the article's run"
-        panel.axvline(
-            report_time_s,
-            color=style.ORANGE,
-            lw=1.4,
-            label=f"{time_label}, after {report_time_s:.1f} s of rotation",
-        )
+        _mark_reported_time(panel, runs["report_time_s"].median(), settings)
     # Leave room below the lowest angle and above the highest.
     lowest = min(-3.0, record["bed_deg"].min() - 2)
     highest = 1.05 * max(record["surface_deg"].max(), record["bed_deg"].max())
@@ -301,10 +299,25 @@ def _draw_angles(
     panel.figure.legend(
         *panel.get_legend_handles_labels(), loc="outside upper left", ncols=3
     )
-    rpm = 30 / np.pi * settings.angular_velocity_rad_s
-    diameter_mm = settings.outer_diameter_mm
-    text = f"drum: diameter {diameter_mm:g} mm,\n{rpm:.2f} turns per minute"
-    style.write_note(panel, text)
+    turns_per_minute = 30 / np.pi * settings.angular_velocity_rad_s
+    style.write_note(
+        panel,
+        f"drum: diameter {settings.outer_diameter_mm:g} mm,\n"
+        f"{turns_per_minute:.2f} turns per minute",
+    )
+
+
+def _mark_reported_time(panel: Axes, time_s: float, settings: DrumSettings) -> None:
+    """Mark the time since the rotation began at which the state is reported."""
+    name = "the time reported"
+    if settings.report_s == ARTICLE_RUN_S:
+        name = "end of the article's run"
+    panel.axvline(
+        time_s,
+        color=style.ORANGE,
+        lw=1.4,
+        label=f"{name}, after {time_s:.1f} s of rotation",
+    )
 
 
 def _mark_first_slips(

@@ -63,7 +63,7 @@ def draw_simulated_pile(inputs: Inputs, study: StudyView) -> Figure:
     is_in_pile = pour["in_pile"]
     scales = pour.get("scale", np.ones(len(centres))).astype(float)
 
-    # The picture holds the pile; grains that rolled away may leave it.
+    # The picture contains the pile. Grains that rolled away may be outside.
     centres_of_pile = centres[is_in_pile].astype(float)
     largest_radius_m = particle.bounding_radius_m * scales.max(initial=0.0)
     frame_m = make_box_corners(centres_of_pile, largest_radius_m)
@@ -86,11 +86,12 @@ def draw_simulated_pile(inputs: Inputs, study: StudyView) -> Figure:
     panel.axis("off")
     note = f"{len(centres)} grains poured, {is_in_pile.sum()} in the pile"
     style.write_note(panel, note, x=0.02, y=0.96, fontsize=8)
-    axis_m = np.array([*centres_of_pile[:, :2].mean(axis=0), 0.0])
+    # Because of the perspective, the bar is right only at one distance.
+    foot_of_axis_m = np.array([*centres_of_pile[:, :2].mean(axis=0), 0.0])
     style.draw_scale_bar(
         panel,
         look_at(frame_m, **view),
-        place_m=axis_m,
+        place_m=foot_of_axis_m,
         extent_m=np.ptp(centres_of_pile[:, 0]),
         words_after=" at the pile's axis",
     )
@@ -118,29 +119,44 @@ def draw_measurement_steps(inputs: Inputs, study: StudyView) -> Figure:
     steps = drawing.draw_steps(image, scale, settings, base_row=base_row)
     measured = pile.measure_image(image, scale, settings, base_row=base_row)
 
+    # Three steps above, and the last one below them.
     figure = style.new_figure(style.PAGE, 3.6)
     axes = figure.subplot_mosaic("abc;ddd", height_ratios=(1, 2.2))
-    # The panels are in mm, so that their axes show lengths.
-    rows, columns = image.shape
-    width_mm = scale * columns
-    height_mm = scale * rows
     for (letter, panel), (title, picture) in zip(
         axes.items(), steps.items(), strict=True
     ):
-        if picture.ndim == 3:
-            picture = picture[..., ::-1]  # OpenCV has blue, green, red
-        panel.imshow(
-            picture,
-            cmap="gray",
-            vmin=0,
-            vmax=255,
-            extent=(0, width_mm, 0, height_mm),
-        )
-        panel.set(title=f"{letter}  {title}", xlabel="x (mm)")
+        _draw_step(panel, picture, scale)
+        panel.set_title(f"{letter}  {title}")
+        # The first panel of each row has a label for all of it.
         if letter in "ad":
             panel.set_ylabel("z (mm)")
+    height_mm = scale * image.shape[0]
     _name_lines(axes["d"], measured, settings=settings, height_mm=height_mm)
     return figure
+
+
+def _draw_step(panel: Axes, picture: np.ndarray, mm_per_pixel: float) -> None:
+    """Draw the picture of a step in mm, so that the axes show lengths.
+
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    picture : ndarray
+        The picture in grey (H, W), or in blue, green and red (H, W, 3), as OpenCV has
+        it.
+    mm_per_pixel : float
+        Scale of the picture.
+    """
+    height, width, *channels = picture.shape
+    panel.imshow(
+        picture[..., ::-1] if channels else picture,
+        cmap="gray",
+        vmin=0,
+        vmax=255,
+        extent=(0, mm_per_pixel * width, 0, mm_per_pixel * height),
+    )
+    panel.set_xlabel("x (mm)")
 
 
 def _name_lines(
