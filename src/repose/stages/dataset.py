@@ -269,9 +269,15 @@ def read_jobs(
         jobs[bench_test][sample] = job
         path_of_job[bench_test, sample] = path
 
+    _require_all_samples(jobs, samples["sample"])
+    return jobs
+
+
+def _require_all_samples(jobs: Jobs, samples: Iterable[int]) -> None:
+    """Refuse jobs among which a sample has no job in one of the bench tests."""
     for bench_test, jobs_by_sample in jobs.items():
         missing_samples = [
-            int(sample) for sample in samples["sample"] if sample not in jobs_by_sample
+            int(sample) for sample in samples if sample not in jobs_by_sample
         ]
         if missing_samples:
             raise InputError(
@@ -280,7 +286,6 @@ def read_jobs(
                 value=missing_samples,
                 allowed="one file a sample",
             )
-    return jobs
 
 
 def _check_parameters(job: Job, parameters: pd.Series, path: object) -> None:

@@ -67,6 +67,7 @@ def find_solutions(
     refuse_other_definitions(
         surrogate.definitions, surrogate_json, expected=definitions, source=source
     )
+    # Read the published intervals before the search, which takes minutes.
     published = None
     if table3_csv is not None:
         published = read_table(table3_csv, ("parameter", *INTERVAL_COLUMNS))
@@ -75,12 +76,11 @@ def find_solutions(
         surrogate, parameters, targets=targets, settings=settings, support=support
     )
 
-    # Put the published intervals beside those that were found.
     intervals = inversion.intervals
     if published is not None:
-        published_ends = published.set_index("parameter")[list(INTERVAL_COLUMNS)]
+        published_intervals = published.set_index("parameter")[list(INTERVAL_COLUMNS)]
         intervals = intervals.join(
-            published_ends.add_prefix("published_"), on="variable"
+            published_intervals.add_prefix("published_"), on="variable"
         )
 
     summary = inversion.summary

@@ -567,14 +567,8 @@ def write_published_sets(
     table = sets[["sample", *text_columns, *parameter_names]].copy()
     if "source" not in sets:
         table["source"] = ""
-
-    # Rename the responses of the publication. For example, `aor_simulated_deg` becomes
-    # `aor_published_simulated_deg`.
-    for kind in PUBLISHED_KINDS:
-        for column in sets:
-            if f"_{kind}_" in column:
-                new_name = column.replace(f"_{kind}_", f"_published_{kind}_")
-                table[new_name] = sets[column]
+    for column, new_name in _rename_published_responses(sets).items():
+        table[new_name] = sets[column]
 
     # Store the angle by every definition, since studies may calibrate different ones.
     # The general name of the calibrated angle would not tell which one it is.
@@ -588,6 +582,31 @@ def write_published_sets(
     table = table.assign(**simulated_by)
     write_table(out_csv, table)
     return table
+
+
+def _rename_published_responses(columns: Iterable[str]) -> dict[str, str]:
+    """Choose new names for the columns of a publication that have responses.
+
+    Without the new names, they would look like responses that were simulated here. For
+    example, `aor_simulated_deg` becomes `aor_published_simulated_deg`.
+
+    Parameters
+    ----------
+    columns : iterable of str
+        Columns of a table of published sets.
+
+    Returns
+    -------
+    dict
+        The new name of each such column: the predictions first, then the simulated and
+        the measured responses.
+    """
+    new_names = {}
+    for kind in PUBLISHED_KINDS:
+        for column in columns:
+            if f"_{kind}_" in column:
+                new_names[column] = column.replace(f"_{kind}_", f"_published_{kind}_")
+    return new_names
 
 
 def compare_with_published(
