@@ -264,9 +264,12 @@ def _find_faults(
     yield from _find_reserved_names(parameters, source)
     # A missing template was reported above, and cannot be read.
     if settings.template not in missing_files:
-        yield from _find_name_faults(
-            settings, parameters, source=source, fixed_names=fixed_names
-        )
+        yield from _find_unknown_names(settings, parameters, source)
+        # Without a template the program reads all parameters from a file.
+        if settings.template is not None:
+            yield from _find_unused_parameters(
+                settings, parameters, source=source, fixed_names=fixed_names
+            )
     yield from _find_unknown_targets(settings, targets, source)
 
 
@@ -338,14 +341,10 @@ def _find_equal_file_names(
             )
 
 
-def _find_name_faults(
-    settings: SimulatorSettings,
-    parameters: Mapping[str, float],
-    *,
-    source: str,
-    fixed_names: Collection[str],
+def _find_unknown_names(
+    settings: SimulatorSettings, parameters: Mapping[str, float], source: str
 ) -> Iterator[InputError]:
-    """Find unknown names in template and command, and parameters that are not used.
+    """Find unknown names in template and command, and expressions that fail.
 
     Parameters
     ----------
@@ -355,20 +354,11 @@ def _find_name_faults(
         these values.
     source : str
         File of the configuration, for the messages.
-    fixed_names : collection of str
-        Names of the parameters with a single value, which need not be used.
-
-    Yields
-    ------
-    InputError
-        A fault of a template, or of a parameter in the configuration.
     """
     known_names = (*parameters, *RUN_VARIABLES)
-    used_names: set[str] = set()
     for place, text in _read_templates(settings, source).items():
-        names_in_text = find_template_names(text, place)
-        used_names |= names_in_text
-        unknown_names = sorted(names_in_text.difference(known_names))
+        names = find_template_names(text, place)
+        unknown_names = sorted(names.difference(known_names))
         for name in unknown_names:
             yield InputError(
                 place,
@@ -380,9 +370,29 @@ def _find_name_faults(
         # computed.
         if not unknown_names:
             yield from _try_to_fill(text, parameters, place)
-    # Without a template the program reads all parameters from a file, so none is unused.
-    if settings.template is None:
-        return
+
+
+def _find_unused_parameters(
+    settings: SimulatorSettings,
+    parameters: Iterable[str],
+    *,
+    source: str,
+    fixed_names: Collection[str],
+) -> Iterator[InputError]:
+    """Find parameters that neither the template nor the command uses.
+
+    Parameters
+    ----------
+    settings : SimulatorSettings
+        The simulator, which has a template.
+    parameters : iterable of str
+        Names of the parameters.
+    source : str
+        File of the configuration, for the messages.
+    fixed_names : collection of str
+        Names of the parameters with a single value, which need not be used.
+    """
+    used_names = find_used_names(settings)
     for name in parameters:
         if name not in used_names and name not in fixed_names:
             yield YamlError(
