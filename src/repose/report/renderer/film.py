@@ -86,7 +86,7 @@ def animate_pour(
         **default_view,
         **view,
         "walls": walls,
-        "frame_m": _find_frame_of_pour(
+        "frame_m": _find_points_of_pour(
             positions[-1], particle, scales=scales, walls=walls
         ),
         "scales": scales,
@@ -98,7 +98,7 @@ def animate_pour(
     _write_limited(pictures, FRAME_S, out_path=out_path, max_bytes=MAX_BYTES)
 
 
-def _find_frame_of_pour(
+def _find_points_of_pour(
     last_positions: np.ndarray,
     particle: Drawable,
     scales: np.ndarray,
@@ -128,11 +128,11 @@ def _find_frame_of_pour(
     resting = last_positions[is_there].astype(float)
     largest_radius_m = particle.bounding_radius_m * float(scales.max(initial=0.0))
     distance_from_axis = np.hypot(resting[:, 0], resting[:, 1])
-    in_pile = resting[distance_from_axis < PILE_MEDIANS * np.median(distance_from_axis)]
-    frame = find_frame_points(in_pile, largest_radius_m, walls)
+    is_in_pile = distance_from_axis < PILE_MEDIANS * np.median(distance_from_axis)
+    points = find_frame_points(resting[is_in_pile], largest_radius_m, walls)
     # Leave room for a grain that falls in from above.
-    point_above = [[0, 0, frame[:, 2].max() + 2 * largest_radius_m]]
-    return np.concatenate([frame, point_above])
+    point_above = [[0, 0, points[:, 2].max() + 2 * largest_radius_m]]
+    return np.concatenate([points, point_above])
 
 
 def animate(
@@ -172,7 +172,7 @@ def animate(
     shapes = list(simulation.shapes.values())
     settings = _list_settings(simulation, frames)
     if view.get("frame_m") is None:
-        view["frame_m"] = _find_frame_of_ends(shapes, frames, settings[-1])
+        view["frame_m"] = _find_points_of_ends(shapes, frames, settings[-1])
     drawn_pictures = [
         render_bodies(
             frames["position"][k],
@@ -210,10 +210,12 @@ def _list_settings(
     ]
 
 
-def _find_frame_of_ends(
-    shapes: Sequence[Drawable], frames: Mapping[str, np.ndarray], last: Setting
+def _find_points_of_ends(
+    shapes: Sequence[Drawable], frames: Mapping[str, np.ndarray], last_setting: Setting
 ) -> np.ndarray:
-    """Find points about the bodies of the first and last frame, and about the walls.
+    """Find the points that each picture of a film must contain.
+
+    They lie about the bodies in the first and in the last frame, and about the walls.
 
     Parameters
     ----------
@@ -221,7 +223,7 @@ def _find_frame_of_ends(
         The shapes of the bodies.
     frames : mapping
         What `repose.dem.Recorder.frames` returns.
-    last : Setting
+    last_setting : Setting
         The walls in the last frame.
 
     Returns
@@ -233,7 +235,9 @@ def _find_frame_of_ends(
     centres = centres[np.isfinite(centres).all(axis=1)].astype(float)
     largest_scale = float(frames["scale"].max(initial=0.0))
     radius = max(shape.bounding_radius_m for shape in shapes) * largest_scale
-    return find_frame_points(centres, radius, walls=last.frusta, panels=last.panels)
+    return find_frame_points(
+        centres, radius, walls=last_setting.frusta, panels=last_setting.panels
+    )
 
 
 def animate_drum(
@@ -376,7 +380,7 @@ def _write_limited(
     durations_ms[-1] = round(1000 * LAST_FRAME_S)
     is_webp = FORMATS[out_path.suffix.lower()] == "WEBP"
     content = b""
-    # Try from the best quality to the worst, until the file is small enough.
+    # Try all settings from the largest file to the smallest, until one is small enough.
     for colours, quality in zip(GIF_COLOURS, WEBP_QUALITY, strict=True):
         if is_webp:
             content = _encode_webp(images, durations_ms, quality)
