@@ -108,7 +108,7 @@ def write_tables(
     config : mapping
         The whole configuration.
     particle : Particle
-        The body of the grains.
+        The shape of the grains.
     out_dir : path
         Folder to write.
 

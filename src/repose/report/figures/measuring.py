@@ -43,7 +43,7 @@ def draw_definitions(inputs: Inputs, study: StudyView) -> Figure:
     ----------
     inputs : mapping
         Paths by name. `heap` has the pours of a job, of which the first is drawn.
-        `particle` is the body of the grains, and `berry` describes the mean grain.
+        `particle` has the shape of the grains, and `berry` describes the mean grain.
     study : StudyView
         The study.
     """

@@ -36,21 +36,23 @@ SEARCH_SETS_LABEL = "solutions of the search"
 # Share of the draws where samples are thin, above which the figure warns.
 EXTRAPOLATED_SHARE = 0.5
 # Columns with the ends of an interval: of the posterior, of the solutions that the
-# search (MiGA, a multi-island genetic algorithm) found, and of the published solutions.
+# search (MIGA, a multi-island genetic algorithm) found, and of the published solutions.
 CREDIBLE_COLUMNS = ["credible_low", "credible_high"]
 SEARCH_COLUMNS = ["miga_low", "miga_high"]
 PUBLISHED_COLUMNS = ["published_low", "published_high"]
 COLUMN_NOTE = (
     "width that the measurements leave open; information: one bit halves the range"
 )
+# Upper left corners of text and legend in the figure of pairs, as shares of the figure
+CORNER_TEXT_PLACE = (0.47, 0.975)
+CORNER_LEGEND_PLACE = (0.63, 0.8)
 INTERVALS_HEIGHT = 3.3  # inches, of the figure of the credible intervals
 # The panel of the intervals ends at this place in a parameter's range, which goes from 0
 # to 1. The room beside the range has the numbers.
 RIGHT_END = 1.17
 NUMBERS_X = 1.03  # place of the numbers
-CREDIBLE_OFFSET = (
-    0.22  # of the bar of the credible interval above the middle of a strip
-)
+# Height of the bar of the credible interval above the middle of a strip
+CREDIBLE_OFFSET = 0.22
 # Bars of a parameter: their columns, place above the middle, colour, width and label.
 # The spans of solutions are thin, since they are no uncertainty.
 INTERVAL_BARS = (
@@ -195,9 +197,10 @@ def draw_corner(
     panels.finish_pair_panels(pair_panels, parameters, margin=0.02)
 
     # The empty half above the diagonal has room for text and legend.
+    text_x, text_y = CORNER_TEXT_PLACE
     figure.text(
-        0.47,
-        0.975,
+        text_x,
+        text_y,
         _describe_draws(data.posterior.summary, targets),
         fontsize=7.5,
         va="top",
@@ -213,7 +216,10 @@ def draw_corner(
         has_published_intervals=has_published_intervals,
     )
     figure.legend(
-        handles=handles, loc="upper left", bbox_to_anchor=(0.63, 0.8), fontsize=7.5
+        handles=handles,
+        loc="upper left",
+        bbox_to_anchor=CORNER_LEGEND_PLACE,
+        fontsize=7.5,
     )
 
 

@@ -42,7 +42,7 @@ def draw_states(inputs: Inputs, study: StudyView) -> Figure:
     inputs : mapping
         Paths by name. `states` has the arrays position_STATE (N, 3), quaternion_STATE
         (N, 4) and turned_STATE_deg of each state. A run without a slip lacks the states
-        `before` and `after`. `particle` is the body of the grains. `runs` has a row for
+        `before` and `after`. `particle` has the shape of the grains. `runs` has a row for
         each run, and may be missing.
     study : StudyView
         The study.
@@ -150,7 +150,7 @@ def _draw_and_measure_state(
     state : str
         The state, one of `STATE_TITLES`.
     particle : Particle
-        The grains' body.
+        The shape of the grains.
     study : StudyView
         The study.
 

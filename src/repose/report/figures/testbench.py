@@ -49,7 +49,7 @@ def draw_simulated_pile(inputs: Inputs, study: StudyView) -> Figure:
     ----------
     inputs : mapping
         Paths by name. `heap` has the pours of a job, of which the first is drawn.
-        `particle` is the body of the grains.
+        `particle` has the shape of the grains.
     study : StudyView
         The study.
     """
@@ -105,7 +105,7 @@ def draw_measurement_steps(inputs: Inputs, study: StudyView) -> Figure:
     ----------
     inputs : mapping
         Paths by name. `heap` has the pours of a job, of which the first is drawn.
-        `particle` is the body of the grains, and `berry` describes the mean grain.
+        `particle` has the shape of the grains, and `berry` describes the mean grain.
     study : StudyView
         The study.
     """
@@ -219,7 +219,7 @@ def draw_test_bench(inputs: Inputs, study: StudyView) -> Figure:
     ----------
     inputs : mapping
         Paths by name. `trajectory` has the positions of the grains over time, and
-        `particle` is their body. If one of both is missing, only the walls are drawn.
+        `particle` has their shape. If one of the two is missing, only the walls are drawn.
     study : StudyView
         The study.
     """
