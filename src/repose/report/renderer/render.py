@@ -140,8 +140,8 @@ def render_bodies(  # noqa: PLR0913  (each has a default that a picture may chan
     tints = shading.choose_tints(
         shown_bodies[bodies.owner],
         shown_ids[bodies.owner],
-        count=len(centres_m),
-        shapes=len(shapes),
+        n_bodies=len(centres_m),
+        n_shapes=len(shapes),
         colour=colour,
     )
     return shading.paint_picture(
@@ -196,7 +196,7 @@ def render_mesh(
         largest_m=float(np.linalg.norm(mesh.extents)) / 2,
     )
     camera = look_at(frame_m, width * supersample, height * supersample, **angles)
-    tints = shading.choose_tints(first, first, count=1, shapes=1, colour=colour)
+    tints = shading.choose_tints(first, first, n_bodies=1, n_shapes=1, colour=colour)
     return shading.paint_picture(
         camera,
         bodies,

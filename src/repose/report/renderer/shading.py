@@ -76,19 +76,19 @@ class ConeSide(NamedTuple):
 
 
 def choose_tints(
-    body: np.ndarray,
-    shape: np.ndarray,
-    count: int,
-    shapes: int,
+    body_of_part: np.ndarray,
+    shape_of_part: np.ndarray,
+    n_bodies: int,
+    n_shapes: int,
     colour: str = GRAIN_COLOUR,
 ) -> np.ndarray:
     """Choose the colours of the parts of bodies, slightly different for each body.
 
     Parameters
     ----------
-    body, shape : array (N,) of int
+    body_of_part, shape_of_part : array (N,) of int
         For each part, the number of its body and the number of its shape.
-    count, shapes : int
+    n_bodies, n_shapes : int
         How many bodies and how many shapes there are.
     colour : str
         Colour of the first shape, as #rrggbb.
@@ -99,15 +99,17 @@ def choose_tints(
         Red, green and blue, about 0 to 1.
     """
     first_colour = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
+    # With more shapes than colours, the colours are used again.
     other_colours = [
-        OTHER_SHAPE_COLOURS[k % len(OTHER_SHAPE_COLOURS)] for k in range(shapes - 1)
+        OTHER_SHAPE_COLOURS[k % len(OTHER_SHAPE_COLOURS)] for k in range(n_shapes - 1)
     ]
-    colours = np.array([first_colour, *other_colours])
+    colour_of_shape = np.array([first_colour, *other_colours])
     # Each body is lighter or darker, and more or less yellow, by random numbers with a
     # fixed seed. The factors were chosen by eye.
-    ripeness, shade = np.random.RandomState(2026).uniform(-1, 1, (2, count))
-    shaded = colours[shape] * (1 + 0.16 * shade[body, None])
-    return shaded + np.array([0.045, 0.050, 0.004]) * ripeness[body, None]
+    ripeness, shade = np.random.RandomState(2026).uniform(-1, 1, (2, n_bodies))
+    brightness = 1 + 0.16 * shade[body_of_part, None]
+    yellow = np.array([0.045, 0.050, 0.004]) * ripeness[body_of_part, None]
+    return colour_of_shape[shape_of_part] * brightness + yellow
 
 
 def paint_picture(
