@@ -68,7 +68,7 @@ def test_a_constraint_has_two_terms(text, smaller, larger):
     ("mur <= __import__('os')", "is no parameter"), ("mur <= 1e999 * mus", "not 0"),
 ])  # fmt: skip
 def test_any_other_text_is_refused_with_the_form(text, words):
-    with pytest.raises(ValueError, match="each with an optional factor") as raised:
+    with pytest.raises(ValueError, match="also with factors") as raised:
         Constraint.parse(text, NAMES)
     assert words in str(raised.value)
 

@@ -13,7 +13,7 @@ import numpy as np
 from repose.common.errors import did_you_mean
 
 CONSTRAINT_FORM = (
-    "two parameters with <= or >= between them, each with an optional factor, such as"
+    "two parameters with <= or >= between them, also with factors, such as"
 )
 CONSTRAINT_EXAMPLE = "mur_gg <= 0.5 * mus_gg"
 EXPECTED_FORM = f"{CONSTRAINT_FORM} {CONSTRAINT_EXAMPLE!r}"

@@ -417,7 +417,7 @@ class Study:
         from repose.calibrate.strategies.runs import make_cells
 
         try:
-            responses = {} if result is None else dict(result)  # type: ignore[call-overload]
+            returned = {} if result is None else dict(result)  # type: ignore[call-overload]
         except (TypeError, ValueError):
             names = ", ".join(self.targets.names)
             raise InputError(
@@ -426,7 +426,7 @@ class Study:
                 value=[result],
                 allowed=f"a function that returns a mapping with {names}",
             ) from None
-        cells, warning = make_cells(responses, self.targets.names)
+        cells, warning = make_cells(returned, self.targets.names)
         if warning:
             warnings.warn(warning, stacklevel=3)
         return pd.DataFrame([{**cells, **run}])
