@@ -133,4 +133,4 @@ def test_a_number_of_auto_is_no_cause_of_a_fault_elsewhere(folder):
         folder / "config.yaml",
         overrides={"miga": {"islands": -1}},
     )
-    assert "`auto` gives this number" not in str(error)
+    assert "`auto` gave this number" not in str(error)

@@ -150,6 +150,30 @@ def test_a_bad_value_ends_in_one_message_before_any_work(project, arguments, mes
     assert not (project / "results").exists()
 
 
+@pytest.mark.essential
+@pytest.mark.parametrize(
+    ("content", "fault"),
+    [
+        (
+            b"label: pea # gr\xfcn\n",
+            "file is 'not text'; expected a YAML or JSON file in ",
+        ),
+        (b"label: pea\n\tseed: 1\n", "expected blanks in place of the tab"),
+        (b"", "content is 'empty'; expected keys with values"),
+        (b"- label\n", "content is ['label']; expected keys with values"),
+    ],
+)
+def test_the_folders_own_configuration_is_named_with_its_fault(
+    project, tmp_path, content, fault
+):
+    (tmp_path / "config.yaml").write_bytes(content)
+    snakefile = str(project / "workflow/Snakefile")
+    done = snakemake(tmp_path, "--snakefile", snakefile, "-n", status=2)
+    (message,) = [line for line in done.stderr.splitlines() if "profile" not in line]
+    assert message.startswith("repose: error: config.yaml")
+    assert fault in message
+
+
 def test_a_changed_key_reruns_what_depends_on_it_and_nothing_before(project):
     made = ("results/quick/design/samples.csv", "results/quick/berry/particle.json")
     snakemake(

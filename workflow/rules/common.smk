@@ -24,6 +24,7 @@ from repose.config.workflow_run import (
 from repose.common import places
 from repose.common.errors import BAD_INPUT, InputError, exit_on_fault
 from repose.common.provenance import engine_hash, hash_content
+from repose.common.reading import read_yaml
 from repose.common.source_code import code_hash
 from repose.stages.published import (
     FIRST_PUBLISHED,
@@ -47,8 +48,12 @@ shell.prefix(f"export PATH={shlex.quote(os.path.dirname(sys.executable))}:$PATH;
 # Where nothing is given: the folder's own study, or the goji berry. A study of --configfile, --config or a module's
 # config lies over the defaults that it needs; a crop inherits nothing of another one.
 if not config:
+    DEFAULT_CONFIG = places.list_default_configs()[-1]
+    # Snakemake names neither the file nor the line of a fault.
+    with exit_on_fault():
+        read_yaml(DEFAULT_CONFIG)
 
-    configfile: str(places.list_default_configs()[-1])
+    configfile: str(DEFAULT_CONFIG)
 
 
 # A fault ends here with one message, before any work.

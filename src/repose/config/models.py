@@ -58,7 +58,7 @@ from repose.stages.settings import ValidationSettings
 
 # --- types of several keys ------------------------------------------------------------
 
-LABEL_WORDS = "text of 1 to 60 characters, letters, digits, _ and -"
+LABEL_WORDS = "text of 1 to 60 characters: a to z, A to Z, digits, _ and -"
 Label = Annotated[
     str,
     Field(max_length=60, pattern=r"^[A-Za-z0-9_][A-Za-z0-9_-]*$"),
@@ -248,16 +248,22 @@ class TargetSettings(Section):
             yield "value", within_limits
             return
 
-        # So must the range. If it was computed from the scatter, the scatter is at fault.
-        is_range_allowed = limits.low <= low and high <= limits.high
-        if not is_range_allowed and self._is_range_of_the_scatter():
+        # So must the mean with two standard errors. A scatter that goes beyond the limits is
+        # a wrong number, even if the user gave a range.
+        scatter_low, scatter_high = compute_target_range(
+            self.value, self.sd, self.repetitions
+        )
+        is_scatter_allowed = limits.low <= scatter_low and scatter_high <= limits.high
+        if not is_scatter_allowed and self._exceeds_least_range():
             yield (
                 "sd",
                 "so small that the mean with two standard errors, "
-                f"{low:g} to {high:g}, lies {within_limits}",
+                f"{scatter_low:g} to {scatter_high:g}, lies {within_limits}",
             )
             return
-        if not is_range_allowed:
+
+        # So must the range.
+        if not (limits.low <= low and high <= limits.high):
             yield "range", f"a pair [low, high] {within_limits}"
             return
 
@@ -270,13 +276,8 @@ class TargetSettings(Section):
         elif not low <= self.aim <= high:
             yield "aim", inside_range
 
-    def _is_range_of_the_scatter(self) -> bool:
-        """Tell whether the range follows from the scatter of the repetitions.
-
-        Otherwise the user gave the range, or it is the smallest range around the value.
-        """
-        if self.range != compute_target_range(self.value, self.sd, self.repetitions):
-            return False
+    def _exceeds_least_range(self) -> bool:
+        """Tell whether the scatter is wider than the smallest range around the value."""
         scatter = STANDARD_ERRORS * self.sd / math.sqrt(self.repetitions)
         return scatter > LEAST_RELATIVE_RANGE * abs(self.value)
 

@@ -27,6 +27,7 @@ from repose.config.models import (
     select_valid_sections,
 )
 from repose.grain.particle import Particle
+from repose.measure.settings import MeasureSettings
 from repose.stages.published import (
     check_published_sets,
     find_sibling_table,
@@ -404,7 +405,11 @@ class ConfigChecks:
         checked = faults.find_faults(self.config, self.source, make_settings_type())
         for fault in checked.faults:
             if fault.key == setting.key:
-                allowed = f"{fault.allowed}; `auto` gives this number"
+                read = ", ".join(setting.reads)
+                allowed = (
+                    f"{fault.allowed}; `auto` gave this number, which follows from "
+                    f"the other keys of {read}"
+                )
                 self._add_faults([(fault.key, allowed)])
 
     def _check_grain_fits(self) -> None:
@@ -421,6 +426,11 @@ class ConfigChecks:
         for test in find_tests_in_use(self.config):
             if self._are_faultless(test.name):
                 self._add_faults(test.misfits(SceneSettings(self.config), axes_mm))
+
+        # The angle is measured with the height of a grain, which must be that of this grain.
+        if self._are_faultless("measure"):
+            measure = MeasureSettings.model_validate(self.config["measure"])
+            self._add_faults(measure.misfits(axes_mm))
 
         # The time step must be short enough for it.
         if self.particle is not None and self._are_faultless(*TIME_STEP_SECTIONS):

@@ -1,7 +1,7 @@
 """The section `measure` of the configuration: how a pile is measured."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field
@@ -17,6 +17,9 @@ AXIS_KEYS = ("long_mm", "major_mm", "minor_mm")
 DEFAULT_MM_PER_PIXEL = 0.25
 FINEST_MM_PER_PIXEL = 0.02
 COARSEST_MM_PER_PIXEL = 5.0
+# The height of a grain may lie beyond the axes of the mean grain by this factor, because
+# grains differ in size.
+GRAIN_HEIGHT_MARGIN = 2.0
 
 
 class MeasureSettings(Section):
@@ -86,6 +89,30 @@ class MeasureSettings(Section):
             yield "fit_to", "a number from 0.1 to 1, as measure.fit_from is berry"
         if isinstance(start, float) and isinstance(end, float) and end < start + 0.1:
             yield "fit_to", f"at least 0.1 above measure.fit_from, {start:g}"
+
+    def misfits(self, axes_mm: Sequence[float]) -> Contradictions:
+        """Refuse a height of a grain that a grain of these sizes cannot have.
+
+        A number outside the limits is probably in another unit.
+
+        Parameters
+        ----------
+        axes_mm : sequence of float
+            The full axes of the mean grain.
+
+        Yields
+        ------
+        tuple of str
+            The dotted key and its allowed values.
+        """
+        low_mm = min(axes_mm) / GRAIN_HEIGHT_MARGIN
+        high_mm = max(axes_mm) * GRAIN_HEIGHT_MARGIN
+        height_mm = self.berry_height_mm
+        if height_mm is not None and not low_mm <= height_mm <= high_mm:
+            yield (
+                "measure.berry_height_mm",
+                f"null, or the height of a grain in mm, from {low_mm:.3g} to {high_mm:.3g}",
+            )
 
     def with_scale(self, mm_per_pixel: float) -> Self:
         """Copy the settings, with another scale of the picture."""
