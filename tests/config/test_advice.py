@@ -128,6 +128,18 @@ def test_sentences_tell_what_a_softer_grain_brings(config):
     assert f"of the time of {advice.count_needed_grains(config, GRAIN_M3)};" in smaller
 
 
+def test_grains_softer_than_real_ones_are_doubted(config):
+    """Forces in kgf that are read in N make the modulus 9.8 times too small."""
+    softening = advice.compute_softening(config, SPHERE | {"shear_modulus_pa": 1.0})
+    # Hertz's law: the modulus with which the pile sinks by 3 % and by 6 %
+    for sinking, doubted in ((0.03, False), (0.06, True)):
+        modulus_pa = (softening.sinking / sinking) ** advice.MODULUS_EXPONENT
+        berry = SPHERE | {"shear_modulus_pa": modulus_pa}
+        sentence = advice._describe_stiffness(config, berry, lambda grain: 1.0)
+        assert sentence.startswith("WARNING") is doubted
+        assert f"sinks by {100 * sinking:.2g} %" in sentence
+
+
 def test_each_strategy_has_its_own_pours(config):
     config["response_surface"] |= {
         "screening_runs": 12,

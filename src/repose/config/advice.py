@@ -20,6 +20,9 @@ from repose.grain.particle import Particle
 # Share of its Height by which a pile of soft grains may sink. This is far less than the
 # scatter of piles.
 LARGEST_SINKING = 0.005
+# A pile of real grains sinks less than this. The softest that we know is that of fresh
+# goji berries, with 0.023.
+SUSPICIOUS_SINKING = 0.05
 # Smallest and largest slope of poured grains. If a cone of all grains with the height of
 # the target has another slope, the number of grains is wrong.
 SLOPES_DEG = (15.0, 45.0)
@@ -210,12 +213,19 @@ def _describe_stiffness(
     Returns
     -------
     str
-        One or two sentences, which begin with ok if grains cannot be softer.
+        One or two sentences. They begin with ok if grains cannot be softer, and with
+        WARNING if the grains are softer than real ones.
     """
     modulus_pa = grain["shear_modulus_pa"]
     sinking, softest_pa = compute_softening(config, grain)
     percent = format_significant(100 * sinking, 2)
     sentence = f"the pile sinks by {percent} % of its Height under its own weight"
+    if sinking > SUSPICIOUS_SINKING:
+        return (
+            f"WARNING: {sentence}, more than piles of real grains do. Is the modulus of "
+            f"{format_significant(modulus_pa, 3)} Pa right, and the unit of the forces from "
+            "which it was computed?"
+        )
     if softest_pa >= modulus_pa:
         return f"ok, {sentence}; a lower berry.shear_modulus_pa would sink it more"
 
