@@ -289,6 +289,10 @@ def test_the_list_names_targets_with_their_cost_and_strategies_that_cannot_be(
             "command line: --jobs is '-1'; expected a whole number from 1, or unlimited",
         ),
         (
+            ["--config", "label=a", "seed=1", "label=b"],
+            "command line: --config is 'label 2 times'; expected each key once",
+        ),
+        (
             ["--config", "label=a", "uncertainty"],
             f"{WRONG} 'uncertainty'; expected KEY=VALUE; a target goes before",
         ),

@@ -14,6 +14,7 @@ from repose.cli.registry import (
     load_study,
     subcommand,
 )
+from repose.cli.stages import note_built_in_crop
 from repose.common import provenance
 from repose.common.errors import InputError
 from repose.common.section import AUTO
@@ -85,6 +86,7 @@ def export(args: argparse.Namespace) -> None:
     _check_numbers(args)
     card = None if args.card is None else read_repose_card(args.card)
     if study is None and card is None:
+        note_built_in_crop()
         args.config = DEFAULT_CONFIG_FILE
         study = load_study(args)
     elif study is None:

@@ -198,6 +198,17 @@ def _check_configuration_options(args: argparse.Namespace) -> None:
                 allowed=f"a section with its keys, as in '{_nest_in_section(key, value)}'",
             )
 
+    # Snakemake would take the last value of a key that is given twice.
+    keys = [entry.partition("=")[0] for entry in args.config]
+    for key in keys:
+        if keys.count(key) > 1:
+            raise InputError(
+                "command line",
+                key="--config",
+                value=f"{key} {keys.count(key)} times",
+                allowed="each key once",
+            )
+
 
 def _nest_in_section(key: str, value: str) -> str:
     """Write a value of a dotted key in the form that snakemake accepts.
