@@ -21,6 +21,7 @@ from repose.calibrate.study import Study
 from repose.calibrate.uncertainty.discrepancy import estimate_from_shape_study
 from repose.common import files, tables
 from repose.common.errors import InputError, print_fault
+from repose.common.summary_rows import find_summary_row
 from repose.common.tables import Column
 from repose.grain.berry import compute_mean_grain
 from repose.grain.berry_files import read_compression, read_sizes
@@ -481,6 +482,60 @@ def test_a_row_of_means_of_runs_is_refused_by_its_numbers(tmp_path):
         last = ",".join(f"{x:.4f}" for x in statistic(rows, axis=0))
         message = fault("runs", path, f"{text}{last}\n")
         assert f"this one has the {name} of the rows above" in message
+
+
+def repeated_runs(sets, n_runs=2):
+    """The rows of a table: two parameters and one response, several runs of each set."""
+    rng = np.random.default_rng(3)
+    rows = np.repeat(sets, n_runs, axis=0)
+    angles = (
+        20 + 20 * rows[:, :1] + 100 * rows[:, 1:] + rng.normal(0, 0.5, (len(rows), 1))
+    )
+    return np.hstack([rows, angles])
+
+
+def text_of_runs(rows, *last_rows):
+    lines = [",".join(map(repr, row)) for row in rows.tolist()]
+    return "\n".join(["mus,mur,angle_deg", *lines, *last_rows, ""])
+
+
+def test_a_row_of_means_below_repeated_runs_is_refused(tmp_path):
+    rng = np.random.default_rng(3)
+    study = Study.own(OWN)
+    low = study.parameters.low
+    high = study.parameters.high
+    path = tmp_path / "a.csv"
+    for n_sets in (4, 8):
+        rows = repeated_runs(low + (high - low) * rng.random((n_sets, 2)))
+        assert len(read_runs(written(path, text_of_runs(rows)), study)) == 2 * n_sets
+        # Spreadsheets print 15 digits, and other programs all digits of a plain sum.
+        sums = [sum(column) / len(rows) for column in rows.T.tolist()]
+        for form in ("{:.4f}", "{:.15g}", "{!r}"):
+            last = ",".join(map(form.format, sums))
+            message = fault("runs", path, text_of_runs(rows, last))
+            assert f"row {2 * n_sets + 1}: mus is" in message
+            assert "this one has the mean of the rows above" in message
+
+
+def test_a_run_at_the_centre_of_a_design_is_no_summary(tmp_path):
+    study = Study.own(OWN)
+    rows = repeated_runs(np.linspace([0.3, 0.01], [0.5, 0.05], 4))
+    centre = f"0.4000,0.0300,{float(rows[:, 2].mean())!r}"
+    path = written(tmp_path / "a.csv", text_of_runs(rows, centre))
+    assert len(read_runs(path, study)) == 9
+
+
+def test_a_further_run_of_an_earlier_set_is_no_summary():
+    """Its parameter, the highest, says nothing about its two responses."""
+    columns = {
+        "mus": ["0.300", "0.300", "0.400", "0.400", "0.500", "0.500", "0.500"],
+        "angle_deg": ["21.0", "22.0", "27.0", "25.0", "33.0", "31.0", "33.0"],
+        "time_s": ["4.10", "4.20", "4.70", "4.50", "5.10", "5.30", "5.30"],
+    }
+    assert find_summary_row(columns) is None
+    # The same responses of a new set are those of a summary.
+    columns["mus"] = ["0.300", "0.310", "0.400", "0.410", "0.490", "0.500", "0.500"]
+    assert find_summary_row(columns) == (6, "maximum")
 
 
 def test_columns_are_described_by_number_mean_and_range(tmp_path, capsys):

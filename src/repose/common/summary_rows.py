@@ -18,9 +18,10 @@ FEWEST_COLUMNS = 3
 # ... whose standard deviation is at least this number of units of the last digit. In a
 # coarser column an ordinary row may equal the rounded mean by chance.
 FEWEST_UNITS_OF_SCATTER = 5.0
-# Largest difference between a statistic and its printed value, in units of the last
-# digit: half a digit, and room for the rounding of the statistic itself.
+# Largest difference between a statistic and its printed value: half a unit of the last
+# digit with some room, and an error of the sum of the numbers, as a share of their size.
 ROUNDING_UNITS = 0.501
+SUM_ERROR_SHARE = 1e-12
 STATISTICS: dict[str, Callable[[np.ndarray], float]] = {
     "mean": np.mean,
     "minimum": np.min,
@@ -54,7 +55,8 @@ def find_summary_row(columns: Mapping[str, Sequence[str]]) -> SummaryRow | None:
     A summary row equals one statistic in every column that is compared, to all the digits
     that it prints. A row that repeats a row above it is not a summary. Columns with few
     different values are not compared. They belong to the design of an experiment, where
-    the centre equals the mean and the corners equal the extremes.
+    the centre equals the mean and the corners equal the extremes. Parameters of repeated
+    runs have few different values, too, but many among their different sets.
     """
     # Read the cells as an array (rows, columns) of numbers.
     cells_of_columns = list(columns.values())
@@ -92,12 +94,7 @@ def _find_equal_statistic(
     str
         A name of `STATISTICS`; empty if there is no such statistic.
     """
-    # Compare only columns whose numbers vary enough.
-    compared_columns = [
-        column
-        for column, last_digit in enumerate(last_digits)
-        if math.isfinite(row[column]) and _varies(rows_above[:, column], last_digit)
-    ]
+    compared_columns = _find_compared_columns(row, rows_above, last_digits)
     if len(compared_columns) < FEWEST_COLUMNS:
         return ""
 
@@ -110,27 +107,81 @@ def _find_equal_statistic(
         is_close = []
         for column in compared_columns:
             numbers = rows_above[:, column]
-            difference = abs(compute(numbers[np.isfinite(numbers)]) - row[column])
-            is_close.append(difference <= ROUNDING_UNITS * last_digits[column])
+            numbers = numbers[np.isfinite(numbers)]
+            difference = abs(compute(numbers) - row[column])
+            sum_error = SUM_ERROR_SHARE * np.abs(numbers).max()
+            is_close.append(
+                difference <= ROUNDING_UNITS * last_digits[column] + sum_error
+            )
         if all(is_close):
             return name
     return ""
 
 
-def _varies(column: np.ndarray, last_digit: float) -> bool:
-    """Tell whether the numbers of a column vary enough to be compared.
+def _find_compared_columns(
+    row: np.ndarray, rows_above: np.ndarray, last_digits: Sequence[float]
+) -> list[int]:
+    """Find the columns in which a row is compared with the statistics of the rows above.
 
-    Most of them must differ from each other, and they must scatter by
-    `FEWEST_UNITS_OF_SCATTER`.
+    Parameters
+    ----------
+    row : ndarray, (columns,)
+        The numbers of the row. Cells without a number are NaN.
+    rows_above : ndarray, (rows, columns)
+        The numbers of the rows above.
+    last_digits : sequence of float
+        Unit of the last digit that the row prints in each column.
+
+    Returns
+    -------
+    list of int
+        The columns whose numbers vary enough.
     """
-    numbers = column[np.isfinite(column)]
-    if len(numbers) < FEWEST_ROWS_ABOVE:
-        return False
-    # A column with few different numbers has the levels of a design.
-    n_different = len(set(numbers))
-    if 2 * n_different <= len(numbers):
-        return False
-    return bool(np.std(numbers) >= FEWEST_UNITS_OF_SCATTER * last_digit)
+    counts = np.isfinite(rows_above).sum(axis=0)
+    different_counts = np.array(
+        [len(set(column[np.isfinite(column)])) for column in rows_above.T]
+    )
+    scatters = np.array(
+        [
+            math.isfinite(row[k])
+            and counts[k] >= FEWEST_ROWS_ABOVE
+            and np.nanstd(rows_above[:, k]) >= FEWEST_UNITS_OF_SCATTER * last_digit
+            for k, last_digit in enumerate(last_digits)
+        ],
+        dtype=bool,
+    )
+
+    # In a measured column most numbers differ. A column of a design has few levels.
+    is_measured = 2 * different_counts > counts
+    measured_columns = np.flatnonzero(scatters & is_measured)
+
+    # Repeated runs of a set repeat its parameters. Count these among the different sets.
+    n_sets = len({values.tobytes() for values in rows_above[:, ~is_measured]})
+    differs_between_sets = (different_counts >= FEWEST_ROWS_ABOVE) & (
+        2 * different_counts > n_sets
+    )
+    # The centre of a design is its mean by intention.
+    is_centre = np.array(
+        [
+            scatter
+            and abs(_compute_middle(rows_above[:, k]) - row[k]) <= last_digits[k]
+            for k, scatter in enumerate(scatters)
+        ],
+        dtype=bool,
+    )
+    is_parameter = scatters & ~is_measured & differs_between_sets & ~is_centre
+    parameter_columns = np.flatnonzero(is_parameter)
+
+    # A further run of an earlier set has the parameters of that set. They say nothing.
+    is_same = rows_above[:, parameter_columns] == row[parameter_columns]
+    if is_same.all(axis=1).any():
+        return measured_columns.tolist()
+    return [*measured_columns.tolist(), *parameter_columns.tolist()]
+
+
+def _compute_middle(column: np.ndarray) -> float:
+    """Return the middle between the smallest and the largest number of a column."""
+    return float(np.nanmin(column) + np.nanmax(column)) / 2
 
 
 def _read_finite_number(cell: str) -> float:
