@@ -368,7 +368,7 @@ def test_a_comment_is_no_row(tmp_path):
     for line in ("#8,9,8,5", "#DIV/0!,9,8,5", "# 8,9.5,8.5,5.5"):
         assert len(read_sizes(written(path, f"{header}{rows}{line}\n"))) == 3
     message = fault("sizes", path, f"#{header}{rows}")
-    assert "column long_mm is 'missing'" in message
+    assert "'#grain,long_mm,major_mm,minor_mm' has them, but is a comment" in message
 
 
 def test_a_name_is_the_same_in_every_form(tmp_path):

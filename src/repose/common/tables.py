@@ -56,6 +56,8 @@ TABLE = "a CSV file"
 COMMENT_SIGN = "#"
 UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 SEPARATORS = ",;\t"
+# The first line of a table of Excel may say what separates the cells.
+SEPARATOR_LINE_PATTERN = re.compile(r'"?sep=."?', re.IGNORECASE)
 BLANKS_PATTERN = r"\s+"  # separates cells if the header has none of `SEPARATORS`
 # Columns that are not read are described in messages: at most so many of them, and each
 # by at most so many of its values.
@@ -324,7 +326,7 @@ def read(
     needed_names = [name for name in names if name not in may_be_missing]
 
     # Rename columns whose names differ only in form from those that the caller uses.
-    table = read_sheet(path, what)
+    table = read_sheet(path, what, names)
     new_names = match_column_names(table.text, [*names, *optional])
     table.text = table.text.rename(columns=new_names)
     require_columns(path, table.text, needed_names, what)
@@ -642,13 +644,16 @@ def print_columns(path: StrPath) -> None:
         print(f"{path}: {line}", file=sys.stderr)
 
 
-def read_sheet(path: StrPath, what: str = TABLE) -> Table:
+def read_sheet(
+    path: StrPath, what: str = TABLE, known_names: Iterable[str] = ()
+) -> Table:
     """Read the cells of a table as text.
 
     The encoding is UTF-8, with or without a byte order mark, or UTF-16 with one. Commas,
     semicolons or tabs separate the cells, or blanks if the header has none of these. With
     semicolons and tabs a number may have a decimal comma. Lines that begin with ``#`` are
-    comments. Empty rows, and empty columns without a name, are left out.
+    comments. Empty rows, empty columns without a name, and a first line such as ``sep=;``
+    are left out.
 
     Parameters
     ----------
@@ -656,6 +661,8 @@ def read_sheet(path: StrPath, what: str = TABLE) -> Table:
         The file.
     what : str
         What it should be, for messages.
+    known_names : iterable of str
+        Names of columns that its reader uses. They help to explain a missing header.
 
     Returns
     -------
@@ -665,9 +672,10 @@ def read_sheet(path: StrPath, what: str = TABLE) -> Table:
     Raises
     ------
     InputError
-        If the file cannot be read as a table, or has a column twice.
+        If the file cannot be read as a table, lacks a header, or has a column twice.
     """
     lines, comments = _read_lines_and_comments(path, what)
+    _require_header(path, lines, comments, known_names)
     separator = _find_separator(_read_header(lines))
     header_and_cells = _split_cells(path, "\n".join(lines), separator, what)
     # Join names that span several lines of the file, as Design-Expert writes them.
@@ -679,6 +687,74 @@ def read_sheet(path: StrPath, what: str = TABLE) -> Table:
     if separator in (";", "\t"):
         cells = _replace_decimal_commas(path, cells)
     return Table(path, cells, comments)
+
+
+def _require_header(
+    path: StrPath,
+    lines: Sequence[str],
+    comments: Sequence[str],
+    known_names: Iterable[str],
+) -> None:
+    """Refuse a table whose first line has numbers, or whose header is another line.
+
+    A header that has at least one known name is accepted.
+
+    Parameters
+    ----------
+    path : path
+        The file of the table, for messages.
+    lines : list of str
+        All lines; empty ones replace the comments.
+    comments : list of str
+        The comments.
+    known_names : iterable of str
+        Names of columns that the reader uses.
+
+    Raises
+    ------
+    InputError
+        If a later line or a comment has known names, or if the first line has numbers.
+    """
+    known = {normalise_name(name) for name in known_names}
+    header = _read_header(lines)
+    if not known or _count_known_names(header, known):
+        return
+
+    # A single name may be a word in a title, or the first cell of a row.
+    fewest = min(2, len(known))
+    cause = ""
+    if holds_numbers(_split_line(header)):
+        cause = "the first line has numbers"
+    for number, line in enumerate(lines, 1):
+        if _count_known_names(line, known) >= fewest:
+            cause = f"line {number} has them: remove the lines above it"
+            break
+    for comment in comments:
+        if _count_known_names(comment.lstrip(f' "{COMMENT_SIGN}'), known) >= fewest:
+            cause = f"{shown(comment)} has them, but is a comment: remove its #"
+            break
+    if cause:
+        raise InputError(
+            path,
+            key="header",
+            value=header.strip(),
+            allowed=f"names of the columns; {cause}",
+        )
+
+
+def _count_known_names(line: str, known: Collection[str]) -> int:
+    """Count how many of some names, which are normalised, are cells of a line."""
+    return len({normalise_name(cell) for cell in _split_line(line)}.intersection(known))
+
+
+def _split_line(line: str) -> list[str]:
+    """Split a line into cells without blanks and quotes around them.
+
+    Separators within quotes separate cells, too.
+    """
+    separator = _find_separator(line)
+    cells = line.split(None if separator == BLANKS_PATTERN else separator)
+    return [cell.strip(' "') for cell in cells]
 
 
 def _name_columns(
@@ -730,15 +806,18 @@ def _read_lines_and_comments(path: StrPath, what: str) -> tuple[list[str], list[
     Returns
     -------
     lines : list of str
-        All lines. An empty line replaces each comment, so that the line numbers in
-        messages remain correct.
+        All lines. An empty line replaces each comment, and a first line such as
+        ``sep=;``, so that the line numbers in messages remain correct.
     comments : list of str
         The lines that begin with ``#``.
     """
     text = _read_text(path, what).replace("\r\n", "\n").replace("\r", "\n")
     comments = []
     lines = []
-    for line in text.split("\n"):
+    for number, line in enumerate(text.split("\n")):
+        if number == 0 and SEPARATOR_LINE_PATTERN.fullmatch(line):
+            lines.append("")
+            continue
         # Spreadsheets put a comment into quotes if it contains a separator.
         if line.lstrip(' "').startswith(COMMENT_SIGN):
             comments.append(line)
@@ -908,7 +987,7 @@ def _read_header(lines: Iterable[str]) -> str:
     """
     header = ""
     for line in lines:
-        header += line
+        header += f"{line}\n"
         if header.strip() and header.count('"') % 2 == 0:
             break
     return header
