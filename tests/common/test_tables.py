@@ -557,6 +557,15 @@ def test_columns_are_described_by_number_mean_and_range(tmp_path, capsys):
         "deg: 7 numbers, mean 17.43, from -1 (3 times) to 33.5",
         "sample: 6 numbers, mean 1.5, from 1 to 2",
     ]
+    index = {"": ["0", "1", "2"]}
+    assert tables.describe_columns(index) == [
+        "the column without a name: 3 numbers, mean 1, from 0 to 2"
+    ]
+    assert tables.describe_unread(index, hint_if_few="") == {
+        tables.UNNAMED: (
+            "the column without a name is not read; it has '0' once, '1' once, '2' once"
+        )
+    }
     labels = {"name": ["a", "b"], "mm": [1.5, math.nan, 2.5], "ok": [True], "no": []}
     assert tables.describe_columns(labels) == ["mm: 2 numbers, mean 2, from 1.5 to 2.5"]
 

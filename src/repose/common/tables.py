@@ -54,6 +54,7 @@ class CellFault(NamedTuple):
 
 TABLE = "a CSV file"
 COMMENT_SIGN = "#"
+UNNAMED = "the column without a name"
 UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 SEPARATORS = ",;\t"
 # The first line of a table of Excel may say what separates the cells.
@@ -460,7 +461,12 @@ def refuse(source: object, faults: Iterable[Fault]) -> None:
         With a message for each fault.
     """
     raise_together(
-        InputError(f"{source}, row {row + 1}", key=column, value=value, allowed=allowed)
+        InputError(
+            f"{source}, row {row + 1}",
+            key=column or UNNAMED,
+            value=value,
+            allowed=allowed,
+        )
         for row, column, value, allowed in sorted(faults, key=lambda fault: fault[0])
     )
 
@@ -551,7 +557,7 @@ def describe_columns(columns: Mapping[str, Sequence[Any]]) -> list[str]:
             continue
         numbers = np.array([float(text) for text in texts])
         lines.append(
-            f"{name}: {len(numbers)} numbers, mean {format_significant(numbers.mean())}, "
+            f"{name or UNNAMED}: {len(numbers)} numbers, mean {format_significant(numbers.mean())}, "
             f"from {_describe_extreme(numbers, numbers.min())} "
             f"to {_describe_extreme(numbers, numbers.max())}"
         )
@@ -607,8 +613,9 @@ def describe_unread(
             continue
         has_few_values = len(counts) <= MOST_SHOWN_VALUES and len(counts) < len(cells)
         hint = hint_if_few if has_few_values else ""
-        sentences[name] = (
-            f"column {name} is not read; it has {_list_frequent_values(counts)}{hint}"
+        described_name = f"column {name}" if name else UNNAMED
+        sentences[name or UNNAMED] = (
+            f"{described_name} is not read; it has {_list_frequent_values(counts)}{hint}"
         )
     if n_undescribed:
         sentences[""] = f"{n_undescribed} further columns are not read"
@@ -789,7 +796,10 @@ def _name_columns(
     kept_names = [names[column] for column in kept_columns]
     for name, count in Counter(kept_names).items():
         if count != 1:
-            raise InputError(path, key="header", value=name, allowed="each column once")
+            cause = "" if name else f"; {count} columns with cells have no name"
+            raise InputError(
+                path, key="header", value=name, allowed=f"each column once{cause}"
+            )
     return cells[kept_columns].set_axis(kept_names, axis=1)
 
 
@@ -1194,7 +1204,7 @@ def _read_column(
                     row,
                     column=column.name,
                     value=_format_invalid_cell(column, cell),
-                    allowed=column.allowed,
+                    allowed=f"{column.allowed}{_explain_form(column, cell)}",
                 )
                 faults.append(fault)
         values.append(value)
@@ -1250,6 +1260,28 @@ def _format_invalid_cell(column: Column, cell: Any) -> Any:
     except (TypeError, ValueError, OverflowError):
         return cell
     return number if math.isfinite(number) else cell
+
+
+def _explain_form(column: Column, cell: Any) -> str:
+    """Explain how to write a number, where a text has digits but is no number.
+
+    Parameters
+    ----------
+    column : Column
+        The declaration of the column.
+    cell : object
+        The invalid cell.
+
+    Returns
+    -------
+    str
+        The end of a message; empty for any other cell.
+    """
+    is_text_of_number = column.kind in (float, int) and isinstance(cell, str)
+    if not is_text_of_number or NUMBER_PATTERN.fullmatch(cell):
+        return ""
+    has_digits = any(character.isdecimal() for character in cell)
+    return "; a number is written as 0.35 or 3.5e-01" if has_digits else ""
 
 
 def is_missing(cell: Any) -> bool:

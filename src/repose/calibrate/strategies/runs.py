@@ -292,7 +292,10 @@ def read_rows(path: StrPath, study: Study) -> Rows:
         if key not in table.values:
             continue
         cells = strip_decimal_points(table.values[key])
-        allowed = "a number, as in the other rows; a row that sums up is no run"
+        allowed = (
+            "a number, as in the other rows; merged cells need it in each row, and a "
+            "row of units or means is no run"
+        )
         faults = [(k, key, "", allowed) for k, cell in enumerate(cells) if not cell]
         refuse(path, faults)
         table.values[key] = cells
