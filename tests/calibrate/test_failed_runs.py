@@ -26,6 +26,8 @@ FAILURES = {
     "infinite": ({"y": 2.0, "z": math.inf}, "failed"),
     "minus infinite": ({"y": -math.inf, "z": 1.0}, "failed"),
     "beyond 1e100": ({"y": 2.0, "z": -1e101}, "failed"),
+    "NaN as C writes it": ({"y": "-nan(ind)", "z": 1.0}, "failed"),
+    "infinite as Java writes it": ({"y": 2.0, "z": "-Infinity"}, "failed"),
     "None": ({"y": None, "z": None}, "failed"),
     "a number of numpy": ({"y": np.float32("inf"), "z": np.float64(1)}, "failed"),
     "a status beside numbers": ({"y": 2.0, "z": 1.0, "status": "jammed"}, "jammed"),

@@ -566,6 +566,11 @@ def test_columns_are_described_by_number_mean_and_range(tmp_path, capsys):
             "the column without a name is not read; it has '0' once, '1' once, '2' once"
         )
     }
+    failed = {"deg": ["31.5", "-nan", "nan(ind)", "Infinity", "-inf", "1e999", "28.5"]}
+    assert tables.describe_columns(failed) == [
+        "deg: 2 numbers, mean 30, from 28.5 to 31.5"
+    ]
+    assert tables.describe_columns({"deg": ["inf", "-nan"]}) == []
     labels = {"name": ["a", "b"], "mm": [1.5, math.nan, 2.5], "ok": [True], "no": []}
     assert tables.describe_columns(labels) == ["mm: 2 numbers, mean 2, from 1.5 to 2.5"]
 
@@ -666,8 +671,8 @@ def test_a_column_is_what_it_is_declared_to_be(tmp_path):
         "nothing": (
             Column("b", may_be_empty=True),
             "a finite number, or nothing",
-            ["", "NaN"],
-            ["inf", "x", "n/a"],
+            ["", "NaN", "-nan", "nan(ind)"],
+            ["inf", "Infinity", "x", "n/a", "nano"],
         ),
         "truth": (
             Column("b", bool),

@@ -67,8 +67,12 @@ MOST_SHOWN_VALUES = 5
 # If an extreme of measured numbers occurs at least this often, it may mark failed runs.
 FEWEST_REPEATS = 3
 NUMBER_PATTERN = re.compile(
-    r"\s*[+-]?((\d+\.?\d*|\.\d+)(e[+-]?\d+)?|nan|inf)\s*", re.ASCII | re.IGNORECASE
+    r"\s*[+-]?((\d+\.?\d*|\.\d+)(e[+-]?\d+)?|nan|inf(inity)?)\s*",
+    re.ASCII | re.IGNORECASE,
 )
+# NaN as the standard of C lets programs print it, such as -nan or nan(ind).
+NAN_PATTERN = re.compile(r"[+-]?nan(\(\w*\))?", re.ASCII | re.IGNORECASE)
+FIRST_DIGIT_PATTERN = re.compile(r"[+-]?[.,]?\d")
 WHOLE_NUMBER_PATTERN = re.compile(r"\d+", re.ASCII)
 DECIMAL_COMMA_PATTERN = re.compile(
     r"[+-]?\d*,\d+(e[+-]?\d+)?", re.ASCII | re.IGNORECASE
@@ -556,6 +560,10 @@ def describe_columns(columns: Mapping[str, Sequence[Any]]) -> list[str]:
         if not texts or not all(NUMBER_PATTERN.fullmatch(text) for text in texts):
             continue
         numbers = np.array([float(text) for text in texts])
+        # An infinite response marks a failed run, as an empty cell does.
+        numbers = numbers[np.isfinite(numbers)]
+        if not len(numbers):
+            continue
         lines.append(
             f"{name or UNNAMED}: {len(numbers)} numbers, mean {format_significant(numbers.mean())}, "
             f"from {_describe_extreme(numbers, numbers.min())} "
@@ -1263,7 +1271,7 @@ def _format_invalid_cell(column: Column, cell: Any) -> Any:
 
 
 def _explain_form(column: Column, cell: Any) -> str:
-    """Explain how to write a number, where a text has digits but is no number.
+    """Explain how to write a number, where a text begins with a digit but is no number.
 
     Parameters
     ----------
@@ -1280,14 +1288,16 @@ def _explain_form(column: Column, cell: Any) -> str:
     is_text_of_number = column.kind in (float, int) and isinstance(cell, str)
     if not is_text_of_number or NUMBER_PATTERN.fullmatch(cell):
         return ""
-    has_digits = any(character.isdecimal() for character in cell)
-    return "; a number is written as 0.35 or 3.5e-01" if has_digits else ""
+    if not FIRST_DIGIT_PATTERN.match(cell):
+        return ""
+    return "; a number is written as 0.35 or 3.5e-01"
 
 
 def is_missing(cell: Any) -> bool:
     """Tell whether a cell is empty: an empty text, None, or NaN."""
     if isinstance(cell, str):
-        return cell.strip().casefold() in ("", "nan")
+        text = cell.strip()
+        return not text or NAN_PATTERN.fullmatch(text) is not None
     if isinstance(cell, int | float):
         return cell != cell
     import pandas as pd
