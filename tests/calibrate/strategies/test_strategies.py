@@ -179,6 +179,21 @@ def test_bad_settings_are_refused_by_name(changes, message):
     input_error(message, repose.Study, **STUDY | changes)
 
 
+def test_a_surface_of_too_few_parameters_names_those_that_fit():
+    for names, message in (
+        (["friction"], "expected another strategy for 1 free parameter; box_behnken"),
+        (
+            ["friction", "rolling"],
+            "expected rotatable or face_centred for 2 free parameters; box_behnken",
+        ),
+    ):
+        parameters = {name: STUDY["parameters"][name] for name in names}
+        targets = {"time": (4.0, 0.2)}
+        input_error(
+            message, repose.Study, parameters, targets, strategy="response_surface"
+        )
+
+
 @pytest.mark.slow
 def test_a_study_of_our_bench_tests_is_the_same_loop():
     changes = {

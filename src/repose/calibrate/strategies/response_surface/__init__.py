@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
 # Tables of the models of a step.
 ANALYSIS_TABLES = ("anova", "effects", "statistics")
+# The smallest number of parameters of each design of a surface.
+FEWEST_FACTORS = {"box_behnken": 3, "rotatable": 2, "face_centred": 2}
 
 
 class ResponseSurfaceSettings(Section):
@@ -78,7 +80,7 @@ class ResponseSurfaceSettings(Section):
     @property
     def fewest_factors(self) -> int:
         """The smallest number of factors of the surface."""
-        return 3 if self.surface == "box_behnken" else 2
+        return FEWEST_FACTORS[self.surface]
 
     def coded(self, factors: int) -> tuple["np.ndarray", float]:
         """Design the surface of some factors.
@@ -142,9 +144,15 @@ class ResponseSurface(Strategy[ResponseSurfaceSettings]):
         design = section.surface
         fewest_factors = section.fewest_factors
         if free < fewest_factors:
+            fitting = [
+                name for name, fewest in FEWEST_FACTORS.items() if fewest <= free
+            ]
+            choice = " or ".join(fitting) or "another strategy"
+            parameters = "parameter" if free == 1 else "parameters"
             yield (
                 "surface",
-                f"a design for {free} free parameters; {design} needs {fewest_factors}",
+                f"{choice} for {free} free {parameters}; {design} needs "
+                f"{fewest_factors}",
             )
         if section.most_factors < fewest_factors:
             yield "most_factors", f"at least {fewest_factors} where surface is {design}"
