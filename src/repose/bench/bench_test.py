@@ -239,7 +239,7 @@ class BenchTest(ABC, Generic[S]):
         Parameters
         ----------
         scene : Scene
-            What the run depends on.
+            Settings, parameters, grain and seed of the run.
         outcome : Outcome
             The numbers by which the run is judged.
         arrays : dict

@@ -501,7 +501,7 @@ class CylinderTest(BenchTest[CylinderSettings]):
         Parameters
         ----------
         scene : Scene
-            What the run depends on.
+            Settings, parameters, grain and seed of the run.
         interval_s : float, optional
             Simulated time between the frames of a film; without it none are recorded.
         progress : function, optional
@@ -601,7 +601,7 @@ class CylinderTest(BenchTest[CylinderSettings]):
         arrays : mapping
             Arrays of the run by name, as from `run`.
         scene : Scene
-            What the run depends on.
+            Settings, parameters, grain and seed of the run.
 
         Returns
         -------

@@ -270,7 +270,7 @@ class DischargeTest(BenchTest[DischargeSettings]):
         Parameters
         ----------
         scene : Scene
-            What the run depends on.
+            Settings, parameters, grain and seed of the run.
         interval_s : float, optional
             Simulated time between the frames of a film; without it none are recorded.
         progress : function, optional

@@ -484,7 +484,7 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         Parameters
         ----------
         scene : Scene
-            What the run depends on.
+            Settings, parameters, grain and seed of the run.
         interval_s : float, optional
             Simulated time between the frames of a film; without it none are recorded.
         progress : function, optional
@@ -578,7 +578,7 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         arrays : mapping
             Arrays of the run by name.
         scene : Scene
-            What the run depends on.
+            Settings, parameters, grain and seed of the run.
 
         Returns
         -------

@@ -275,7 +275,7 @@ class DropTest(BenchTest[DropTestSettings]):
         Parameters
         ----------
         scene : Scene
-            What the run depends on.
+            Settings, parameters, grain and seed of the run.
         interval_s : float, optional
             Simulated time between the frames of a film; without it none are recorded.
         progress : function, optional
@@ -331,7 +331,7 @@ class DropTest(BenchTest[DropTestSettings]):
         arrays : mapping
             Arrays of the run by name, as from `run`.
         scene : Scene
-            What the run depends on.
+            Settings, parameters, grain and seed of the run.
 
         Returns
         -------

@@ -208,7 +208,7 @@ class RotatingDrum(BenchTest[R]):
         Parameters
         ----------
         scene : Scene
-            What the run depends on.
+            Settings, parameters, grain and seed of the run.
         largest_scale : float, optional
             Size of the largest grain as a multiple of the particle.
 
@@ -238,7 +238,7 @@ class RotatingDrum(BenchTest[R]):
         Parameters
         ----------
         scene : Scene
-            What the run depends on.
+            Settings, parameters, grain and seed of the run.
         interval_s : float, optional
             Simulated time between the frames of a film; without it none are recorded.
         progress : Progress, optional
@@ -805,7 +805,7 @@ class DrumTest(RotatingDrum[DrumSettings]):
         Parameters
         ----------
         scene : Scene
-            What the run depends on.
+            Settings, parameters, grain and seed of the run.
         progress : Progress, optional
             Called with the simulated time [s] after every advance.
 
@@ -891,7 +891,7 @@ class DrumTest(RotatingDrum[DrumSettings]):
         Parameters
         ----------
         scene : Scene
-            What the run depends on.
+            Settings, parameters, grain and seed of the run.
         interval_s : float, optional
             With any value the run has frames, at the times of the record. Without it the
             run has none.
@@ -937,7 +937,7 @@ class DrumTest(RotatingDrum[DrumSettings]):
         arrays : mapping
             The arrays of the run by name, as `run` returns them.
         scene : Scene
-            What the run depends on.
+            Settings, parameters, grain and seed of the run.
 
         Returns
         -------

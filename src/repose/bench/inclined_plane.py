@@ -726,7 +726,7 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         Parameters
         ----------
         scene : Scene
-            What the run depends on.
+            Settings, parameters, grain and seed of the run.
         largest_scale : float, optional
             Size of the largest grain as a multiple of the particle.
         azimuth : float, optional
@@ -749,7 +749,7 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         Parameters
         ----------
         scene : Scene
-            What the run depends on.
+            Settings, parameters, grain and seed of the run.
         interval_s : float, optional
             Simulated time between the frames of a film of the grain that can roll.
             Without it none are recorded.
@@ -806,7 +806,7 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         arrays : mapping
             Arrays of the run by name, as from `run`.
         scene : Scene
-            What the run depends on.
+            Settings, parameters, grain and seed of the run.
 
         Returns
         -------

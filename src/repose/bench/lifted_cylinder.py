@@ -484,7 +484,7 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         Parameters
         ----------
         scene : Scene
-            What the run depends on.
+            Settings, parameters, grain and seed of the run.
         interval_s : float, optional
             Simulated time between the frames of a film; without it none are recorded.
         progress : function, optional
@@ -585,7 +585,7 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         arrays : mapping
             Arrays of the run by name, as from `run`.
         scene : Scene
-            What the run depends on.
+            Settings, parameters, grain and seed of the run.
 
         Returns
         -------

@@ -308,7 +308,7 @@ class TurningTest(RotatingDrum[TurningSettings]):
         Parameters
         ----------
         scene : Scene
-            What the run depends on.
+            Settings, parameters, grain and seed of the run.
         interval_s : float, optional
             Simulated time between the frames of a film; without it none are recorded.
         progress : function, optional
@@ -390,7 +390,7 @@ class TurningTest(RotatingDrum[TurningSettings]):
         arrays : mapping
             The arrays of the run by name, as `run` returns them.
         scene : Scene
-            What the run depends on.
+            Settings, parameters, grain and seed of the run.
 
         Returns
         -------
@@ -442,7 +442,7 @@ class TurningTest(RotatingDrum[TurningSettings]):
         bed_frames : _BedFrames
             Frames of the bed at one speed.
         scene : Scene
-            What the run depends on.
+            Settings, parameters, grain and seed of the run.
 
         Returns
         -------
