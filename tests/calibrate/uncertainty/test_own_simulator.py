@@ -325,6 +325,31 @@ def test_too_few_single_runs_are_refused_with_the_ways_out(study, table):
     assert set(found.sources.values()) == {noise.ESTIMATED}
 
 
+def test_replicates_that_do_not_differ_are_named(study, table):
+    few = table[:12]
+    alike = few.assign(
+        angle_deg=few.groupby("sample")["angle_deg"].transform("first").round(1)
+    )
+    ways_out = r".*noise_sd .* at least 8 samples"
+    input_error(
+        f"between the runs of a sample is 0; expected other results of angle_deg in{ways_out}",
+        noise_of,
+        study,
+        alike,
+    )
+    proportional = few.assign(
+        time_s=few.groupby("sample")["time_s"].transform("first")
+        + 0.1
+        * (few["angle_deg"] - few.groupby("sample")["angle_deg"].transform("first"))
+    )
+    input_error(
+        f"is 'proportional in several responses'; expected other results{ways_out}",
+        noise_of,
+        study,
+        proportional,
+    )
+
+
 @pytest.mark.slow
 def test_single_runs_are_calibrated_with_a_warning(tmp_path, command):
     table = simulate(Study.own(SINGLE).ask(), noise=0.02).drop(

@@ -104,6 +104,17 @@ class ObservedSamples(NamedTuple):
         """Degrees of freedom of the noise: good runs minus samples."""
         return int(self.counts.sum() - len(self.unit))
 
+    @property
+    def alike(self) -> np.ndarray:
+        """Mask (k,) of the responses in which the runs of each sample are all alike.
+
+        Residuals as small as the rounding errors of the means are not noise.
+        """
+        residuals = self.residuals.reshape(-1, self.values.shape[2])
+        variances = np.diagonal(residuals.T @ residuals / max(self.freedom, 1))
+        sd = np.sqrt(variances)
+        return sd <= ROUNDING_SHARE * np.abs(self.means).max(axis=0)
+
     def is_sound(self, unit: np.ndarray) -> np.ndarray:
         """Mark the points (m, d) that are no nearer to a failed sample than to a good one."""
         from scipy.spatial.distance import cdist
@@ -139,9 +150,7 @@ class ObservedSamples(NamedTuple):
             )
         covariance = residuals.T @ residuals / self.freedom
         sd = np.sqrt(np.diagonal(covariance))
-        # Residuals as small as the rounding errors of the means are not noise.
-        is_rounding = sd <= ROUNDING_SHARE * np.abs(self.means).max(axis=0)
-        if is_rounding.any() or not _has_full_rank(covariance / np.outer(sd, sd)):
+        if self.alike.any() or not _has_full_rank(covariance / np.outer(sd, sd)):
             raise ValueError(
                 "pours of a sample are all alike; expected seeds that differ"
             )

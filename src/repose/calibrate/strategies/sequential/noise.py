@@ -110,17 +110,18 @@ def find_noise(
             allowed="runs that did not fail",
         )
     runs_of_samples = observed.counts
-    if observed.freedom > len(names):
+    has_replicates = observed.freedom > len(names)
+    if has_replicates:
         try:
             covariance = observed.estimate_noise()
             return Noise(covariance, dict.fromkeys(names, REPLICATES))
         except ValueError:
-            # The replicates are all alike, so count them as one run.
+            # The replicates do not show the noise, so count them as one run.
             runs_of_samples = np.ones_like(runs_of_samples)
 
     # Without replicates the correlation is unknown, so treat the responses separately.
     if not set(names) <= set(noise_sd):
-        _require_enough_samples(observed, len(names))
+        _require_enough_samples(observed, names, has_replicates)
     sources = {}
     variances = []
     for k, name in enumerate(names):
@@ -136,23 +137,55 @@ def find_noise(
     return Noise(np.diag(variances), sources)
 
 
-def _require_enough_samples(observed: ObservedSamples, n_responses: int) -> None:
+def _require_enough_samples(
+    observed: ObservedSamples, names: Sequence[str], has_replicates: bool
+) -> None:
     """Refuse too few samples for an estimate of the noise from single runs.
 
     The error names all ways to determine the noise.
+
+    Parameters
+    ----------
+    observed : ObservedSamples
+    names : sequence of str
+        Names of the responses.
+    has_replicates : bool
+        Whether there are enough replicates, which do not show the noise.
+
+    Raises
+    ------
+    InputError
+        If there are too few samples.
     """
     n_samples, n_parameters = observed.unit.shape
     fewest = RUNS_PER_PARAMETER * n_parameters
     if n_samples >= fewest:
         return
+    key = "runs beyond the first of a sample"
+    value: object = observed.freedom
+    needed = (
+        f"at least {len(names) + 1}: replicates, rows with the same parameters, "
+        "determine the noise"
+    )
+    if has_replicates:
+        alike = ", ".join(
+            name
+            for name, is_alike in zip(names, observed.alike, strict=True)
+            if is_alike
+        )
+        key = "difference between the runs of a sample"
+        value = 0 if alike else "proportional in several responses"
+        needed = (
+            f"other results of {alike or 'each response'} in the runs of a sample: give "
+            "each run other random numbers, and do not round the results"
+        )
     raise InputError(
         source="runs",
-        key="runs beyond the first of a sample",
-        value=observed.freedom,
+        key=key,
+        value=value,
         allowed=(
-            f"at least {n_responses + 1}: replicates, rows with the same "
-            "parameters, determine the noise; or targets.NAME.noise_sd for each "
-            f"response; or at least {fewest} samples, for an estimate of it"
+            f"{needed}; or targets.NAME.noise_sd for each response; or at least "
+            f"{fewest} samples, for an estimate of it"
         ),
     )
 
