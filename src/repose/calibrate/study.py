@@ -146,7 +146,7 @@ class Study:
             config["parameters"], constraints=config.get("constraints")
         )
         self.targets = make_targets(config["targets"])
-        self.file = None if file is None else Path(file)
+        self.file = _make_absolute(file)
 
     @classmethod
     def resume(cls, file: StrPath) -> Self:
@@ -247,7 +247,7 @@ class Study:
         study.settings = settings
         study.parameters = parameters
         study.targets = targets
-        study.file = None if file is None else Path(file)
+        study.file = _make_absolute(file)
         return study
 
     def __repr__(self) -> str:
@@ -274,12 +274,13 @@ class Study:
 
     @property
     def runs(self) -> "pd.DataFrame":
-        """All runs so far: `sample`, `status`, parameters and responses.
+        """A copy of all runs so far: `sample`, `status`, parameters and responses.
 
         The responses of a run that failed are NaN.
         """
         with self._record.locked() as record:
-            return record.data
+            # The user may edit this table, so return a copy.
+            return record.data.copy()
 
     @property
     def proposal(self) -> Batch | Answer:
@@ -702,3 +703,12 @@ def _convert_to_plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_convert_to_plain(item) for item in value]
     return value
+def _make_absolute(file: StrPath | None) -> Path | None:
+    """Make the path of a file absolute; None stays None.
+
+    The user's function may change the working directory, and a relative path would then
+    lead to another file.
+    """
+    return None if file is None else Path(file).absolute()
+
+
