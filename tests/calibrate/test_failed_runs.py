@@ -1,6 +1,8 @@
 """One contract for a run that failed: a table, `tell` and a function say it in the same ways."""
 
 import math
+import threading
+import time
 import warnings
 from types import SimpleNamespace
 
@@ -81,7 +83,7 @@ def test_a_failed_run_is_the_same_for_a_table_for_tell_and_for_a_function(
     # What is written says the same when it is read again.
     assert statuses(Record(make_study(), tmp_path / "record.csv").data) == expected
 
-    rows = iter(results(asked).to_dict("records"))
+    rows = iter(results(asked)[["y", "z"]].to_dict("records"))
     results_of_function = [result if k == 2 else next(rows) for k in range(8)]
     assert statuses(campaign(results_of_function)) == expected
 
@@ -123,6 +125,70 @@ def test_a_function_may_leave_out_numbers_and_the_campaign_goes_on():
     # A function that says that it failed says enough.
     for right in (None, {}, {"status": "lost"}, {"y": math.nan, "z": None}):
         assert make_cells(right or {}, ["y", "z"])[1] == ""
+
+
+MISTAKES = {
+    "text": ({"y": "28 deg", "z": 1.0}, "a number for y, or None for a failed run"),
+    "array": ({"y": np.array([1.0, 2.0]), "z": 1.0}, "a number for y, or None"),
+    "other name": ({"angle": 2.0, "z": 1.0}, "a number for y, or None"),
+    "code": (GOOD | {"status": 0}, "a word such as ok as status, or None"),
+    "parameter": (GOOD | {"a": 0.9}, "row 1: a is 0.9; expected .*, as `ask` gave it"),
+    "repeated name": (GOOD | {"log": 1, "log ": 2}, "column is 'log'; .* once"),
+}
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_a_mistake_of_the_function_is_refused_after_its_first_run(name, tmp_path):
+    result, message = MISTAKES[name]
+    calls = []
+
+    def simulate(row):
+        calls.append(row)
+        return result
+
+    input_error(message, make_study(tmp_path / "runs.csv").calibrate, simulate)
+    assert len(calls) == 1
+    assert Study.resume(tmp_path / "runs.csv").runs.empty
+
+
+def test_names_and_statuses_of_a_function_are_read_as_those_of_a_table():
+    rows = results(make_study().ask())[["y", "z"]].to_dict("records")
+    rows[0] = {"Y": 2.5, "z ": 1.5, "A": None, "status": math.nan}
+    runs = campaign(rows)
+    assert statuses(runs) == ["ok"] * 8
+    assert runs.loc[0, ["y", "z"]].tolist() == [2.5, 1.5]
+
+
+def test_a_batch_that_failed_by_an_unknown_status_ends_the_campaign(tmp_path):
+    """The record keeps the responses, so the user can correct the statuses."""
+    study = make_study(tmp_path / "runs.csv")
+    values = iter(results(study.ask())["y"])
+    with pytest.warns(UserWarning, match="with the status 'okay' counts as failed"):
+        input_error(
+            r"status is 'okay'; expected ok .* all 8 runs .*; they are in .*runs\.csv",
+            study.calibrate,
+            lambda row: {"y": next(values), "z": 1.0, "status": "okay"},
+        )
+    assert study.runs["y"].isna().all()
+    record = pd.read_csv(tmp_path / "runs.csv").assign(status="ok")
+    record.to_csv(tmp_path / "runs.csv", index=False)
+    assert study.runs["y"].tolist() == results(record)["y"].tolist()
+
+
+def test_runs_that_had_started_are_kept_where_a_result_is_refused():
+    study = make_study()
+    both_run = threading.Barrier(2)
+
+    def simulate(row):
+        if row["sample"] == 1:
+            both_run.wait(10)
+            # The second run ends after the result of the first one was refused.
+            time.sleep(0.3 * (row["run"] - 1))
+        return {"y": 2.0 + row["run"], "z": "many" if row["run"] == 1 else 1.0}
+
+    input_error("a number for z", study.calibrate, simulate, 2)
+    assert 3.0 not in study.runs["y"].tolist()
+    assert 4.0 in study.runs["y"].tolist()
 
 
 def test_a_table_of_failed_runs_needs_no_responses(tmp_path):
@@ -218,6 +284,71 @@ def test_the_verbs_name_columns_that_are_not_read(tmp_path, command):
         "new.csv: column state is not read; it has 'OK' 2 times, 'FAILED' once"
         in message
     )
+
+
+@pytest.fixture
+def verb(tmp_path, command):
+    """Call a verb with a table; the study has two responses and one parameter."""
+    (tmp_path / "own.yaml").write_text(
+        "simulator: X\nlabel: a\nseed: 1\nparameters: {a: [0, 1]}\n"
+        "sequential: {start_samples: 4}\n"
+        "targets: {y: {value: 1, sd: 0.1, repetitions: 2}, "
+        "z: {value: 1, sd: 0.1, repetitions: 2}}\n"
+    )
+
+    def call(name, file, out, *options, status=0):
+        config = ("--config", tmp_path / "own.yaml", "--out", tmp_path / out)
+        return command(name, *options, tmp_path / file, *config, status=status)
+
+    return call
+
+
+def test_ask_goes_on_where_all_runs_failed(tmp_path, verb):
+    table = results(make_study().ask()).assign(status="okay")
+    table.to_csv(tmp_path / "new.csv", index=False)
+    told = verb("tell", "new.csv", "runs.csv").out
+    assert "8 runs of 4 samples, 8 failed (status okay: 8)" in told
+    asked = verb("ask", "runs.csv", "next.csv", "--runs")
+    assert "WARNING: all 8 runs so far failed (status okay: 8)" in asked.err
+    assert "8 runs to make next" in asked.out
+
+
+def test_results_of_runs_that_had_none_are_told_later(tmp_path, verb):
+    whole = results(make_study().ask())
+    whole["y"] += 0.01 * whole["run"]
+    part = whole.copy()
+    part.loc[5:, ["y", "z"]] = np.nan
+    part.to_csv(tmp_path / "part.csv", index=False)
+    told = verb("tell", "part.csv", "runs.csv")
+    assert "rows without results: 3. These runs count as failed" in told.err
+    assert "tell these rows again before those of the next runs" in told.err
+    whole[4:].to_csv(tmp_path / "rest.csv", index=False)
+    message = verb("tell", "rest.csv", "runs.csv", status=2).err
+    assert "rest.csv, row 1: sample and run is [3, '1']; expected each once" in message
+    assert "row 5 of " in message
+    assert "runs.csv has them, too: leave out a row that was told before" in message
+    assert "row 2" not in message
+    whole[5:7].to_csv(tmp_path / "rest.csv", index=False)
+    assert "8 runs of 4 samples, 1 failed" in verb("tell", "rest.csv", "runs.csv").out
+    verb("ask", "runs.csv", "next.csv", "--runs")
+    asked = pd.read_csv(tmp_path / "next.csv")
+    results(asked[:1]).to_csv(tmp_path / "next_1.csv", index=False)
+    verb("tell", "next_1.csv", "runs.csv")
+    # The next batch has begun and depends on the run without results, so that stays.
+    whole[7:].to_csv(tmp_path / "rest.csv", index=False)
+    message = verb("tell", "rest.csv", "runs.csv", status=2).err
+    assert "or give a further run another number" in message
+    whole[7:].assign(run=3).to_csv(tmp_path / "rest.csv", index=False)
+    assert "10 runs of 5 samples, 1 failed" in verb("tell", "rest.csv", "runs.csv").out
+    verb("ask", "runs.csv", "rest_of_next.csv", "--runs")
+    left = pd.read_csv(tmp_path / "rest_of_next.csv")
+    pd.testing.assert_frame_equal(left, asked[1:].reset_index(drop=True))
+    # In Python, the same runs need no sample.
+    study = make_study()
+    study.tell(part)
+    input_error("no columns sample and run", study.tell, whole[5:])
+    study.tell(whole[5:].drop(columns=["sample", "run"]))
+    assert study.runs.groupby("sample")["y"].count().tolist() == [2, 2, 2, 2]
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e9])

@@ -8,6 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, nullcontext
 from decimal import Decimal
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -19,15 +20,20 @@ from repose.calibrate.scales import LOG
 from repose.calibrate.strategies.base import Answer, Batch, strategy
 from repose.calibrate.strategies.runs import (
     NUMBER_COLUMNS,
+    OK,
     TURN_NUMBERS,
+    MergedRows,
+    Rows,
     add_missing_columns,
     checked_runs,
     describe_unread_columns,
     find_next_sample,
+    has_no_results,
     judge_runs,
     list_columns,
     list_needed_responses,
     list_runs,
+    name_file_of_runs,
     read_rows,
     strip_decimal_points,
 )
@@ -36,9 +42,11 @@ from repose.common.errors import InputError
 from repose.common.files import TURN_COLUMN, write_table
 from repose.common.lock import lock_file
 from repose.common.tables import (
+    CellFault,
     Column,
     convert_columns,
     match_column_names,
+    parse_number,
     refuse,
     require_columns,
 )
@@ -232,20 +240,10 @@ class Record:
             return self._proposals[key]
         strategy_of_study = strategy(self.study.settings.strategy)
         announce("choose the next runs or the answer", data)
-        try:
+        with name_file_of_runs(self.file):
             proposal = strategy_of_study.propose(
                 self.study, data.reset_index(drop=True)
             )
-        except InputError as error:
-            if self.file is None or error.source != "runs":
-                raise
-            # The strategy does not know the file, so put its name into the error.
-            raise InputError(
-                source=self.file,
-                key=error.key,
-                value=error.value,
-                allowed=error.allowed,
-            ) from None
         self._proposals = {key: proposal}
         return proposal
 
@@ -291,20 +289,25 @@ class Record:
                 runs = self._complete_earlier_runs(results)
             if "run" not in results and len(self.data):
                 _refuse_repeated_runs(runs, self.data, TABLE_NAME)
-            source = TABLE_NAME if self.file is None else self.file
-            self._replace_rows([*self._rows, *_format_rows(runs)], source, write=True)
+            self._add_rows(_format_rows(runs), TABLE_NAME)
             return self.new_unread_columns()
 
-    def add_file(self, path: str | os.PathLike) -> None:
+    def add_file(self, path: str | os.PathLike) -> Rows:
         """Add the runs of a CSV file.
 
         The record itself must have a file, too. `_assign_numbers` describes to which
-        turns the runs belong.
+        turns the runs belong. A run replaces the same run of the record if that has no
+        results, and if no later turn has begun.
 
         Parameters
         ----------
         path : path
             The table of runs.
+
+        Returns
+        -------
+        sequence of mapping
+            The rows of the file as text.
 
         Raises
         ------
@@ -323,8 +326,8 @@ class Record:
                 _refuse_repeated_runs(runs, self.data, path)
             sets = runs[list(self.study.parameters.names)]
             numbered = self._assign_numbers(rows, sets)
-            source = f"{self.file} with {path}"
-            self._replace_rows([*self._rows, *numbered], source, write=True)
+            self._add_rows(numbered, path)
+        return rows
 
     def new_unread_columns(self) -> list[str]:
         """Describe the unread columns whose values vary.
@@ -470,6 +473,32 @@ class Record:
             return 1
         return find_next_sample(pd.concat([self.data, requested]))
 
+    def _add_rows(self, rows: Sequence[Row], source: object) -> None:
+        """Add rows to those of the record, and write all of them to the file.
+
+        If a check raises an InputError, the record and its file are not changed.
+
+        Parameters
+        ----------
+        rows : sequence of dict
+            New runs as text.
+        source : object
+            Their file, for an error.
+        """
+        # The new results of a run replace a row without results. The turn must be the
+        # same, because the proposals of later turns depend on the runs of this turn.
+        keys = ("sample", "run", TURN_COLUMN)
+        new_runs = {tuple(row.get(key) for key in keys) for row in rows}
+        kept = {
+            number: row
+            for number, row in enumerate(self._rows, start=1)
+            if not has_no_results(row, self.study)
+            or tuple(row.get(key) for key in keys) not in new_runs
+        }
+        record = "the record" if self.file is None else self.file
+        merged = MergedRows(record, added=source, recorded_rows=list(kept))
+        self._replace_rows([*kept.values(), *rows], merged, write=True)
+
     def _replace_rows(
         self, rows: Sequence[Mapping[str, Any]], source: object, write: bool = False
     ) -> None:
@@ -483,28 +512,84 @@ class Record:
             All runs of the study, as text. A row without `sample` or `run` gets the
             missing number.
         source : object
-            File of the rows, for an error.
+            File of the rows, for an error; or `MergedRows`.
         write : bool, optional
             Whether the rows are written to the file.
         """
         data = checked_runs(self.study, rows, source, enough=False)
         numbered = _fill_in_numbers(rows, data)
         if write and self.file is not None:
-            self._write(self.file, numbered)
+            self._write(self.file, numbered, data, source)
         self.data = data
         self._rows = numbered
         # The turn depends on the rows, so it must be determined again.
         self._cached_turn = None
 
-    def _write(self, file: Path, rows: Sequence[Row]) -> None:
+    def _write(
+        self, file: Path, rows: Sequence[Row], data: pd.DataFrame, source: object
+    ) -> None:
         """Write all rows to the file of the record.
 
         `write_table` refuses to overwrite a file that was copied or edited outside this
         program. Here that is safe, because all runs of the old file are among the rows.
+
+        Parameters
+        ----------
+        file : Path
+            The file of the record.
+        rows : sequence of dict
+            All rows as text.
+        data : pandas.DataFrame
+            The same rows after the check.
+        source : object
+            File of the rows, for an error.
         """
+        table = pd.DataFrame(rows)
+        self._require_readable(table, data, source)
         if self._is_record and file.exists():
             ledger.list_file(file)
-        write_table(file, pd.DataFrame(rows))
+        write_table(file, table)
+
+    def _require_readable(
+        self, table: pd.DataFrame, data: pd.DataFrame, source: object
+    ) -> None:
+        """Refuse rows that would be read from a file in another way than they are.
+
+        Parameters
+        ----------
+        table : pandas.DataFrame
+            All rows of the record as text.
+        data : pandas.DataFrame
+            The same rows after the check.
+        source : object
+            File of the rows, for an error.
+
+        Raises
+        ------
+        InputError
+            If the rows cannot be read, or have other runs then.
+        """
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / "runs.csv"
+            path.write_text(table.to_csv(index=False), encoding="utf-8")
+            try:
+                rows = read_rows(path, self.study)
+                data_of_file = checked_runs(self.study, rows, path, enough=False)
+            except InputError as error:
+                # Name the user's files instead of the temporary one.
+                raise InputError(
+                    source, error.key, error.value, error.allowed
+                ) from None
+        if not data_of_file.equals(data):
+            raise InputError(
+                source,
+                key="runs that a file keeps",
+                value=len(data_of_file),
+                allowed=(
+                    f"{len(data)}, and the same ones; a name or sample may begin with "
+                    "#, or a column name has many ;"
+                ),
+            )
 
     def _complete_requested_runs(self, table: pd.DataFrame) -> pd.DataFrame:
         """Complete a table of results of runs that the strategy asked for.
@@ -546,7 +631,8 @@ class Record:
                 value=list(faulty[0]),
                 allowed=(
                     f"one of the {len(requested)} runs that `ask` gave, each once; "
-                    "a failed run has NaN as responses"
+                    "a failed run has NaN as responses; a table of other runs has no "
+                    "columns sample and run"
                 ),
             )
         rows = requested_numbers.get_indexer(numbers)
@@ -580,19 +666,19 @@ class Record:
             requested = runs[name].to_numpy(float)
             values = _read_numbers(table, name)
             sizes = _compute_rounding_sizes(space, name, requested)
-            is_same = [
-                _is_rounded(value, requested_value, size)
-                for value, requested_value, size in zip(
-                    values, requested, sizes, strict=True
+            faults = [
+                CellFault(
+                    row,
+                    column=name,
+                    value=value,
+                    allowed=f"{requested_value}, as `ask` gave it, or no such column",
                 )
+                for row, (value, requested_value, size) in enumerate(
+                    zip(values.tolist(), requested.tolist(), sizes, strict=True)
+                )
+                if not _is_rounded(value, requested_value, size)
             ]
-            if not all(is_same):
-                raise InputError(
-                    source=TABLE_NAME,
-                    key=name,
-                    value="changed",
-                    allowed="the parameters that `ask` gave, or no such column",
-                )
+            refuse(TABLE_NAME, faults)
 
     def _complete_earlier_runs(self, table: pd.DataFrame) -> pd.DataFrame:
         """Complete a table of earlier runs, which the strategy did not ask for.
@@ -667,6 +753,20 @@ class Record:
         )
         outcomes = judge_runs(cells, self.study.targets.names)
         refuse(TABLE_NAME, outcomes.faults)
+        # The calibration uses no response of a failed run, but the record keeps its numbers.
+        empty_column = [None] * len(table)
+        responses = {
+            name: [
+                value if status == OK else _keep_number(cell)
+                for status, value, cell in zip(
+                    outcomes.statuses,
+                    values,
+                    cells.get(name, empty_column),
+                    strict=True,
+                )
+            ]
+            for name, values in outcomes.values.items()
+        }
         # A file cannot store lists and the like, so leave out columns that have them.
         known_names = list_columns(self.study)
         unread = {
@@ -677,7 +777,7 @@ class Record:
         completed = {
             **runs,
             "status": outcomes.statuses,
-            **outcomes.values,
+            **responses,
             **unread,
             TURN_COLUMN: self._turn.number,
         }
@@ -857,7 +957,18 @@ def _check_table(table: Any, names: Sequence[str]) -> pd.DataFrame:
             source=TABLE_NAME, key="rows", value=0, allowed="a row for each run"
         )
 
-    checked = table.rename(columns=match_column_names(table, names))
+    renamed = table.rename(columns=match_column_names(table, names))
+    checked = renamed.rename(
+        columns=lambda name: name if name in names else _clean_text(name)
+    )
+    repeated_columns = list(checked.columns[checked.columns.duplicated()])
+    if repeated_columns:
+        raise InputError(
+            source=TABLE_NAME,
+            key="column",
+            value=repeated_columns[0],
+            allowed="each column once; blanks and control characters do not count",
+        )
     for key in NUMBER_COLUMNS:
         if key not in checked:
             continue
@@ -880,6 +991,14 @@ def _read_numbers(table: pd.DataFrame, name: str) -> np.ndarray:
     return np.array(values[name])
 
 
+def _keep_number(cell: Any) -> float:
+    """Return a cell as a number; NaN if it is none."""
+    try:
+        return parse_number(cell)
+    except (TypeError, ValueError, OverflowError):
+        return math.nan
+
+
 def _format_rows(runs: pd.DataFrame) -> list[Row]:
     """Convert runs to rows of text, because a file contains only text."""
     return [
@@ -891,5 +1010,16 @@ def _format_rows(runs: pd.DataFrame) -> list[Row]:
 def _format_cell(value: Any) -> str:
     """Format a cell for the file, with all its digits; NaN becomes an empty text."""
     is_real = isinstance(value, float | np.floating)
-    text = repr(float(value)) if is_real else str(value)
+    text = repr(float(value)) if is_real else _clean_text(value)
     return "" if text == "nan" else text
+
+
+def _clean_text(value: object) -> str:
+    """Convert a value to a text in one line, as a file can keep it.
+
+    Line breaks, control characters and characters without a code in UTF-8 become blanks.
+    """
+    characters = [
+        character if character.isprintable() else " " for character in str(value)
+    ]
+    return " ".join("".join(characters).split())

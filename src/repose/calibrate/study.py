@@ -3,10 +3,10 @@
 import json
 import threading
 import warnings
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import Executor, Future, ThreadPoolExecutor, as_completed
 from contextlib import AbstractContextManager, nullcontext
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
@@ -14,7 +14,7 @@ from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.settings import CalibrationSettings
 from repose.calibrate.strategies.base import Answer, Batch
 from repose.calibrate.targets import Targets
-from repose.common.errors import InputError
+from repose.common.errors import InputError, shown
 from repose.common.files import StrPath, convert_to_path, format_json, write_json
 
 if TYPE_CHECKING:
@@ -356,8 +356,9 @@ class Study:
         ----------
         simulate : function
             It takes a row of `ask` as a mapping, and returns the responses by name. It
-            reports a failed run by None, by a response that is missing or not a finite
-            number, or by a `status` other than ok.
+            reports a failed run by None, by a response that is NaN, None or infinite, or
+            by a `status` other than ok. Parameters that it returns must be those of the
+            row.
         workers : int or concurrent.futures.Executor
             Number of runs at a time, in threads of this process. Threads are enough for
             a function that starts a program and waits for it. An executor can use other
@@ -370,8 +371,17 @@ class Study:
         Raises
         ------
         InputError
-            If `simulate` does not return a mapping. Any exception of `simulate` is
-            raised as well, once the runs that had started are recorded.
+            If `simulate` does not return a mapping, or returns other parameters. If no
+            run was good so far, also for a response that is missing or no number, a
+            number as status, and a batch of runs that failed only by their status. Any
+            exception of `simulate` is raised as well, once the runs that had started are
+            recorded.
+
+        Warns
+        -----
+        UserWarning
+            After good runs, for a response that is missing or no number, and for a
+            number as status. Always for a status that means failure beside responses.
         """
         if not callable(simulate):
             raise InputError(
@@ -383,54 +393,166 @@ class Study:
         with _choose_executor(workers) as executor:
             while not self.done:
                 requested_runs = self.ask().to_dict("records")
-                for run, result in _simulate_runs(simulate, requested_runs, executor):
-                    self.tell(self._make_table(run, result))
+                statuses: list[str] = []
+                record = partial(self._record_result, unknown_statuses=statuses)
+                _simulate_runs(simulate, requested_runs, executor, record)
+                self._refuse_unknown_statuses(statuses)
         return self.answer()
 
-    def _make_table(self, run: Mapping[str, Any], result: object) -> "pd.DataFrame":
+    def _record_result(
+        self, run: Run, result: object, unknown_statuses: list[str]
+    ) -> None:
+        """Add a run to the record, and its status to a list.
+
+        Parameters
+        ----------
+        run : dict
+            A row of the table that `ask` returned.
+        result : object
+            The value that the user's function returned for it.
+        unknown_statuses : list of str
+            Gets the result of `find_unknown_status`.
+
+        Raises
+        ------
+        InputError
+            If the result is refused. The run is not added then.
+        """
+        from repose.calibrate.strategies.runs import find_unknown_status
+
+        cells = self._read_result(result)
+        self.tell(self._make_table(run, cells))
+        status = find_unknown_status(cells, self.targets.names)
+        if status:
+            warnings.warn(
+                f"a run with the status {status!r} counts as failed, although it has "
+                "all responses; a good run has the status ok",
+                stacklevel=4,
+            )
+        unknown_statuses.append(status)
+
+    def _refuse_unknown_statuses(self, statuses: Sequence[str]) -> None:
+        """Refuse a batch whose runs all failed only by their statuses.
+
+        A word for a good run is then probably not among the known ones. If any run was
+        good, the function knows a right word.
+
+        Parameters
+        ----------
+        statuses : sequence of str
+            Result of `find_unknown_status` for each run of the batch.
+
+        Raises
+        ------
+        InputError
+            If all runs have such a status, and no earlier run was good.
+        """
+        if not all(statuses) or self._has_good_run:
+            return
+        where = "" if self.file is None else f"; they are in {self.file}"
+        raise InputError(
+            source="study",
+            key="status",
+            value=statuses[0],
+            allowed=(
+                f"ok for a good run; all {len(statuses)} runs of this batch count as "
+                f"failed, although they have all responses{where}"
+            ),
+        )
+
+    @property
+    def _has_good_run(self) -> bool:
+        """Whether the record has a run that did not fail."""
+        from repose.calibrate.strategies.runs import OK
+
+        runs = self.runs
+        return not runs.empty and bool((runs["status"] == OK).any())
+
+    def _read_result(self, result: object) -> dict[str, Any]:
+        """Read what the user's function returned for a run.
+
+        Parameters
+        ----------
+        result : object
+            A mapping, or None for a failed run.
+
+        Returns
+        -------
+        dict
+            The cells by column, as `make_cells` returns them.
+
+        Raises
+        ------
+        InputError
+            If the result is neither a mapping nor None. Also if it has a mistake, such
+            as a text as response, and no run was good so far.
+
+        Warns
+        -----
+        UserWarning
+            If the result has a mistake, after good runs. The run then counts as failed.
+        """
+        from repose.calibrate.strategies.runs import list_columns, make_cells
+
+        names = self.targets.names
+        try:
+            returned = {} if result is None else dict(result)  # type: ignore[call-overload]
+        except (TypeError, ValueError):
+            raise InputError(
+                source="study",
+                key="simulate",
+                value=[result],
+                allowed=f"a function that returns a mapping with {', '.join(names)}",
+            ) from None
+        cells, lacking = make_cells(returned, names, list_columns(self))
+        if not lacking:
+            return cells
+        # A long calibration has to continue after a mistake in one result. But if no
+        # result was good so far, the function itself has the mistake.
+        if not self._has_good_run:
+            raise InputError(
+                source="study",
+                key="simulate",
+                value=[result],
+                allowed=(
+                    f"a function that returns {lacking}, or None for a failed run"
+                ),
+            )
+        warnings.warn(
+            f"a run without {lacking} failed; simulate gave {shown(returned)}",
+            stacklevel=5,
+        )
+        return cells
+
+    def _make_table(
+        self, run: Mapping[str, Any], cells: Mapping[str, Any]
+    ) -> "pd.DataFrame":
         """Combine a run with its result in the table that `tell` expects.
 
         Parameters
         ----------
         run : mapping
             A row of the table that `ask` returned.
-        result : object
-            The value that the user's function returned: a mapping, or None for a failed
-            run.
+        cells : mapping
+            Result of `_read_result`. `tell` compares its parameters, if there are any,
+            with those of the run.
 
         Returns
         -------
         pandas.DataFrame
             A single row.
-
-        Raises
-        ------
-        InputError
-            If the result is neither a mapping nor None.
-
-        Warns
-        -----
-        UserWarning
-            If a response is not a valid number. The run then counts as failed.
         """
         import pandas as pd
 
-        from repose.calibrate.strategies.runs import make_cells
+        from repose.common.tables import is_missing
 
-        try:
-            returned = {} if result is None else dict(result)  # type: ignore[call-overload]
-        except (TypeError, ValueError):
-            names = ", ".join(self.targets.names)
-            raise InputError(
-                source="study",
-                key="simulate",
-                value=[result],
-                allowed=f"a function that returns a mapping with {names}",
-            ) from None
-        cells, warning = make_cells(returned, self.targets.names)
-        if warning:
-            warnings.warn(warning, stacklevel=3)
-        return pd.DataFrame([{**cells, **run}])
+        kept = {
+            name: cell
+            for name, cell in cells.items()
+            if name not in run or not is_missing(cell)
+        }
+        numbers = {key: run[key] for key in ("sample", "run")}
+        return pd.DataFrame([{**run, **kept, **numbers}])
 
     def answer(self) -> "Calibration":
         """Return the parameters that meet the targets, with their certainty.
@@ -449,6 +571,7 @@ class Study:
             If the runs do not determine an answer.
         """
         from repose.calibrate.calibration import calibrate
+        from repose.calibrate.strategies.runs import name_file_of_runs
 
         if self.runs.empty:
             raise InputError(
@@ -457,7 +580,11 @@ class Study:
                 value=0,
                 allowed="results of the runs that `ask` gave: `tell` adds them",
             )
-        with self._record.locked() as record, _limit_threads():
+        with (
+            self._record.locked() as record,
+            _limit_threads(),
+            name_file_of_runs(self.file),
+        ):
             return calibrate(self, record.sorted_data, record.proposal)
 
 
@@ -499,9 +626,12 @@ def _choose_executor(
 
 
 def _simulate_runs(
-    simulate: Simulate, runs: Sequence[Run], executor: Executor | None
-) -> Iterator[tuple[Run, Any]]:
-    """Simulate runs, and yield each with its result as soon as it is finished.
+    simulate: Simulate,
+    runs: Sequence[Run],
+    executor: Executor | None,
+    record: Callable[[Run, Any], None],
+) -> None:
+    """Simulate runs, and record the result of each as soon as it is finished.
 
     Parameters
     ----------
@@ -512,32 +642,31 @@ def _simulate_runs(
     executor : Executor or None
         It simulates several runs at a time. Without it, the runs are simulated one
         after another.
-
-    Yields
-    ------
-    run : dict
-    result : object
-        The value that `simulate` returned for this run.
+    record : function
+        It takes a run and the value that `simulate` returned for it.
 
     Raises
     ------
     BaseException
-        The first exception of `simulate`, raised after the results of the runs that had
-        already started.
+        The first exception of `simulate` or `record`, raised after the results of the
+        runs that had already started are recorded.
     """
     if executor is None:
         for run in runs:
-            yield run, simulate(dict(run))
+            record(run, simulate(dict(run)))
     else:
-        yield from _simulate_in_parallel(simulate, runs, executor)
+        _simulate_in_parallel(simulate, runs, executor, record)
 
 
 def _simulate_in_parallel(
-    simulate: Simulate, runs: Sequence[Run], executor: Executor
-) -> Iterator[tuple[Run, Any]]:
+    simulate: Simulate,
+    runs: Sequence[Run],
+    executor: Executor,
+    record: Callable[[Run, Any], None],
+) -> None:
     """Simulate runs by an executor; see `_simulate_runs`.
 
-    All runs are submitted at once, and yielded in the order in which they end.
+    All runs are submitted at once, and recorded in the order in which they end.
     """
     run_of_future = {executor.submit(simulate, dict(run)): run for run in runs}
     first_error: BaseException | None = None
@@ -547,14 +676,16 @@ def _simulate_in_parallel(
                 continue
             error = future.exception()
             if error is None:
-                yield run_of_future[future], future.result()
-            elif first_error is None:
+                try:
+                    record(run_of_future[future], future.result())
+                except Exception as refusal:
+                    error = refusal
+            if error is not None and first_error is None:
                 # Start no further runs, but wait for those that have already started.
                 first_error = error
                 _cancel(run_of_future)
     finally:
-        # Also cancel the runs that have not started if the caller refuses a result, or
-        # if the user interrupts.
+        # Also cancel the runs that have not started if the user interrupts.
         _cancel(run_of_future)
     if first_error is not None:
         raise first_error
@@ -631,6 +762,15 @@ def _complete_targets(targets: Mapping[str, Any]) -> dict[str, Any]:
     return completed
 
 
+def _make_absolute(file: StrPath | None) -> Path | None:
+    """Make the path of a file absolute; None stays None.
+
+    The user's function may change the working directory, and a relative path would then
+    lead to another file.
+    """
+    return None if file is None else Path(file).absolute()
+
+
 def _find_settings_file(runs_csv: StrPath) -> Path:
     """Return the path of the settings, which lie beside the file of the runs.
 
@@ -703,12 +843,3 @@ def _convert_to_plain(value: Any) -> Any:
     if isinstance(value, list | tuple):
         return [_convert_to_plain(item) for item in value]
     return value
-def _make_absolute(file: StrPath | None) -> Path | None:
-    """Make the path of a file absolute; None stays None.
-
-    The user's function may change the working directory, and a relative path would then
-    lead to another file.
-    """
-    return None if file is None else Path(file).absolute()
-
-

@@ -292,6 +292,7 @@ def read(
     what: str = TABLE,
     is_number_column: Callable[[Iterable[str]], bool] = holds_numbers,
     optional: Iterable[str] = (),
+    find_unused_rows: "Callable[[pd.DataFrame], Collection[int]] | None" = None,
 ) -> Table:
     """Read a table, require these columns in it, and check its cells.
 
@@ -310,6 +311,9 @@ def read(
         numbers the rows.
     optional : iterable of str
         Names of other columns that the table may have.
+    find_unused_rows : callable, optional
+        Finds from the cells the rows whose numbers the caller does not use. They are not
+        compared with the rows above them.
 
     Returns
     -------
@@ -336,7 +340,10 @@ def read(
     table.text = table.text.rename(columns=new_names)
     require_columns(path, table.text, needed_names, what)
 
-    values = _convert_and_check(path, table.text, declared, is_number_column)
+    unused_rows = () if find_unused_rows is None else find_unused_rows(table.text)
+    values = _convert_and_check(
+        path, table.text, declared, is_number_column, unused_rows
+    )
     table.values = {
         name: values.get(name, table.text[name].tolist()) for name in table.text
     }
@@ -351,6 +358,7 @@ def _convert_and_check(
     cells: "pd.DataFrame",
     declared: Mapping[str, Column],
     is_number_column: Callable[[Iterable[str]], bool],
+    unused_rows: Collection[int],
 ) -> dict[str, list[Any]]:
     """Convert the cells of declared columns to values, and check all cells of a table.
 
@@ -364,6 +372,8 @@ def _convert_and_check(
         The declared columns by name. The table may lack some of them.
     is_number_column : callable
         Tells from the cells of an undeclared column whether it holds numbers.
+    unused_rows : collection of int
+        Rows that cannot sum up the others.
 
     Returns
     -------
@@ -382,7 +392,8 @@ def _convert_and_check(
         if name not in declared
     ]
     _, other_faults = convert_columns(cells, undeclared)
-    refuse(path, [*faults, *other_faults, *_find_summary_faults(cells, declared)])
+    summary_faults = _find_summary_faults(cells, declared, unused_rows)
+    refuse(path, [*faults, *other_faults, *summary_faults])
     return values
 
 
@@ -1314,7 +1325,9 @@ def _read_boolean(cell: Any) -> bool:
 
 
 def _find_summary_faults(
-    cells: "pd.DataFrame", declared: Mapping[str, Column]
+    cells: "pd.DataFrame",
+    declared: Mapping[str, Column],
+    unused_rows: Collection[int],
 ) -> list[Fault]:
     """Find a row at the end of a table that sums up the rows above, such as their means.
 
@@ -1325,6 +1338,8 @@ def _find_summary_faults(
     declared : mapping of str to Column
         The columns that the reader declares, by name. Only those with numbers are
         compared.
+    unused_rows : collection of int
+        Rows to leave out.
 
     Returns
     -------
@@ -1335,7 +1350,10 @@ def _find_summary_faults(
     for name, column in declared.items():
         may_hold_numbers = column.kind not in (str, bool)
         if name in cells and may_hold_numbers and holds_numbers(cells[name]):
-            number_columns[name] = cells[name].tolist()
+            number_columns[name] = [
+                "" if row in unused_rows else cell
+                for row, cell in enumerate(cells[name])
+            ]
     summary = find_summary_row(number_columns)
     if summary is None:
         return []

@@ -138,7 +138,11 @@ def test_returned_runs_must_be_those_of_ask(tmp_path):
     )
     input_error(another, study.tell, returned.assign(sample=99))
     input_error("column time is 'missing'", study.tell, returned.drop(columns="time"))
-    input_error("friction is 'changed'", study.tell, returned.assign(friction=0.5))
+    input_error(
+        "friction is 0.5; expected .*, as `ask` gave it",
+        study.tell,
+        returned.assign(friction=0.5),
+    )
     assert study.runs.empty
     assert not (tmp_path / "study.csv").exists()
     study.tell(returned.assign(time=returned["time"].mask(returned["sample"] == 3)))

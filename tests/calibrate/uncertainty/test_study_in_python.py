@@ -4,6 +4,7 @@ import math
 import shutil
 import subprocess
 import sys
+import warnings
 from concurrent.futures import ProcessPoolExecutor
 
 import numpy as np
@@ -185,6 +186,94 @@ def test_each_run_of_a_function_is_kept_and_the_record_goes_on_anywhere(tmp_path
     input_error("file is 'there already'", mine.tell, results(mine.ask()))
 
 
+def test_a_function_may_change_the_working_directory(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+    def simulate_elsewhere(row):
+        folder = tmp_path / f"{row['sample']}_{row['run']}"
+        folder.mkdir()
+        monkeypatch.chdir(folder)
+        if row["sample"] == 4:
+            raise KeyboardInterrupt
+        return simulate(row)
+
+    with pytest.raises(KeyboardInterrupt):
+        make_study("runs.csv").calibrate(simulate_elsewhere)
+    assert len(Study.resume(tmp_path / "runs.csv").runs) == 6
+    assert not list(tmp_path.glob("*_*/*"))
+
+
+def test_the_table_of_runs_is_a_copy():
+    study = make_study()
+    study.tell(results(study.ask()))
+    before = study.runs
+    edited = study.runs
+    edited["y"] = 0.0
+    edited.index += 1
+    edited.pop("z")
+    pd.testing.assert_frame_equal(study.runs, before)
+
+
+OTHER_VALUES = {
+    "numbers and a text": {"steps": [*range(15), "limit"]},
+    "a byte of zero": {"log": "done\0"},
+    "half a character": {"log": "a\udcffb"},
+    "lines, one a comment": {"log": 'a\r\n"# b'},
+    "signs of a table": {"log": 'a,b;c"d\te'},
+    "a name of two lines": {"c\nd\0": 1.0},
+    "a percentage": {"void": ["31%"] + [30] * 15},
+}
+
+
+@pytest.mark.parametrize("name", OTHER_VALUES)
+def test_no_other_value_of_a_run_makes_the_record_unreadable(name, tmp_path):
+    study = make_study(tmp_path / "runs.csv")
+    table = results(study.ask()).assign(**OTHER_VALUES[name])
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")
+        study.tell(table)
+    again = Study.resume(tmp_path / "runs.csv")
+    pd.testing.assert_frame_equal(again.runs, study.runs)
+    assert len(again.runs) == 16
+
+
+def test_the_same_numbers_of_all_failed_runs_are_no_row_that_sums_up(tmp_path):
+    """The record keeps the numbers of failed runs, which a program may fill with one value."""
+    study = make_study(tmp_path / "runs.csv")
+    # The last run has the lowest parameters and the lowest responses.
+    table = pd.DataFrame(
+        {
+            "a": [0.5001, 0.7001, 0.9001, 0.1001, 0.1001],
+            "b": [0.6001, 0.8001, 0.7001, 0.2001, 0.2001],
+            "y": [3.0001, 1.0001, 4.0001, 6.0001, 1.0001],
+            "z": [3.0001, 2.0001, 1.0001, 7.0001, 1.0001],
+            "status": ["ok", "ok", "ok", "ok", "no pile"],
+        }
+    )
+    for k in range(5):
+        study.tell(table[k : k + 1])
+    assert len(Study.resume(tmp_path / "runs.csv").runs) == 5
+
+
+def test_rows_that_a_file_would_not_keep_are_refused_before_they_are_written(tmp_path):
+    file = tmp_path / "runs.csv"
+    study = make_study(file)
+    study.tell(results(study.ask()))
+    kept = file.read_bytes()
+    rows = results(pd.DataFrame({"a": [0.1, 0.2], "b": [0.2, 0.3]}))
+    for names, message in (
+        (["#1", "#2"], "runs that a file keeps is 16; expected 18"),
+        (["A", "B"], "sample is 'A'; expected a finite number, as most"),
+    ):
+        rows.assign(sample=names).to_csv(tmp_path / "new.csv", index=False)
+        input_error(message, Record(study, file).add_file, tmp_path / "new.csv")
+        assert file.read_bytes() == kept
+    blank = results(study.ask())
+    blank["y "] = blank["y"]
+    input_error("column is 'y'; expected each column once", study.tell, blank)
+    assert file.read_bytes() == kept
+
+
 def test_a_record_that_cannot_be_written_keeps_nothing(tmp_path, monkeypatch):
     study = make_study(tmp_path / "runs.csv")
     asked = study.ask()
@@ -364,7 +453,7 @@ def test_what_is_wrong_is_told_by_its_name(tmp_path):
             lambda: (c := Study({"c": (1e-10, 9e-10)}, {"y": (1.0, 0.1)})).tell(
                 c.ask().assign(c=3e-10, y=1)
             ),
-            "'changed",
+            "c is 3e-10; expected .*, as `ask` gave it",
         ),
         (lambda: make_study().calibrate(3), "a function of a row"),
         (
@@ -411,11 +500,21 @@ def test_parameters_may_be_rounded_where_sample_and_run_tell_which_run_it_is():
     study = make_study()
     swapped = results(asked)
     swapped["a"] = swapped["a"].to_numpy()[::-1]
-    input_error("a is 'changed'", study.tell, swapped.round({"a": 3}))
     input_error(
-        "a is 'changed'", study.tell, results(asked).assign(a=asked["a"] + 1e-4)
+        "a is [0-9.]+; expected [0-9.]+, as `ask` gave it",
+        study.tell,
+        swapped.round({"a": 3}),
     )
-    input_error("a is 'changed'", study.tell, results(asked).round({"a": 0}))
+    input_error(
+        "a is [0-9.]+; expected [0-9.]+, as `ask` gave it",
+        study.tell,
+        results(asked).assign(a=asked["a"] + 1e-4),
+    )
+    input_error(
+        "a is [0-9.]+; expected [0-9.]+, as `ask` gave it",
+        study.tell,
+        results(asked).round({"a": 0}),
+    )
 
 
 def test_whole_floats_are_integers_where_a_key_is_one():

@@ -2,7 +2,9 @@
 
 import math
 import re
-from collections.abc import Iterable, Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -25,6 +27,7 @@ from repose.common.tables import (
     match_column_names,
     parse_number,
     read,
+    read_sheet,
     refuse,
     require_columns,
 )
@@ -51,6 +54,10 @@ Table: TypeAlias = pd.DataFrame | Rows
 # A number as pandas and spreadsheets write it in a column of whole numbers with gaps.
 WHOLE_NUMBER = re.compile(r"\d+\.0")
 NUMBER_COLUMNS = ("sample", "run")
+NUMBERS_OF = {
+    key: Column(key, words="a finite number, as most cells of this column")
+    for key in NUMBER_COLUMNS
+}
 TURN_NUMBERS = Column(TURN_COLUMN, int, low=0, high=1e9, may_be_empty=True)
 OPTIONAL_COLUMNS = ("status", TURN_COLUMN)
 # The largest size of a response; a larger one counts as infinite.
@@ -66,6 +73,30 @@ MIN_COMPONENT = 1e-6
 MAX_ROUNDING_SHARE = 1e-6
 # Names of samples with at most this many digits are kept as numbers.
 MAX_DIGITS = 9
+# Largest number of statuses of failed runs that a message lists.
+MOST_STATUSES = 5
+
+
+class MergedRows(NamedTuple):
+    """The source of a table with the rows of a record and the rows to add to it.
+
+    Attributes
+    ----------
+    record : object
+        The file of the record.
+    added : object
+        The file of the rows to add.
+    recorded_rows : sequence of int
+        Numbers of the record's rows that are in the table, counted from 1. They are the
+        first rows of the table.
+    """
+
+    record: object
+    added: object
+    recorded_rows: Sequence[int]
+
+    def __str__(self) -> str:
+        return f"{self.record} with {self.added}"
 
 
 def list_runs(samples: pd.DataFrame) -> pd.DataFrame:
@@ -286,7 +317,17 @@ def read_rows(path: StrPath, study: Study) -> Rows:
     status = Column("status", str, needed=False, may_be_empty=True)
     needed_names = ", ".join([*study.parameters.free, *study.targets.names])
     expected = f"a CSV file of runs with the columns {needed_names}"
-    table = read(path, [*columns, status], expected, optional=NUMBER_COLUMNS)
+    # A record also has other columns of all tables that were added to it. These may mix
+    # numbers and text, and are not read. The numbers of failed runs may be all alike.
+    is_record = TURN_COLUMN in read_sheet(path, expected, names).text
+    table = read(
+        path,
+        [*columns, status],
+        expected,
+        is_number_column=_holds_no_numbers if is_record else holds_numbers,
+        optional=NUMBER_COLUMNS,
+        find_unused_rows=_find_failed_rows if is_record else None,
+    )
     # A column of sample or run numbers is optional, but none of its cells may be empty.
     for key in NUMBER_COLUMNS:
         if key not in table.values:
@@ -297,9 +338,25 @@ def read_rows(path: StrPath, study: Study) -> Rows:
             "row of units or means is no run"
         )
         faults = [(k, key, "", allowed) for k, cell in enumerate(cells) if not cell]
+        if holds_numbers(cells):
+            _, no_numbers = convert_columns({key: cells}, [NUMBERS_OF[key]])
+            faults += [fault for fault in no_numbers if cells[fault[0]]]
         refuse(path, faults)
         table.values[key] = cells
     return table.rows()
+
+
+def _holds_no_numbers(cells: Iterable[str]) -> bool:
+    """Tell that a column need not hold numbers, whatever its cells are."""
+    return False
+
+
+def _find_failed_rows(cells: pd.DataFrame) -> set[int]:
+    """Find the rows whose status says that the run failed."""
+    if "status" not in cells:
+        return set()
+    statuses = cells["status"].tolist()
+    return {row for row, cell in enumerate(statuses) if _read_status(cell) != OK}
 
 
 def strip_decimal_points(cells: Iterable[Any]) -> list[str]:
@@ -329,7 +386,7 @@ def checked_runs(
     study : Study
     rows : pandas.DataFrame or sequence of mapping
     source : object, optional
-        File of the table, for an error.
+        File of the table, for an error; or `MergedRows`.
     enough : bool, optional
         Whether a table with too few good samples is refused.
 
@@ -371,7 +428,7 @@ def checked_runs(
     sets, faults_of_sets = convert_columns(cells, parameter_columns)
     outcomes = judge_runs(cells, responses)
     turns, faults_of_turns = convert_columns(cells, [TURN_NUMBERS])
-    refuse(source, [*faults_of_sets, *outcomes.faults, *faults_of_turns])
+    _refuse_rows(source, [*faults_of_sets, *outcomes.faults, *faults_of_turns])
 
     table = pd.DataFrame({"status": outcomes.statuses, **sets, **outcomes.values})
     # A rounded parameter may lie slightly outside its range, so clip it.
@@ -383,6 +440,30 @@ def checked_runs(
     if enough:
         _require_enough_samples(table, space, source)
     return table
+
+
+@contextmanager
+def name_file_of_runs(file: object) -> Iterator[None]:
+    """Name the file of the runs in an error about the runs.
+
+    A strategy and a model do not know the file, so their errors have the source `runs`.
+
+    Parameters
+    ----------
+    file : object
+        The file; None for runs that have no file.
+
+    Raises
+    ------
+    InputError
+        The error that the block raises, with the file as its source.
+    """
+    try:
+        yield
+    except InputError as error:
+        if file is None or error.source != "runs":
+            raise
+        raise InputError(file, error.key, error.value, error.allowed) from None
 
 
 class Outcomes(NamedTuple):
@@ -450,12 +531,12 @@ def judge_runs(
 
 
 def make_cells(
-    result: Mapping[Any, Any], responses: Sequence[str]
+    result: Mapping[Any, Any], responses: Sequence[str], names: Iterable[str] = ()
 ) -> tuple[dict[str, Any], str]:
     """Convert the result of the user's function for one run to a row of a table.
 
-    The row has no faults that `judge_runs` would report. An invalid response makes the
-    run a failed one, but raises no error, because a long calibration has to continue.
+    The row has no faults that `judge_runs` would report. A mistake makes the run a failed
+    one, but raises no error, because a long calibration has to continue.
 
     Parameters
     ----------
@@ -463,16 +544,21 @@ def make_cells(
         The responses by name. It may also have a `status` and other values.
     responses : sequence of str
         Names of the responses.
+    names : iterable of str, optional
+        Names of the columns of a table of runs. A key of the result that differs from
+        them only in form is renamed, as a column of a table is.
 
     Returns
     -------
     cells : dict
         The row by column; a response without a valid number is NaN.
-    warning : str
-        Sentence about invalid responses. It is empty if there are none, or if the
-        function reported the failure itself.
+    lacking : str
+        What the result lacks by mistake, such as ``a number for angle_deg``. It is empty
+        if there is no mistake, or if the function reported the failure itself.
     """
     cells = {str(key): value for key, value in result.items()}
+    new_names = match_column_names(cells, names)
+    cells = {new_names.get(key, key): value for key, value in cells.items()}
     invalid = []
     for name in responses:
         # A value such as NaN or None is not a mistake: it reports that the run failed.
@@ -486,16 +572,73 @@ def make_cells(
 
     # `judge_runs` refuses a number as a status, because it may mean success or failure.
     # Turn it into text, which means failure.
-    status = str(cells.get("status", ""))
-    if holds_numbers([status]):
+    status = cells.get("status")
+    if not is_missing(status) and holds_numbers([str(status)]):
         cells["status"] = f"status {status}"
+        return cells, "a word such as ok as status"
 
     # An empty result or a status of failure reports that the run failed.
-    reports_failure = not result or _read_status(cells.get("status")) != OK
+    reports_failure = not result or _read_status(status) != OK
     if reports_failure or not invalid:
         return cells, ""
-    names = ", ".join(invalid)
-    return cells, f"a run without a number for {names} failed; simulate gave {result}"
+    return cells, f"a number for {', '.join(invalid)}"
+
+
+def find_unknown_status(cells: Mapping[str, Any], responses: Sequence[str]) -> str:
+    """Return the status of a run that failed although it has all responses.
+
+    It may be a word for a good run that is not among `GOOD_STATUSES`. The result is
+    empty for any other run.
+
+    Parameters
+    ----------
+    cells : mapping
+        The row of the run, as `make_cells` returns it.
+    responses : sequence of str
+        Names of the responses.
+    """
+    status = _read_status(cells.get("status"))
+    has_numbers = all(math.isfinite(cells[name]) for name in responses)
+    return status if status != OK and has_numbers else ""
+
+
+def describe_failures(statuses: Iterable[str]) -> str:
+    """List the statuses of the runs that failed, such as ``status jammed: 2, failed: 1``.
+
+    Parameters
+    ----------
+    statuses : iterable of str
+        The status of each run.
+
+    Returns
+    -------
+    str
+        It begins with the most common status, and is empty if no run failed.
+    """
+    counts = Counter(status for status in statuses if status != OK)
+    texts = [f"{status:.30}: {n}" for status, n in counts.most_common(MOST_STATUSES)]
+    others = len(counts) - len(texts)
+    more = f" and {others} others" if others else ""
+    return f"status {', '.join(texts)}{more}" if texts else ""
+
+
+def count_runs_without_results(rows: Rows, study: Study) -> int:
+    """Count the rows without any response and without a status.
+
+    Parameters
+    ----------
+    rows : sequence of mapping
+        The rows of a table of runs, as `read_rows` returns them.
+    study : Study
+    """
+    return sum(
+        is_missing(row.get("status")) and has_no_results(row, study) for row in rows
+    )
+
+
+def has_no_results(row: Mapping[str, Any], study: Study) -> bool:
+    """Tell whether a row of a table of runs has no response at all."""
+    return all(is_missing(row.get(name)) for name in study.targets.names)
 
 
 def list_needed_responses(
@@ -655,17 +798,45 @@ def _refuse_mixed_samples(
         # Compare this row with the first row of its sample and the first row of its set.
         if set_numbers[sample_row] != set_number:
             expected = (
-                f"one set of parameters for each sample; row {sample_row + 1} has "
-                "another one"
+                "one set of parameters for each sample; "
+                f"{_name_row(source, sample_row)} has another one"
             )
             faults.append((k, "sample", name, expected))
         elif names[set_row] != name and not repeats_points:
             expected = (
-                f"{names[set_row]}, the sample of row {set_row + 1} with the "
-                "same parameters"
+                f"{names[set_row]}, the sample of {_name_row(source, set_row)} with "
+                "the same parameters"
             )
             faults.append((k, "sample", name, expected))
-    refuse(source, faults)
+    _refuse_rows(source, faults)
+
+
+def _name_row(source: object, row: int) -> str:
+    """Name a row of a table, counted from 0, and its file if the table has two."""
+    if not isinstance(source, MergedRows):
+        return f"row {row + 1}"
+    n_recorded = len(source.recorded_rows)
+    if row < n_recorded:
+        return f"row {source.recorded_rows[row]} of {source.record}"
+    return f"row {row - n_recorded + 1}"
+
+
+def _refuse_rows(source: object, faults: Iterable[Fault]) -> None:
+    """Raise faults as `refuse` does, each with the row of its own file."""
+    if not isinstance(source, MergedRows):
+        refuse(source, faults)
+        return
+    n = len(source.recorded_rows)
+    of_record = []
+    of_added = []
+    for row, column, value, allowed in faults:
+        if row < n:
+            number = source.recorded_rows[row]
+            of_record.append((number - 1, column, value, allowed))
+        else:
+            of_added.append((row - n, column, value, allowed))
+    refuse(source.record, of_record)
+    refuse(source.added, of_added)
 
 
 def add_missing_columns(rows: Rows, study: Study) -> list[dict[str, Any]]:
@@ -718,12 +889,17 @@ def _refuse_repeated_rows(table: pd.DataFrame, rows: Rows, source: object) -> No
         if first == k:
             continue
         if has_run_numbers:
-            allowed = f"each once; row {first + 1} has them, too"
+            allowed = f"each once; {_name_row(source, first)} has them, too"
+            if isinstance(source, MergedRows):
+                allowed += (
+                    ": leave out a row that was told before, or give a further run "
+                    "another number"
+                )
             faults.append((k, "sample and run", list(key), allowed))
         else:
             allowed = (
                 "a run of its own, or a column `run`: all numbers of this row stand "
-                f"in row {first + 1}"
+                f"in {_name_row(source, first)}"
             )
             faults.append((k, "row", "there twice", allowed))
-    refuse(source, faults)
+    _refuse_rows(source, faults)

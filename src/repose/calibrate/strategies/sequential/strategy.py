@@ -13,7 +13,11 @@ from repose.calibrate.answer import ENDS_NOT_SIMULATED, WITHIN_COLUMNS
 from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.probability import compute_box_probability
 from repose.calibrate.strategies.base import SO_FAR, Answer, Batch, samples_of
-from repose.calibrate.strategies.runs import check_responses, find_next_sample
+from repose.calibrate.strategies.runs import (
+    check_responses,
+    describe_failures,
+    find_next_sample,
+)
 from repose.calibrate.strategies.sequential.advise import (
     Advice,
     advise,
@@ -282,7 +286,11 @@ def _make_input_error(
     """
     check_responses(data, targets)
     if isinstance(error, InputError):
-        return error
+        failures = describe_failures(data["status"]) if "status" in data else ""
+        remark = f"; runs failed with {failures}" if failures else ""
+        return InputError(
+            error.source, error.key, error.value, f"{error.allowed}{remark}"
+        )
     return InputError(
         source="runs",
         key="pours",
