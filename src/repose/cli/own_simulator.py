@@ -10,6 +10,8 @@ from repose.common import places
 from repose.common.errors import InputError
 
 if TYPE_CHECKING:
+    import pandas as pd
+
     from repose.calibrate.study import Study
     from repose.config.pipeline import PipelineConfig
 
@@ -122,22 +124,52 @@ def tell(args: argparse.Namespace, study: "Study") -> None:
     $ repose tell new_runs.csv --config own.yaml --out own/runs.csv
     """
     from repose.calibrate.record import Record
-    from repose.calibrate.strategies.runs import OK
+    from repose.calibrate.strategies.runs import count_runs_without_results
     from repose.common.tables import print_columns
 
     # Add the new runs, and show what was read of them.
     record = Record(study, args.out)
-    record.add_file(args.runs)
+    rows = record.add_file(args.runs)
     print_columns(args.runs)
     for sentence in record.new_unread_columns():
         _warn(f"{args.runs}: {sentence}")
+    n_empty = count_runs_without_results(rows, study)
+    if n_empty:
+        _warn(
+            f"{args.runs}: rows without results: {n_empty}. These runs count as failed. "
+            "To add their results later, tell these rows again before those of the next "
+            "runs"
+        )
 
     # Print the number of all runs in the record, and of those that failed.
     runs = record.data
     n_samples = runs["sample"].nunique()
-    n_failed = int((runs["status"] != OK).sum())
-    failed_text = f", {n_failed} failed" if n_failed else ""
+    n_failed, statuses = _describe_failed_runs(runs)
+    failed_text = f", {n_failed} failed{statuses}" if n_failed else ""
     print(f"{args.out}: {len(runs)} runs of {n_samples} samples{failed_text}")
+
+
+def _describe_failed_runs(runs: "pd.DataFrame") -> tuple[int, str]:
+    """Count the runs that failed, and list their statuses.
+
+    Parameters
+    ----------
+    runs : pandas.DataFrame
+        The checked runs with their `status`.
+
+    Returns
+    -------
+    count : int
+    statuses : str
+        Such as `` (status jammed: 2, failed: 1)``. It is empty if all of them have the
+        status `FAILED`, which a run without results gets.
+    """
+    from repose.calibrate.strategies.runs import FAILED, OK, describe_failures
+
+    failed = runs[runs["status"] != OK]["status"]
+    if set(failed) <= {FAILED}:
+        return len(failed), ""
+    return len(failed), f" ({describe_failures(failed)})"
 
 
 @subcommand(
@@ -188,24 +220,45 @@ def _print_findings(study: "Study") -> None:
     study : Study
         The study, after a call of `Study.ask`.
     """
-    from repose.calibrate.strategies.sequential.strategy import (
-        arrange_runs,
-        estimate_noise,
-    )
-
     findings = study.proposal.notes
-    if not findings:
+    runs = study.runs
+    if not findings or runs.empty:
         return
-    observed = arrange_runs(study.runs, study.parameters, study.targets)
-    warning = estimate_noise(study, observed).warning
+    warning = _warn_of_noise(study, runs)
     if warning is not None:
         _warn(warning)
     if "probability" in findings:
         tolerance = study.settings.sequential.tolerance_percent
         print(
-            f"{len(study.runs)} runs; the best point lies within {tolerance:g} % of all "
+            f"{len(runs)} runs; the best point lies within {tolerance:g} % of all "
             f"targets with probability {findings['probability']:.2f}"
         )
+
+
+def _warn_of_noise(study: "Study", runs: "pd.DataFrame") -> str | None:
+    """Warn of runs that show the noise badly or not at all; None if they show it.
+
+    Parameters
+    ----------
+    study : Study
+    runs : pandas.DataFrame
+        All runs so far, at least one.
+    """
+    from repose.calibrate.strategies.sequential.strategy import (
+        arrange_runs,
+        estimate_noise,
+    )
+
+    n_failed, statuses = _describe_failed_runs(runs)
+    if n_failed == len(runs):
+        return f"all {n_failed} runs so far failed{statuses}"
+    observed = arrange_runs(runs, study.parameters, study.targets)
+    try:
+        return estimate_noise(study, observed).warning
+    except InputError:
+        # The strategy asks for further runs, because it needs more good ones.
+        failed_text = f"; {n_failed} of them failed{statuses}" if n_failed else ""
+        return f"the runs so far do not show the noise of a run{failed_text}"
 
 
 @subcommand(
@@ -227,6 +280,7 @@ def calibrate(args: argparse.Namespace, study: "Study") -> None:
     from repose.calibrate.strategies.runs import (
         checked_runs,
         describe_unread_columns,
+        name_file_of_runs,
         read_rows,
     )
     from repose.common.ledger import check_replaceable
@@ -252,12 +306,13 @@ def calibrate(args: argparse.Namespace, study: "Study") -> None:
         _warn(f"{args.runs}: {sentence}")
 
     # Calibrate, and print the answer with its warnings.
-    result = calibration.calibrate(study, runs)
+    with name_file_of_runs(args.runs):
+        result = calibration.calibrate(study, runs)
     result.save(args.out)
     print(result)
-    n_failed = result.summary["failed_runs"]
+    n_failed, statuses = _describe_failed_runs(runs)
     if n_failed:
-        _warn(f"{n_failed} of {result.summary['runs']} runs failed")
+        _warn(f"{n_failed} of {len(runs)} runs failed{statuses}")
     if result.summary["warning"] is not None:
         _warn(result.summary["warning"])
     print(f"Tables and material card: {args.out}", flush=True)
