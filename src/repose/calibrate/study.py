@@ -494,7 +494,7 @@ class Study:
         """
         from repose.calibrate.strategies.runs import list_columns, make_cells
 
-        names = self.targets.names
+        responses = self.targets.names
         try:
             returned = {} if result is None else dict(result)  # type: ignore[call-overload]
         except (TypeError, ValueError):
@@ -502,9 +502,9 @@ class Study:
                 source="study",
                 key="simulate",
                 value=[result],
-                allowed=f"a function that returns a mapping with {', '.join(names)}",
+                allowed=f"a function that returns a mapping with {', '.join(responses)}",
             ) from None
-        cells, lacking = make_cells(returned, names, list_columns(self))
+        cells, lacking = make_cells(returned, responses, names=list_columns(self))
         if not lacking:
             return cells
         # A long calibration has to continue after a mistake in one result. But if no
