@@ -28,6 +28,7 @@ from repose.dem.laws import CONTACT_LAWS, ROLLING_LAWS
 from repose.grain import berry as berries
 from repose.grain import build
 from repose.grain.settings import GrainSettings
+from repose.measure.settings import FINEST_MM_PER_PIXEL
 
 ROOT = Path(__file__).parents[2]
 PARTICLES = {
@@ -203,7 +204,10 @@ def drawn(number, default, mean, particles):
     )
     config["measure"] |= {
         "views": 2,
-        "mm_per_pixel": float(rng.uniform(0.02, 0.1) * long_mm),
+        # of the smallest grains, a configuration allows no finer scale
+        "mm_per_pixel": max(
+            FINEST_MM_PER_PIXEL, float(rng.uniform(0.02, 0.1) * long_mm)
+        ),
     }
     return apparatus, name, share, config, parameters, particle, berry
 
