@@ -724,7 +724,7 @@ def _require_names(key: str, entries: object) -> None:
 def _complete_target(entry: Any) -> Any:
     """Convert a target of two or three numbers to the keys of a file.
 
-    Any other entry is returned unchanged; a later check refuses it if it has faults.
+    Any other entry is returned unchanged.
     """
     if not isinstance(entry, list) or len(entry) not in (2, 3):
         return entry
@@ -753,11 +753,20 @@ def _complete_targets(targets: Mapping[str, Any]) -> dict[str, Any]:
     Raises
     ------
     InputError
-        If a profile has faults.
+        If a target has another form, or a profile has faults.
     """
     from repose.calibrate.profile_targets import expand_own_profiles
 
     mappings = {name: _complete_target(entry) for name, entry in targets.items()}
+    for name, entry in mappings.items():
+        if not isinstance(entry, dict):
+            raise InputError(
+                source="study",
+                key=f"targets.{name}",
+                value=entry,
+                allowed="(mean, standard deviation, number of repetitions) as numbers, "
+                "or a mapping with value, sd and repetitions",
+            )
     completed: dict[str, Any] = expand_own_profiles(mappings, "study")
     return completed
 

@@ -64,7 +64,7 @@ def _require_own_simulator(args: argparse.Namespace) -> None:
     raise InputError(
         args.config if has_file else "command line",
         key="simulator" if has_file else "--config",
-        value=None,
+        value=None if has_file else "not given",
         allowed="the name of your simulator, in a configuration as "
         "`repose docs own_simulator` shows; `repose run` calls the program of a "
         "section simulator",

@@ -521,3 +521,13 @@ def test_the_verbs_want_an_own_configuration(table, tmp_path, command):
     )
     expected = [keys for _, keys in cases]
     assert [list_unread_keys(CONTENT | given) for given, _ in cases] == expected
+
+
+@pytest.mark.parametrize("entry", [30.0, None, [30, 1, 9, 2], "30 +- 1"])
+def test_a_target_of_another_form_is_answered_with_the_form(entry):
+    input_error(
+        r"targets.angle_deg is .*; expected \(mean, standard deviation, number of",
+        Study,
+        {"friction": (0.2, 0.8)},
+        {"angle_deg": entry},
+    )
