@@ -175,7 +175,7 @@ def test_returned_runs_must_be_those_of_ask(tmp_path):
             {"surrogate": "crystal"},
             "surrogate is 'crystal'; expected .*gaussian_process",
         ),
-        ({"targets": {"time": 4.0}}, "targets.time is 4.0; expected a section"),
+        ({"targets": {"time": 4.0}}, r"targets.time is 4.0; expected \(mean"),
         (FEW_FACTORS, "most_factors is 2; expected at least 3"),
     ],
 )
