@@ -93,6 +93,7 @@ def main(words: Sequence[str] | None = None) -> int:
         return BAD_INPUT
 
     # Parse the options. Only some subcommands take further words, for another program.
+    words = _attach_dashed_choices(words)
     args, further_words = make_parser().parse_known_args(words)
     subcommand = SUBCOMMANDS[args.subcommand]
     args.rest = further_words
@@ -230,6 +231,27 @@ def _check_out_path(args: argparse.Namespace) -> None:
             value=args.out,
             allowed="the path of a file or folder to write",
         )
+
+
+def _attach_dashed_choices(words: list[str]) -> list[str]:
+    """Attach a choice that begins with a dash to its option, as in ``--up=-z``.
+
+    The parser would take the choice for an option.
+    """
+    choices = {
+        name: option.keywords.get("choices", ())
+        for subcommand in SUBCOMMANDS.values()
+        for option in subcommand.options
+        for name in option.names
+    }
+    attached: list[str] = []
+    for word in words:
+        option = attached[-1] if attached else ""
+        if word.startswith("-") and word in choices.get(option, ()):
+            attached[-1] = f"{option}={word}"
+        else:
+            attached.append(word)
+    return attached
 
 
 @functools.cache

@@ -15,6 +15,7 @@ from repose.common.keys import require_section
 from repose.common.numbers import format_significant
 from repose.common.provenance import hash_file
 from repose.config.pipeline import PipelineConfig
+from repose.measure.conventions import DIRECTIONS
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -108,6 +109,7 @@ EXPECTED_PILE = "a pile with two flanks, seen from the side"
     ),
     Option(
         "--up",
+        choices=tuple(DIRECTIONS),
         help="direction against gravity in a file of particles: x, y, z, -x, -y or -z "
         "(found from the plane on which most grains lie)",
     ),
@@ -352,14 +354,14 @@ def _check_particle_options(args: argparse.Namespace) -> None:
     Parameters
     ----------
     args : argparse.Namespace
-        The options of the subcommand `measure`: `unit`, `up`, `radius` and `bench`.
+        The options of the subcommand `measure`: `unit`, `radius` and `bench`.
 
     Raises
     ------
     InputError
         For the first option whose value is not allowed.
     """
-    from repose.measure.conventions import DIRECTIONS, UNITS
+    from repose.measure.conventions import UNITS
 
     if args.unit not in UNITS:
         raise InputError(
@@ -367,13 +369,6 @@ def _check_particle_options(args: argparse.Namespace) -> None:
             key="--unit",
             value=args.unit,
             allowed=f"one of {', '.join(UNITS)}",
-        )
-    if args.up is not None and args.up not in DIRECTIONS:
-        raise InputError(
-            "command line",
-            key="--up",
-            value=args.up,
-            allowed=f"one of {', '.join(DIRECTIONS)}",
         )
     if args.radius is not None and not args.radius > 0:
         raise InputError(
