@@ -208,15 +208,78 @@ def test_files_that_are_no_pile_of_particles_are_refused(tmp_path):
     )
     axes = "x,y,z,a,b,c,qw,qx,qy,qz\n0,0,0,1,2,3,1,0,0,0\n0,0,0,1,2,3,0,0,0,0\n"
     refused("orientation, row 2 is 0; expected a quaternion$", "turned.csv", axes)
-    refused("file is '.*'; expected a table with a header$", "nothing.csv", "")
+    refused("rows is 0; expected a table with a header$", "nothing.csv", "")
     no_text = tmp_path / "no_text.csv"
     no_text.write_bytes(b"x,y,z,r\n\xff")
-    message = f"^{no_text}: file is 'no text'; expected text in UTF-8$"
+    message = f"^{no_text}: table is .*; expected text in UTF-8, or in UTF-16"
     input_error(message, particle_files.read_particles, no_text)
     in_mm = pd.DataFrame(1e3 * centres, columns=["x", "y", "z"]).assign(r=5.0)
     refused("is the unit of lengths another", "mm.csv", in_mm.to_csv(index=False))
     cloud = np.random.default_rng(1).uniform(0, 1, (200, 3))
     refused("direction of gravity is 'unclear", "cloud.dump", dump_text(cloud))
+
+
+def test_every_form_of_text_gives_the_same_particles(tmp_path):
+    centres = cone()
+    path = tmp_path / "pile.csv"
+    rows = pd.DataFrame(centres, columns=["x", "y", "z"]).assign(radius=RADIUS)
+    commas = rows.to_csv(index=False)
+    semicolons = rows.to_csv(index=False, sep=";", decimal=",")
+    headless = rows[["x", "y", "z"]].to_csv(
+        index=False, header=False, sep=";", decimal=","
+    )
+    yade = rows.to_csv(index=False, header=False, sep="\t")
+    for text, encoding in (
+        (commas, "utf-8-sig"),
+        (commas, "utf-16"),
+        (dump_text(centres), "utf-8-sig"),
+        (
+            commas.replace("radius", "Größe µm,radius").replace("0.005\n", "1,0.005\n"),
+            "utf-8",
+        ),
+        (f"# my pile; as poured\n{commas}", "utf-8"),
+        (semicolons, "utf-8"),
+        (f"#format x_y_z_r\n# my pile\n{yade}", "utf-8"),
+        (headless, "utf-8"),
+    ):
+        path.write_text(text, encoding=encoding)
+        assert particle_files.is_particle_file(path)
+        radius = RADIUS if text is headless else None
+        found = particle_files.read_particles(path, radius)
+        np.testing.assert_allclose(found.centres, centres, atol=1e-6, err_msg=text[:60])
+        np.testing.assert_allclose(found.semi_axes, RADIUS)
+
+
+def test_faults_of_a_table_are_named_by_what_is_missing(tmp_path):
+    path = tmp_path / "pile.csv"
+
+    def refused(message, text, radius=None):
+        path.write_text(text)
+        return input_error(message, particle_files.read_particles, path, radius)
+
+    refused(
+        "header is 'missing'.*x,y,z,radius; .*line is 1 2 3 4$", "1 2 3 4\n5 6 7 8\n"
+    )
+    refused("header is 'missing'.*as x,y,z; .*line is 1,2,3,4$", "1,2,3,4\n", 1.0)
+    refused("header is 'missing'.*line is 30$", "30\nP 1 2 3\n")
+    refused("column x, row 1 is 'nan'; expected a finite", "x,y,z,r\nnan,0,0,1\n")
+    steps = "time,id,x,y,z,r\n0,1,0,0,0,1\n1,1,0,0,1,1\n"
+    refused("column id, row 2 is '1'; .*once, at a single time$", steps)
+    sizes = "x,y,z,radius,diameter\n0,0,0,1,2\n3,0,0,1,1\n"
+    refused("column diameter, row 2 is 1.0; expected twice column radius", sizes)
+    packed = path.rename(tmp_path / "pile.dump.gz")
+    assert particle_files.is_particle_file(packed)
+    message = r"file is 'compressed \(gzip\)'; expected the unpacked file$"
+    input_error(message, particle_files.read_particles, packed)
+
+
+@pytest.mark.parametrize(
+    ("column", "grains"), [("mol", [0, 1, 2, 2]), ("clump", [0, 0, 1, 1])]
+)
+def test_a_particle_outside_molecules_is_a_grain(tmp_path, column, grains):
+    path = tmp_path / "pile.csv"
+    path.write_text(f"x,y,z,r,{column}\n0,0,0,1,0\n3,0,0,1,0\n6,0,0,1,1\n7,0,0,1,1\n")
+    assert particle_files.read_particles(path).grains.tolist() == grains
 
 
 def test_a_plate_above_all_grains_is_refused():
@@ -293,3 +356,12 @@ def test_the_command_puts_piles_beside_the_runs_of_a_design(tmp_path, command):
     )
     error = command("measure", other, "--radius", 0, status=2).err
     assert "--radius is 0.0; expected above 0" in error
+
+
+def test_a_direction_may_begin_with_a_dash(tmp_path, command):
+    pile = tmp_path / "pile.csv"
+    centres = cone() * [1, 1, -1]
+    pd.DataFrame(centres, columns=["x", "y", "z"]).assign(r=RADIUS).to_csv(pile)
+    given = ("--out", tmp_path / "measured", "--grain-mm", 10)
+    assert "up is -z" in command("measure", pile, "--up", "-z", *given).out
+    assert "up is -z" in command("measure", pile, "--up=-z", *given).out

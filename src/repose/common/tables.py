@@ -840,7 +840,7 @@ def _read_lines_and_comments(path: StrPath, what: str) -> tuple[list[str], list[
     comments : list of str
         The lines that begin with ``#``.
     """
-    text = _read_text(path, what).replace("\r\n", "\n").replace("\r", "\n")
+    text = read_text(path, what).replace("\r\n", "\n").replace("\r", "\n")
     comments = []
     lines = []
     for number, line in enumerate(text.split("\n")):
@@ -969,7 +969,7 @@ def _require_complete_last_row(
         )
 
 
-def _read_text(path: StrPath, what: str) -> str:
+def read_text(path: StrPath, what: str) -> str:
     """Read a file as text in UTF-8 or UTF-16.
 
     Parameters

@@ -5,7 +5,8 @@ Four formats are read.
 dump
     Text of LAMMPS and LIGGGHTS: the last of its time steps.
 table
-    A CSV file, or columns separated by blanks, with a header.
+    A CSV file, or columns separated by blanks, with a header: any table that
+    `repose.common.tables` reads.
 Yade
     Text of ``yade.export.text``, whose first line names the columns: ``#format
     x_y_z_r``.
@@ -18,13 +19,13 @@ file.
 
 import itertools
 import mimetypes
-import re
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
+from repose.common import tables
 from repose.common.errors import InputError
 from repose.common.files import StrPath
 from repose.measure import vtk_files
@@ -33,7 +34,11 @@ from repose.measure import vtk_files
 DUMP_ITEM = "ITEM:"
 ATOMS_ITEM = "ITEM: ATOMS"
 COUNT_ITEM = "ITEM: NUMBER OF ATOMS"
+UNITS_ITEM = "ITEM: UNITS"
+# Unit of lengths in the styles of units of LAMMPS that have one of ours.
+LENGTH_UNITS = {"si": "m", "cgs": "cm"}
 YADE_FORMAT = "#format "  # begins the text of Yade
+TABLE = "a table with a header"  # describes a file that has no other format
 # Names that a column may have, by the quantity, in the order in which they are preferred.
 COLUMN_NAMES = {
     "x": ("x", "xu"),
@@ -51,15 +56,24 @@ COLUMN_NAMES = {
     "qx": ("qx", "quati", "c_quat[2]"),
     "qy": ("qy", "quatj", "c_quat[3]"),
     "qz": ("qz", "quatk", "c_quat[4]"),
+    "type": ("type",),
     "grain": ("grain", "mol", "clump", "clumpid", "id_multisphere"),
 }
 ID_COLUMN = "id"  # of a particle
+# Lowest number of a clump. In LAMMPS a particle outside molecules has mol 0.
+LOWEST_CLUMP = 0
+LOWEST_MOLECULE = 1
+MOLECULE_COLUMN = "mol"
+# A radius and a diameter of one particle agree to this share, because they are rounded.
+SIZE_TOLERANCE = 0.01
+ONCE = "each particle once, at a single time"
 POSITION = ("x", "y", "z")
 SEMI_AXES = ("a", "b", "c")
 FULL_AXES = ("shapex", "shapey", "shapez")
 QUATERNION = ("qw", "qx", "qy", "qz")
 SIZE_COLUMNS = "radius, diameter, or a, b, c with qw, qx, qy, qz"
 NO_ROTATION = (1.0, 0.0, 0.0, 0.0)  # as a quaternion
+NO_TYPES = np.empty(0, dtype=str)
 
 
 class Particles(NamedTuple):
@@ -74,12 +88,18 @@ class Particles(NamedTuple):
         Orientations w, x, y, z, which turn the body's frame into that of the file.
     grains : ndarray of int, (N,)
         Number of the grain that the body belongs to; spheres of a clump share it.
+    types : ndarray of str, (N,)
+        Type of each body; empty if the file has none.
+    unit : str or None
+        Unit of lengths, one of `repose.measure.conventions.UNITS`, if the file has it.
     """
 
     centres: np.ndarray
     semi_axes: np.ndarray
     quaternions: np.ndarray
     grains: np.ndarray
+    types: np.ndarray = NO_TYPES
+    unit: str | None = None
 
     @property
     def mean_radius(self) -> float:
@@ -95,17 +115,20 @@ class Particles(NamedTuple):
 def is_particle_file(path: StrPath) -> bool:
     """Tell whether a file may contain particles, by its name and its first bytes.
 
-    A VTK file or a text in ASCII may contain them. A file that is named like a picture
-    does not.
+    A VTK file or a text may contain them, also a compressed one. A file that is named
+    like a picture does not.
     """
-    kind, _ = mimetypes.guess_type(path)
+    kind, compression = mimetypes.guess_type(path)
     if kind is not None and kind.startswith("image/"):
         return False
+    if compression is not None:
+        return True
     with Path(path).open("rb") as file:
         start = file.read(vtk_files.START_BYTES)
     if vtk_files.is_vtk(start):
         return True
-    return b"\0" not in start and start.isascii()
+    # A text has no byte of zero, except in UTF-16.
+    return b"\0" not in start or start.startswith(tables.UTF_16_MARKS)
 
 
 def read_particles(path: StrPath, radius: float | None = None) -> Particles:
@@ -130,10 +153,9 @@ def read_particles(path: StrPath, radius: float | None = None) -> Particles:
         If a column is missing, if a cell is no number or has an impossible value, or if
         both the file and `radius` give sizes.
     """
-    if radius is None:
-        table = _read_table(Path(path))
-    else:
-        table = _read_table_without_sizes(Path(path))
+    _refuse_compressed(path)
+    table = _read_table(Path(path), may_lack_header=radius is not None)
+    if radius is not None:
         _refuse_sizes(path, table)
         table["radius"] = radius
     if table.empty:
@@ -151,14 +173,29 @@ def read_particles(path: StrPath, radius: float | None = None) -> Particles:
         semi_axes=_read_semi_axes(path, table, columns),
         quaternions=_read_quaternions(path, table, columns),
         grains=_find_grains(table, columns),
+        types=table[columns["type"]].to_numpy(str) if "type" in columns else NO_TYPES,
+        unit=table.attrs.get("unit"),
     )
+
+
+def _refuse_compressed(path: StrPath) -> None:
+    """Raise InputError for a file whose name says that it is compressed."""
+    _, compression = mimetypes.guess_type(path)
+    if compression is not None:
+        raise InputError(
+            path,
+            key="file",
+            value=f"compressed ({compression})",
+            allowed="the unpacked file",
+        )
 
 
 def _find_grains(table: pd.DataFrame, columns: dict[str, str]) -> np.ndarray:
     """Find the grain to which each particle belongs.
 
     A particle is a separate grain if the file has no numbers of clumps, or if its number
-    is negative. Yade and LIGGGHTS mark a particle outside clumps by -1.
+    is below that of any clump. Yade and LIGGGHTS mark a particle outside clumps by -1,
+    LAMMPS by molecule 0.
 
     Parameters
     ----------
@@ -175,8 +212,11 @@ def _find_grains(table: pd.DataFrame, columns: dict[str, str]) -> np.ndarray:
     rows = np.arange(len(table))
     if "grain" not in columns:
         return rows
-    clumps = table[columns["grain"]]
-    is_alone = pd.to_numeric(clumps, errors="coerce") < 0
+    column = columns["grain"]
+    clumps = table[column]
+    is_molecule = str(column).strip().lower() == MOLECULE_COLUMN
+    lowest_number = LOWEST_MOLECULE if is_molecule else LOWEST_CLUMP
+    is_alone = pd.to_numeric(clumps, errors="coerce") < lowest_number
     # Give each single particle a name that no clump has, and then number all names.
     single_names = [f"alone {row}" for row in rows]
     names = np.where(is_alone, single_names, clumps.astype(str))
@@ -187,11 +227,18 @@ def _find_grains(table: pd.DataFrame, columns: dict[str, str]) -> np.ndarray:
 # --- formats --------------------------------------------------------------------------
 
 
-def _read_table(path: Path) -> pd.DataFrame:
+def _read_table(path: Path, may_lack_header: bool = False) -> pd.DataFrame:
     """Read a file in one of the formats as a table, a row for each particle.
 
     The formats are VTK, a dump of LAMMPS or LIGGGHTS, a text file of Yade, and any
     table with a header. They are told apart by the first bytes of the file.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    may_lack_header : bool
+        Whether the file may be a table without a header, whose columns are x, y and z.
 
     Raises
     ------
@@ -202,53 +249,49 @@ def _read_table(path: Path) -> pd.DataFrame:
         start = file.read(vtk_files.START_BYTES)
     if vtk_files.is_vtk(start):
         return vtk_files.read_table(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except UnicodeDecodeError as error:
-        raise InputError(
-            path, key="file", value="no text", allowed="text in UTF-8"
-        ) from error
+    text = tables.read_text(path, "text")
     if text.startswith(DUMP_ITEM):
         return _read_dump(path, text)
     if text.startswith(YADE_FORMAT):
-        header, _, rows = text.partition("\n")
+        header, *lines = text.splitlines()
         names = header.removeprefix(YADE_FORMAT).split("_")
-        return _split_rows(path, names, rows.splitlines())
-    # Any other file is a table. If its header has no comma, semicolon or tab, blanks
-    # separate the columns. Otherwise, pandas finds the separator.
-    header = text.lstrip("\ufeff").partition("\n")[0]
-    separator = r"\s+" if not re.search("[,;\t]", header) else None
-    try:
-        return pd.read_csv(path, sep=separator, engine="python", comment="#")
-    except (ValueError, pd.errors.ParserError) as error:
-        fault = str(error).partition("\n")[0]
-        raise InputError(
-            path, key="file", value=fault, allowed="a table with a header"
-        ) from error
-
-
-def _read_table_without_sizes(path: Path) -> pd.DataFrame:
-    """Read a file that has positions but no sizes, with or without a header.
-
-    A file whose first line consists of three numbers has no header. Its columns are x, y
-    and z, separated by blanks, commas or semicolons.
-
-    Returns
-    -------
-    DataFrame
-        A row for each particle.
-    """
-    with path.open("rb") as file:
-        first_line = file.readline()
-    cells = first_line.replace(b",", b" ").replace(b";", b" ").split()
-    has_header = len(cells) != len(POSITION) or not all(map(_is_number, cells))
+        return _split_rows(path, names, _leave_out_comments(lines))
+    rows = _leave_out_comments(text.splitlines())
+    first_cells = _split_row_of_numbers(rows[0]) if rows else []
+    has_header = not first_cells or not all(map(_is_number, first_cells))
     if has_header:
-        return _read_table(path)
-    text = path.read_text(encoding="utf-8").replace(",", " ").replace(";", " ")
-    return _split_rows(path, list(POSITION), text.splitlines())
+        return tables.read_sheet(path, TABLE).text
+    if may_lack_header and len(first_cells) == len(POSITION):
+        cells = [" ".join(_split_row_of_numbers(row)) for row in rows]
+        return _split_rows(path, list(POSITION), cells)
+    example = "x,y,z" if may_lack_header else "x,y,z,radius"
+    raise InputError(
+        path,
+        key="header",
+        value="missing",
+        allowed=f"the names of the columns in the first line, as {example}; the first "
+        f"line is {rows[0]}",
+    )
 
 
-def _is_number(cell: bytes) -> bool:
+def _leave_out_comments(lines: list[str]) -> list[str]:
+    """Select the lines that are neither empty nor a comment."""
+    texts = [line.strip() for line in lines]
+    return [text for text in texts if text and text[0] != tables.COMMENT_SIGN]
+
+
+def _split_row_of_numbers(row: str) -> list[str]:
+    """Split a row of numbers, without names, into its cells.
+
+    Semicolons or tabs separate the cells, which then may have decimal commas. In a row
+    without these, commas or blanks separate them.
+    """
+    if ";" in row or "\t" in row:
+        return row.replace(",", ".").replace(";", " ").split()
+    return row.replace(",", " ").split()
+
+
+def _is_number(cell: str) -> bool:
     """Tell whether a cell of a table is a number."""
     try:
         float(cell)
@@ -283,7 +326,8 @@ def _read_dump(path: Path, text: str) -> pd.DataFrame:
     Returns
     -------
     DataFrame
-        A row for each particle.
+        A row for each particle. Its attribute `attrs` has the unit of lengths, if the
+        dump states one.
 
     Raises
     ------
@@ -314,7 +358,18 @@ def _read_dump(path: Path, text: str) -> pd.DataFrame:
             value=f"{len(rows)} rows",
             allowed=f"{count} rows, a whole dump",
         )
-    return _split_rows(path, names, rows)
+    table = _split_rows(path, names, rows)
+    table.attrs["unit"] = LENGTH_UNITS.get(_find_item(lines, UNITS_ITEM))
+    return table
+
+
+def _find_item(lines: list[str], item: str) -> str:
+    """Find the line after the last line that is `item`; ``missing`` if there is none."""
+    value = "missing"
+    for line, next_line in itertools.pairwise([*lines, value]):
+        if line == item:
+            value = next_line.strip()
+    return value
 
 
 def _read_count(path: Path, lines: list[str]) -> int:
@@ -322,10 +377,7 @@ def _read_count(path: Path, lines: list[str]) -> int:
 
     It is on the line after `COUNT_ITEM`. Raises InputError if it is missing.
     """
-    count = "missing"
-    for item, next_line in itertools.pairwise([*lines, "missing"]):
-        if item == COUNT_ITEM:
-            count = next_line.strip()
+    count = _find_item(lines, COUNT_ITEM)
     if not count.isdecimal():
         raise InputError(
             path,
@@ -413,10 +465,17 @@ def _require_unique_ids(path: StrPath, table: pd.DataFrame) -> None:
         is_repeated = table[name].duplicated()
         if is_repeated.any():
             row = int(np.flatnonzero(is_repeated)[0])
-            key = f"column {name}, row {row + 1}"
             raise InputError(
-                path, key=key, value=table[name].iloc[row], allowed="each particle once"
+                path,
+                key=f"column {name}, row {row + 1}",
+                value=_convert_to_plain(table[name].iloc[row]),
+                allowed=ONCE,
             )
+
+
+def _convert_to_plain(value: object) -> object:
+    """Convert a number of numpy to a plain one, for a message."""
+    return value.item() if isinstance(value, np.generic) else value
 
 
 def _read_numbers(
@@ -459,7 +518,7 @@ def _read_numbers(
             raise InputError(
                 path,
                 key=f"column {column}, row {row + 1}",
-                value=table[column].iloc[row],
+                value=_convert_to_plain(table[column].iloc[row]),
                 allowed="a finite number",
             )
         numbers[:, index] = values
@@ -522,6 +581,8 @@ def _read_sizes(
         return 0.5 * _read_numbers(path, table, columns, FULL_AXES)
     if "radius" in columns:
         radii = _read_numbers(path, table, columns, ("radius",))
+        if "diameter" in columns:
+            _require_same_sizes(path, table, columns, radii[:, 0])
         return np.repeat(radii, 3, axis=1)
     if "diameter" in columns:
         diameters = _read_numbers(path, table, columns, ("diameter",))
@@ -533,6 +594,23 @@ def _read_sizes(
         value="missing",
         allowed=f"columns {SIZE_COLUMNS}; found: {found}",
     )
+
+
+def _require_same_sizes(
+    path: StrPath, table: pd.DataFrame, columns: dict[str, str], radii: np.ndarray
+) -> None:
+    """Raise InputError for a diameter that is not twice the radius (N,) of its row."""
+    diameters = _read_numbers(path, table, columns, ("diameter",))[:, 0]
+    is_bad = np.abs(diameters - 2 * radii) > SIZE_TOLERANCE * np.abs(diameters)
+    if is_bad.any():
+        row = int(np.flatnonzero(is_bad)[0])
+        raise InputError(
+            path,
+            key=f"column {columns['diameter']}, row {row + 1}",
+            value=float(diameters[row]),
+            allowed=f"twice column {columns['radius']}, which has {radii[row]:g}; or one "
+            "of the two columns alone",
+        )
 
 
 def _read_quaternions(
