@@ -173,6 +173,25 @@ def test_ellipsoids_of_their_own_axes_have_their_exact_outline():
     assert find_top(bodies) >= highest
 
 
+def test_ellipsoids_that_are_nearly_spheres_have_the_angles_of_spheres():
+    centres = cone()
+    sizes = np.full((len(centres), 3), RADIUS)
+    spheres = make_particles(centres, sizes)
+    ellipsoids = make_particles(centres, sizes * [1.0, 1.0, 1.0001])
+    expected = measure_particles(spheres, SETTINGS).result
+    found = measure_particles(ellipsoids, SETTINGS).result
+    assert found.aor_deg == pytest.approx(expected.aor_deg, abs=0.05)
+    assert found.height_mm == pytest.approx(expected.height_mm, abs=0.01)
+
+
+def make_particles(centres, semi_axes=RADIUS, **fields):
+    """Upright particles, each of which is a grain."""
+    n = len(centres)
+    sizes = np.broadcast_to(semi_axes, (n, 3))
+    turns = np.tile([1.0, 0.0, 0.0, 0.0], (n, 1))
+    return particle_files.Particles(centres, sizes, turns, np.arange(n), **fields)
+
+
 def test_files_that_are_no_pile_of_particles_are_refused(tmp_path):
     centres = cone()
 

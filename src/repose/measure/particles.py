@@ -43,8 +43,9 @@ CONTACT_GAP_RADII = 1e-3
 
 @dataclass
 class Ellipsoids(Grains):
-    """N ellipsoids with different semi-axes (N, 3) in m. `particle` is not used."""
+    """N ellipsoids with different semi-axes (N, 3) in m. They have no `particle`."""
 
+    particle: Any = None
     semi_axes_m: Any = None
 
     def support_points(self, normals: np.ndarray) -> np.ndarray:
@@ -58,7 +59,6 @@ class Ellipsoids(Grains):
         return Ellipsoids(
             centres_m=self.centres_m[selected],
             quaternions=self.quaternions[selected],
-            particle=self.particle,
             scales=self.scales[selected],
             semi_axes_m=self.semi_axes_m[selected],
         )
@@ -380,7 +380,6 @@ def _make_grains(
     return Ellipsoids(
         centres_m,
         new_orientations.as_quat(scalar_first=True),
-        _UnitSphere(),
         semi_axes_m=particles.semi_axes * metres_per_unit,
     )
 
