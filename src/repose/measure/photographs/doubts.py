@@ -11,12 +11,18 @@ from typing import NamedTuple
 import numpy as np
 
 from repose.common.errors import NoFlankError
+from repose.measure.outline_shape import (
+    DOUBT,
+    PileSize,
+    measure_drop,
+    measure_rise,
+    split_sides,
+)
 from repose.measure.photographs import finding
 from repose.measure.photographs.segmentation import Segmentation
 from repose.measure.pile import find_profile
 from repose.measure.results import Measurement
 
-DOUBT = "doubtful"  # begins each doubt
 BASE_ROW_ADVICE = "give --base-row, the row of the plate, or show the printed sheet"
 LOW_BASE_REASON = (
     "its lowest row lies {depth:.1%} of its height below its {part}: a shadow at the "
@@ -30,10 +36,6 @@ TYPICAL_PILE_GRAINS = 8  # height of a pile whose grains are not known, in grain
 
 # Limits of the pile's shape, in heights of a grain and in heights of the pile
 LOWEST_PILE_GRAINS = 1.5  # below it is a layer
-LARGEST_RISE_GRAINS = 1.5  # of the outline, away from the crest
-LARGEST_RISE_SHARE = 0.12
-LARGEST_DROP_GRAINS = 2.0  # of the outline within half a grain
-LARGEST_DROP_SHARE = 0.2
 LOWEST_MEETING = 0.7  # of the lines of both flanks, in heights of the pile
 HIGHEST_MEETING = 1.3
 
@@ -47,14 +49,6 @@ LARGEST_UPRIGHT_PX = 12
 SMALLEST_STRIP_PX = 4  # height of the strip below the base that is compared
 SMALLEST_STEP = 30  # tones between what lies below the pile and beside it: no plate
 LARGEST_SHADOW_SHARE = 0.03  # of a pile of another colour than the background's
-
-
-class _Size(NamedTuple):
-    """Size of a pile."""
-
-    height_mm: float
-    grain_mm: float  # height of a grain
-    mm_per_pixel: float
 
 
 class _Margins(NamedTuple):
@@ -103,10 +97,9 @@ def list_doubts_of_pile(
             f"{LOWEST_PILE_GRAINS:g}: a layer, no pile"
         )
 
-    # The heights of each side, from the crest outwards
     profile, crest = find_profile(pile)
-    sides = (profile[: crest + 1][::-1], profile[crest:])
-    size = _Size(height_mm, grain_mm, mm_per_pixel)
+    sides = split_sides(profile, crest)
+    size = PileSize(height_mm, grain_mm, mm_per_pixel)
     doubts = [
         _find_rise_doubt(sides, size),
         _find_drop_doubt(sides, size),
@@ -118,14 +111,14 @@ def list_doubts_of_pile(
     return [doubt for doubt in doubts if doubt]
 
 
-def _find_rise_doubt(sides: Sequence[np.ndarray], size: _Size) -> str:
+def _find_rise_doubt(sides: Sequence[np.ndarray], size: PileSize) -> str:
     """Find out whether the outline of the pile rises again away from the crest.
 
     Parameters
     ----------
     sides : sequence of ndarray
         For each side the heights in pixels, from the crest outwards.
-    size : _Size
+    size : PileSize
         Size of the pile.
 
     Returns
@@ -133,13 +126,8 @@ def _find_rise_doubt(sides: Sequence[np.ndarray], size: _Size) -> str:
     str
         The doubt, or an empty text.
     """
-    # Compare each place with the lowest place between it and the crest.
-    rises_px = [float((side - np.minimum.accumulate(side)).max()) for side in sides]
-    rise_mm = size.mm_per_pixel * max(rises_px)
-    limit_mm = max(
-        LARGEST_RISE_GRAINS * size.grain_mm, LARGEST_RISE_SHARE * size.height_mm
-    )
-    if rise_mm <= limit_mm:
+    rise_mm = measure_rise(sides, size)
+    if rise_mm <= size.largest_rise_mm:
         return ""
     return (
         f"{DOUBT}: away from its crest the outline rises by "
@@ -147,14 +135,14 @@ def _find_rise_doubt(sides: Sequence[np.ndarray], size: _Size) -> str:
     )
 
 
-def _find_drop_doubt(sides: Sequence[np.ndarray], size: _Size) -> str:
+def _find_drop_doubt(sides: Sequence[np.ndarray], size: PileSize) -> str:
     """Find out whether the outline of the pile falls steeply within half a grain.
 
     Parameters
     ----------
     sides : sequence of ndarray
         For each side the heights in pixels, from the crest outwards.
-    size : _Size
+    size : PileSize
         Size of the pile.
 
     Returns
@@ -162,16 +150,8 @@ def _find_drop_doubt(sides: Sequence[np.ndarray], size: _Size) -> str:
     str
         The doubt, or an empty text.
     """
-    half_grain_px = max(1, round(0.5 * size.grain_mm / size.mm_per_pixel))
-    drops_px = []
-    for side in sides:
-        falls = side[:-half_grain_px] - side[half_grain_px:]
-        drops_px.append(float(falls.max(initial=0.0)))
-    drop_mm = size.mm_per_pixel * max(drops_px)
-    limit_mm = max(
-        LARGEST_DROP_GRAINS * size.grain_mm, LARGEST_DROP_SHARE * size.height_mm
-    )
-    if drop_mm <= limit_mm:
+    drop_mm = measure_drop(sides, size)
+    if drop_mm <= size.largest_drop_mm:
         return ""
     return (
         f"{DOUBT}: the outline falls by {drop_mm / size.height_mm:.0%} of the Height at "
