@@ -302,10 +302,7 @@ def test_a_particle_outside_molecules_is_a_grain(tmp_path, column, grains):
 
 
 def test_a_plate_above_all_grains_is_refused():
-    centres = cone()
-    sizes = np.full((len(centres), 3), RADIUS)
-    turns = np.tile([1.0, 0.0, 0.0, 0.0], (len(centres), 1))
-    spheres = particle_files.Particles(centres, sizes, turns, np.arange(len(centres)))
+    spheres = make_particles(cone())
     with pytest.raises(InputError, match=r"pile: base is 10\.0; expected a height"):
         measure_particles(spheres, SETTINGS, up="z", base=10.0, source="pile")
 

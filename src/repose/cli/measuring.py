@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from repose.bench.photographs import PhotographResult
+    from repose.measure.particles import ParticlePile
     from repose.measure.photographs.photograph import Photograph, Scale
     from repose.measure.settings import MeasureSettings
 
@@ -100,7 +101,8 @@ EXPECTED_PILE = "a pile with two flanks, seen from the side"
     Option(
         "--doubtful",
         action="store_true",
-        help="doubtful photographs count in the mean and in the targets",
+        help="doubtful photographs count in the mean and in the targets, doubtful files "
+        "of particles in results.csv",
     ),
     Option(
         "--unit",
@@ -223,24 +225,34 @@ def _measure_particle_files(args: argparse.Namespace) -> None:
         settings = settings.model_copy(update={"mm_per_pixel": AUTO})
 
     # Each file gives a row of the table.
-    rows = [_measure_particle_file(path, settings, args) for path in args.pictures]
+    piles = [_measure_particle_file(path, settings, args) for path in args.pictures]
+    rows = [
+        _make_row_of_pile(path, pile)
+        for path, pile in zip(args.pictures, piles, strict=True)
+    ]
     table = pd.DataFrame(rows)
     table_path = Path(args.out) / PARTICLE_TABLE_FILE
     write_table(table_path, table)
+    is_counted = [args.doubtful or not pile.doubts for pile in piles]
     if runs is not None:
-        results = _add_responses_to_runs(runs, table, args.bench)
+        results = _add_responses_to_runs(runs, table[is_counted], args.bench)
         write_table(Path(args.out) / RESULTS_TABLE_FILE, results)
 
     if args.json:
         print(format_json(table.to_dict("records")))
     else:
-        _print_particle_piles(rows, settings, args.unit)
+        _print_particle_piles(rows, piles, settings, args.unit)
+        if runs is not None and not all(is_counted):
+            print(
+                f"doubtful piles: {is_counted.count(False)}, not in "
+                f"{RESULTS_TABLE_FILE}; --doubtful counts them"
+            )
         print(f"angles by every line and more: {table_path}")
 
 
 def _measure_particle_file(
     path: str, settings: "MeasureSettings", args: argparse.Namespace
-) -> dict[str, Any]:
+) -> "ParticlePile":
     """Measure the pile in a file of particles.
 
     Parameters
@@ -254,8 +266,8 @@ def _measure_particle_file(
 
     Returns
     -------
-    dict
-        A row of the table of piles.
+    ParticlePile
+        The measured pile.
 
     Raises
     ------
@@ -266,9 +278,10 @@ def _measure_particle_file(
     from repose.measure.particle_files import read_particles
     from repose.measure.particles import measure_particles
 
+    particles = read_particles(path, args.radius)
     try:
-        pile = measure_particles(
-            read_particles(path, args.radius),
+        return measure_particles(
+            particles,
             settings,
             unit=args.unit,
             up=args.up,
@@ -276,9 +289,30 @@ def _measure_particle_file(
             source=path,
         )
     except NoFlankError as error:
+        grain = f"{format_significant(2 * particles.mean_radius)} {args.unit}"
         raise InputError(
-            path, key="pile", value=error.reason, allowed=EXPECTED_PILE
+            path,
+            key="pile",
+            value=error.reason,
+            allowed=f"{EXPECTED_PILE}, of particles {grain} wide (--unit {args.unit})",
         ) from error
+
+
+def _make_row_of_pile(path: str, pile: "ParticlePile") -> dict[str, Any]:
+    """Make the row of a measured pile in the table of piles.
+
+    Parameters
+    ----------
+    path : str
+        The file of particles.
+    pile : ParticlePile
+        Its pile.
+
+    Returns
+    -------
+    dict
+        The row, by column.
+    """
     return {
         "file": path,
         "grains": pile.n_grains,
@@ -287,6 +321,7 @@ def _measure_particle_file(
         "base": pile.base,
         **pile.result.record(),
         **pile.other_responses,
+        "note": "; ".join([*pile.doubts, *pile.notes]),
     }
 
 
@@ -318,14 +353,19 @@ def _add_responses_to_runs(
 
 
 def _print_particle_piles(
-    rows: Iterable[Mapping[str, Any]], settings: "MeasureSettings", unit: str
+    rows: Iterable[Mapping[str, Any]],
+    piles: Iterable["ParticlePile"],
+    settings: "MeasureSettings",
+    unit: str,
 ) -> None:
-    """Print a line for each pile that was measured in a file of particles.
+    """Print a line for each measured pile of particles, and one for each remark.
 
     Parameters
     ----------
     rows : iterable of mapping
         The rows of the table of piles.
+    piles : iterable of ParticlePile
+        The piles, with their doubts and notes.
     settings : MeasureSettings
         How the piles were measured; they name the line of the angle.
     unit : str
@@ -333,7 +373,7 @@ def _print_particle_piles(
     """
     from repose.measure.settings import line_of
 
-    for row in rows:
+    for row, pile in zip(rows, piles, strict=True):
         angle = row["aor_deg"]
         angle_text = "no angle" if angle is None else f"{angle:.2f} deg"
         print(
@@ -341,6 +381,8 @@ def _print_particle_piles(
             f"{row['height_mm']:.2f} mm; {row['grains']} grains, up is {row['up']}, "
             f"the plate at {format_significant(row['base'])} {unit}"
         )
+        for remark in (*pile.doubts, *(f"note: {note}" for note in pile.notes)):
+            print(f"  {remark}")
 
 
 def _find_run_name(path: str) -> str:

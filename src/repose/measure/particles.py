@@ -16,10 +16,12 @@ from repose.common.errors import InputError, NoFlankError
 from repose.common.numbers import format_significant
 from repose.common.section import AUTO
 from repose.dem.rotations import rotation_matrices
+from repose.measure import particle_checks as checks
 from repose.measure import pile
 from repose.measure.clusters import largest_cluster
 from repose.measure.conventions import DIRECTIONS, UNITS
 from repose.measure.further_responses import measure_scatter, measure_silhouettes
+from repose.measure.outline_shape import PileSize
 from repose.measure.particle_files import NO_ROTATION, Particles
 from repose.measure.results import PileResult
 from repose.measure.settings import (
@@ -90,6 +92,11 @@ class ParticlePile:
     base : float
         Height of the base along it, in the unit of the file.
     n_grains, n_particles : int
+        Numbers of grains and of their bodies that do not lie below the plate.
+    doubts : tuple of str
+        Signs that the measured shape is no single pile.
+    notes : tuple of str
+        What a user should know about the particles that were measured.
     """
 
     result: PileResult
@@ -98,6 +105,8 @@ class ParticlePile:
     base: float
     n_grains: int
     n_particles: int
+    doubts: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def measure_particles(
@@ -137,50 +146,85 @@ def measure_particles(
     Raises
     ------
     InputError
-        If the unit or the height of the plate cannot be right, or if the direction of
-        gravity is not clear.
+        If the unit, the sizes or the height of the plate cannot be right, or if the
+        direction of gravity is not clear.
     NoFlankError
         If there is no pile.
     """
+    checks.require_unit(particles, unit, source)
     metres_per_unit = UNITS[unit]
     radius = particles.mean_radius
     _require_plausible_radius(radius, unit, source)
+    checks.require_distinct_places(particles, source)
 
     # Turn the pile upright, and shift its base to z = 0.
     if up is None:
         up = find_up(particles, source)
     up_vector = np.array(DIRECTIONS[up])
+    bottoms = _find_lowest_points(particles, up_vector)
+    is_base_given = base is not None
     if base is None:
-        bottoms = _find_lowest_points(particles, up_vector)
         base = _find_base(bottoms, LAYER_RADII * radius)
     rotation = _make_rotation_to_z(up_vector)
     centres = particles.centres @ rotation.T
     _require_base_below(base, highest=centres[:, 2].max(), source=source)
     centres[:, 2] -= base
+
+    # Contacts separate the pile from loose grains. They are known only between spheres.
+    # No grain of a pile lies below the plate.
+    is_above = centres[:, 2] > 0
+    in_pile = None
+    if particles.are_spheres:
+        in_pile = _mark_pile(particles, centres)
+        if not is_base_given:
+            share_below = float(1 - is_above[in_pile].mean())
+            checks.require_pile_above(share_below, base=base, source=source)
+        if not is_above.all():
+            in_pile = _mark_pile(particles, centres, is_above)
+    is_measured = is_above if in_pile is None else in_pile
+    checks.require_touched_plate(
+        base, lowest=float(bottoms[is_measured].min()), radius=radius, source=source
+    )
+
+    # Draw the pile. A layer is refused before its spheres are compared with its volume.
     grains = _make_grains(
         particles, centres * metres_per_unit, rotation, metres_per_unit
     )
-
-    # Contacts separate the pile from loose grains. They are known only between spheres.
-    in_pile = _mark_pile(particles, centres) if particles.are_spheres else None
-
     complete_settings = _complete_settings(settings, particles, metres_per_unit)
     height_m, views = pile.draw_views(grains, complete_settings, in_pile)
+    if in_pile is not None:
+        radii = particles.semi_axes[in_pile, 0]
+        checks.require_space_between(centres[in_pile], radii, unit=unit, source=source)
     profiles = [pile.find_profile(view) for view in views]
+
+    result = pile.measure_profiles(profiles, height_m, complete_settings)
     shape = _measure_shape(
         [profile for profile, _ in profiles],
         height_m,
         complete_settings,
-        _compute_pile_volume(particles, in_pile, metres_per_unit),
+        _compute_pile_volume(particles, is_measured, metres_per_unit),
     )
     scatter = {} if in_pile is None else _measure_scatter(grains, in_pile)
+    outlines = checks.MeasuredShape(
+        profiles,
+        _describe_size(particles, height_m, complete_settings, metres_per_unit),
+        angles_deg=result.aor["whole"],
+    )
+    notes = checks.list_notes(
+        particles,
+        is_measured,
+        radius_m=radius * metres_per_unit,
+        n_below=int((~is_above).sum()),
+    )
     return ParticlePile(
-        result=pile.measure_profiles(profiles, height_m, complete_settings),
+        result=result,
         other_responses=shape | scatter,
         up=up,
         base=base,
-        n_grains=len(np.unique(particles.grains)),
-        n_particles=len(particles.grains),
+        n_grains=len(np.unique(particles.grains[is_above])),
+        n_particles=int(is_above.sum()),
+        doubts=tuple(checks.list_doubts(outlines)),
+        notes=tuple(notes),
     )
 
 
@@ -218,12 +262,12 @@ def _require_base_below(base: float, *, highest: float, source: object) -> None:
     source : object
         The file, for messages.
     """
-    if base > highest:
+    if base >= highest:
         raise InputError(
             source,
             key="base",
             value=base,
-            allowed=f"a height of the plate below all grains, at most {format_significant(highest)}",
+            allowed=f"a height of the plate below all grains, less than {format_significant(highest)}",
         )
 
 
@@ -268,8 +312,8 @@ def find_up(particles: Particles, source: object = "particles") -> str:
         raise InputError(
             source,
             key="direction of gravity",
-            value=f"unclear: {counts[first]} grains lie on a plane across {first}, "
-            f"{counts[second]} across {second}",
+            value=f"unclear: {max(counts[first], 0)} more grains lie on a plane than "
+            f"below it across {first}, {max(counts[second], 0)} across {second}",
             allowed=f"--up, one of {', '.join(DIRECTIONS)}",
         )
     return first
@@ -384,7 +428,9 @@ def _make_grains(
     )
 
 
-def _mark_pile(particles: Particles, centres: np.ndarray) -> np.ndarray:
+def _mark_pile(
+    particles: Particles, centres: np.ndarray, allowed: np.ndarray | None = None
+) -> np.ndarray:
     """Mark the spheres of the largest set of touching grains, which is the pile.
 
     A grain is a sphere or a clump of several; clumps touch where two of their spheres
@@ -396,6 +442,8 @@ def _mark_pile(particles: Particles, centres: np.ndarray) -> np.ndarray:
         N spheres.
     centres : ndarray
         Their centres (N, 3), in the unit of the file.
+    allowed : ndarray, optional
+        Mask (N,) of the spheres that may belong to the pile. By default, all may.
 
     Returns
     -------
@@ -416,8 +464,9 @@ def _mark_pile(particles: Particles, centres: np.ndarray) -> np.ndarray:
     # A contact of two spheres is a contact of their grains.
     grains = particles.grains
     contacts = grains[pairs[is_touching]]
-    n_grains = int(grains.max()) + 1
-    is_in_pile = largest_cluster(contacts, np.ones(n_grains, bool))
+    is_grain_allowed = np.zeros(int(grains.max()) + 1, bool)
+    is_grain_allowed[grains if allowed is None else grains[allowed]] = True
+    is_in_pile = largest_cluster(contacts, is_grain_allowed)
     return is_in_pile[grains]
 
 
@@ -462,13 +511,42 @@ def _complete_settings(
     return settings.with_grain_height(height_mm)
 
 
+def _describe_size(
+    particles: Particles,
+    height_m: float,
+    settings: MeasureSettings,
+    metres_per_unit: float,
+) -> PileSize:
+    """Describe the size of a pile, for the limits of its outline.
+
+    Parameters
+    ----------
+    particles : Particles
+        The bodies. The longest axis of long ones counts as the height of a grain.
+    height_m : float
+        Height of the pile.
+    settings : MeasureSettings
+        Settings with the scale of the views and the height of a grain.
+    metres_per_unit : float
+        Metres in a unit of length of the file.
+    """
+    assert settings.berry_height_mm is not None
+    assert not isinstance(settings.mm_per_pixel, str)
+    longest_mm = 2e3 * float(particles.semi_axes.mean(axis=0).max()) * metres_per_unit
+    return PileSize(
+        height_mm=1e3 * height_m,
+        grain_mm=max(settings.berry_height_mm, longest_mm),
+        mm_per_pixel=settings.mm_per_pixel,
+    )
+
+
 def _compute_volumes(particles: Particles) -> np.ndarray:
     """Compute the volumes (N,) of the bodies; spheres of a clump may overlap."""
     return 4 / 3 * math.pi * particles.semi_axes.prod(axis=1)
 
 
 def _compute_pile_volume(
-    particles: Particles, in_pile: np.ndarray | None, metres_per_unit: float
+    particles: Particles, is_measured: np.ndarray, metres_per_unit: float
 ) -> float | None:
     """Compute the volume of the particles in the pile in m³.
 
@@ -476,8 +554,8 @@ def _compute_pile_volume(
     ----------
     particles : Particles
         N bodies.
-    in_pile : ndarray or None
-        Mask (N,) of the bodies in the pile. With None, all bodies count.
+    is_measured : ndarray
+        Mask (N,) of the bodies in the pile.
     metres_per_unit : float
         Metres in a unit of length of the file.
 
@@ -489,8 +567,7 @@ def _compute_pile_volume(
     n_grains = len(np.unique(particles.grains))
     if n_grains < len(particles.grains):
         return None
-    is_counted = np.ones(len(particles.grains), bool) if in_pile is None else in_pile
-    volumes_m3 = _compute_volumes(particles)[is_counted] * metres_per_unit**3
+    volumes_m3 = _compute_volumes(particles)[is_measured] * metres_per_unit**3
     return float(volumes_m3.sum())
 
 
@@ -517,7 +594,7 @@ def _measure_shape(
     -------
     dict
         The responses by name. There are none for a pile that is hardly higher than a
-        grain.
+        grain. Bodies that overlap as the spheres of clumps have no packing.
     """
     assert settings.berry_height_mm is not None
     try:
@@ -530,7 +607,8 @@ def _measure_shape(
         )
     except NoFlankError:
         return {}
-    if volume_m3 is None:
+    is_overfull = shape["packing_percent"] > 100 * checks.LARGEST_FILLED_SHARE
+    if volume_m3 is None or is_overfull:
         del shape["packing_percent"]
     return shape
 
