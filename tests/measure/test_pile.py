@@ -340,6 +340,10 @@ def test_unreadable_pictures_are_refused(tmp_path):
     for name, content in (("empty.png", b""), ("text.png", b"not a picture")):
         (tmp_path / name).write_bytes(content)
         input_error(name, read_image, tmp_path / name)
+    _, jpeg = cv2.imencode(".jpg", np.zeros((400, 400, 3), np.uint8))
+    cut = tmp_path / "cut.jpg"
+    cut.write_bytes(jpeg.tobytes()[: len(jpeg) // 2])
+    input_error("cut.jpg: picture is 'cut off or damaged'", read_image, cut)
 
 
 def test_a_picture_of_more_than_8_bits_is_read(tmp_path):

@@ -66,7 +66,7 @@ def read_image(path: str | PathLike) -> np.ndarray:
 
     # Check the header first, because decoding a huge picture could take all the memory.
     _refuse_heic(path)
-    _check_header(path)
+    has_header = _check_header(path)
     content = np.frombuffer(path.read_bytes(), dtype=np.uint8)
     image: np.ndarray | None
     try:
@@ -75,11 +75,10 @@ def read_image(path: str | PathLike) -> np.ndarray:
         # The file is empty, or has more pixels than OpenCV accepts.
         image = None
     if image is None:
-        problem = "not a picture" if content.size else "an empty file"
         raise InputError(
             path,
             key="picture",
-            value=problem,
+            value=_describe_problem(content.size, has_header),
             allowed=f"a picture file ({PICTURE_FORMATS}), whole",
         )
 
@@ -93,6 +92,16 @@ def read_image(path: str | PathLike) -> np.ndarray:
         value=f"of {image.dtype} numbers",
         allowed="a picture of 8 to 16 bits a colour: save it so",
     )
+
+
+def _describe_problem(n_bytes: int, has_header: bool) -> str:
+    """Describe why a file of this many bytes cannot be decoded as a picture.
+
+    `has_header` tells whether it begins as a picture.
+    """
+    if n_bytes == 0:
+        return "an empty file"
+    return "cut off or damaged" if has_header else "not a picture"
 
 
 def _keep_upper_bits(image: np.ndarray) -> np.ndarray:
@@ -118,11 +127,16 @@ def _refuse_heic(path: Path) -> None:
         )
 
 
-def _check_header(path: Path) -> None:
+def _check_header(path: Path) -> bool:
     """Check the size of a picture and its number of pages, before it is decoded.
 
     A file whose header Pillow cannot read is accepted here, because OpenCV decides later
     whether it is a picture.
+
+    Returns
+    -------
+    bool
+        Whether Pillow could read the header.
 
     Raises
     ------
@@ -139,7 +153,7 @@ def _check_header(path: Path) -> None:
             width, height = picture.size
             n_pages = _count_pages(picture)
     except (UnidentifiedImageError, OSError, SyntaxError, ValueError):
-        return
+        return False
     finally:
         Image.MAX_IMAGE_PIXELS = pillow_limit
     if n_pages != 1:
@@ -160,6 +174,7 @@ def _check_header(path: Path) -> None:
                 "million in all"
             ),
         )
+    return True
 
 
 def _count_pages(picture: "PillowImage") -> int:
