@@ -134,12 +134,14 @@ def require_space_between(
     places = np.einsum("nk,nki->ni", weights, centres[corners])
 
     # A place is filled if it lies within any sphere.
-    near = cKDTree(centres).query_ball_point(places, radii.max())
-    is_filled = [
-        bool((np.linalg.norm(centres[found] - place, axis=1) < radii[found]).any())
-        for place, found in zip(places, near, strict=True)
-    ]
-    filled_share = float(np.mean(is_filled))
+    tree = cKDTree(centres)
+    largest_radius = float(radii.max())
+    n_filled = 0
+    for place in places:
+        near = tree.query_ball_point(place, largest_radius)
+        distances = np.linalg.norm(centres[near] - place, axis=1)
+        n_filled += bool((distances < radii[near]).any())
+    filled_share = n_filled / len(places)
     if filled_share > LARGEST_FILLED_SHARE:
         raise InputError(
             source,
