@@ -360,12 +360,12 @@ def test_pictures_and_arrays_of_other_kinds_are_refused(tmp_path):
     cv2.imwrite(str(tmp_path / "deep.hdr"), np.ones((20, 30, 3), np.float32))
     input_error("of float32 numbers", read_image, tmp_path / "deep.hdr")
     input_error("no such file", read_image, tmp_path / "missing.png")
-    for bad in (
-        np.zeros((50, 50)),
-        np.zeros((50, 50, 4), np.uint8),
-        np.zeros((5, 50), np.uint8),
+    for bad, message in (
+        (np.zeros((50, 50)), "pixel type is 'float64'"),
+        (np.zeros((50, 50, 4), np.uint8), r"shape is \(50, 50, 4\)"),
+        (np.zeros((5, 50), np.uint8), r"shape is \(5, 50\)"),
     ):
-        input_error("", measure_image, bad, MM)
+        input_error(message, measure_image, bad, MM)
 
 
 @pytest.mark.parametrize(
