@@ -41,7 +41,7 @@ GARBAGE = {
     "words": b"these are only some words\nand more of them, with a comma\n",
 }
 # The card of an earlier version, which has no settings to compare, only values.
-CARD = ROOT / "crops/cards/rapeseed.json"
+CARD = ROOT / "tests/known/card_of_version_0_3.json"
 # What these read has its own tests: any file has a provenance, a report takes files by name, and the others need a study
 # with a program of the user's own.
 ELSEWHERE = ("run", "provenance", "report", "simulate", "measure_simulated")

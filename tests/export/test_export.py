@@ -612,7 +612,7 @@ def test_the_verb_writes_a_deck_of_clumps_or_spheres(
 
 def test_a_card_brings_the_configuration_beside_it(monkeypatch, tmp_path, command):
     # The card of an earlier version, which has no settings to compare, only values.
-    shown = json.loads((ROOT / "crops/cards/rapeseed.json").read_text())
+    shown = json.loads((ROOT / "tests/known/card_of_version_0_3.json").read_text())
     config = PipelineConfig.load(CONFIG).config
     (tmp_path / "config.json").write_text(json.dumps(config))
     wall = {key: config["wall"][key] for key in card_study.WALL_KEYS}
