@@ -525,9 +525,10 @@ def overlaps():
         f"in {name}, {count} of them do" for name, count in counts.items() if count
     ]
     return (
-        "A search ends with 90 solutions, which are parameter sets predicted to meet the targets. We compare their spans with those "
-        f"of the article's Table 3, one parameter at a time. In the run {listed(apart)}, none of the six spans overlaps the "
-        f"article's; {listed(common)}. The strategies of {listed(without)} keep no such list.\n"
+        "Our searches and the article's end with 90 solutions each, which are parameter sets predicted to meet the targets. Do they "
+        "find the same values? For each parameter, we compared the interval from the smallest to the largest value of our solutions "
+        f"with that of the article's Table 3. In the run {listed(apart)}, none of the six intervals overlaps the article's; "
+        f"{listed(common)}. The runs {listed(without)} use another kind of search and have no list of 90 solutions.\n"
     )
 
 
@@ -681,9 +682,9 @@ def published_verdict():
         f"{count} of its sets, each from a single pile. On average over these sets, our angle is smaller by "
         f"{with_error(flatter, error)}° if measured along the flank, and by {with_error(straight, straight_error)}° if measured "
         "along the straightest part of a side.\n\n"
-        "We cannot be entirely sure that our piles are flatter than the article's. The standard errors above come from the scatter "
-        f"of only {count} differences. If the article's single piles scatter by {pour:.1f}°, as ours do, the standard error of "
-        f"the mean difference is {pour / np.sqrt(count):.1f}°.\n\n"
+        "Our piles are probably flatter than the article's, but this is not certain. The standard errors above come from the scatter "
+        f"of only {count} differences, and may be too small. If the article's single piles scatter by {pour:.1f}°, as ours do, the "
+        f"mean difference has a standard error of {pour / np.sqrt(count):.1f}°, so it may be chance.\n\n"
         "A calibration by the flank removes the difference between our piles and the article's, because it changes the parameters "
         "until the angle fits.\n"
     )
@@ -976,9 +977,9 @@ def optimism():
     typical_error = others["aor_se_deg"].mean()
     mean_found = with_error(found_others.mean(), typical_error / np.sqrt(len(others)))
     return (
-        "For the answer of the run `goji_berry`, the program expected its predicted angle to be slightly too large, by "
-        f"{expected_answer}. The new piles that were simulated with this answer were flatter than predicted by {found_answer}°, "
-        "which agrees with the expectation.\n\n"
+        "The program estimates by how much a predicted angle is probably too large. For the answer of the run `goji_berry`, its "
+        f"estimate is {expected_answer}. New piles with this answer were indeed flatter than predicted, by {found_answer}°, so here "
+        "the estimate is right within the errors.\n\n"
         f"The check of the run `goji_berry` also simulated {len(others)} other solutions of the search. For these, the program "
         f"expected the predicted angles to be too large by {expected.mean():.1f}° on average, but the new piles were flatter by "
         f"{mean_found}°. The expected optimism therefore explains only part of the error. For single solutions, the difference "
