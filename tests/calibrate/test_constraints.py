@@ -63,9 +63,9 @@ def test_a_constraint_has_two_terms(text, smaller, larger):
 
 @pytest.mark.parametrize(("text", "words"), [
     ("mur < mus", "with <= or >="), ("mur <= mus <= 1", "with <= or >="), ("mur", "with <= or >="),
-    ("mur <= mux", "'mux' is no parameter"), ("mur <= 0.5", "'0.5' is no parameter"),
-    ("mur <= 0 * mus", "not 0"), ("mur <= mus + 1", "is no parameter"), (3, "with <= or >="),
-    ("mur <= __import__('os')", "is no parameter"), ("mur <= 1e999 * mus", "not 0"),
+    ("mur <= mux", "'mux' is not a parameter"), ("mur <= 0.5", "'0.5' is not a parameter"),
+    ("mur <= 0 * mus", "not 0"), ("mur <= mus + 1", "is not a parameter"), (3, "with <= or >="),
+    ("mur <= __import__('os')", "is not a parameter"), ("mur <= 1e999 * mus", "not 0"),
 ])  # fmt: skip
 def test_any_other_text_is_refused_with_the_form(text, words):
     with pytest.raises(ValueError, match="also with factors") as raised:
@@ -210,7 +210,7 @@ def test_the_posterior_is_that_of_the_allowed_area():
 
 
 @pytest.mark.parametrize(("constraints", "words"), [
-    (["mur <= mux"], ("constraints.0", "mur <= mux", "'mux' is no parameter; did you mean mu")),
+    (["mur <= mux"], ("constraints.0", "mur <= mux", "'mux' is not a parameter; did you mean mu")),
     ("mur <= mus", ("constraints", "expected a list:")),
     ([], ("constraints", "expected a list:")),
     (["mur >= 3 * mus"], ("constraints", "at least 5 % of the ranges, and of their priors; these allow 1.7 %")),
@@ -265,7 +265,7 @@ def test_the_pipeline_takes_constraints_and_records_them_only_where_given():
     assert (
         StudyView(study.config).parameters.constraints == study.parameters.constraints
     )
-    with pytest.raises(InputError, match=r"constraints.0 is .* 'mus' is no parameter"):
+    with pytest.raises(InputError, match=r"constraints.0 is .* 'mus' is not a parameter"):
         PipelineConfig.load(overrides={"constraints": ["mur_gg <= mus"]})
 
 

@@ -294,7 +294,7 @@ BAD_VALUES = (
     (
         "parameters.e_gg",
         {"range": [0.2, 0.4]},
-        "a pair [low, high]; a range stands beside a prior or a scale only",
+        "a pair [low, high]; the key range needs a prior or a scale beside it",
     ),
     ("targets.0.value", 240.0, "from 1 to 89"),
     ("measure.fit_to", 0.15, "at least 0.1 above measure.fit_from"),

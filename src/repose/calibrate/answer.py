@@ -13,7 +13,7 @@ from repose.calibrate.targets import Target
 from repose.common.numbers import format_significant, format_with_error
 from repose.common.statuses import describe_status
 
-# Advice for an answer whose prediction meets the targets while its simulation does not.
+# Advice for an answer whose prediction meets the targets but whose simulation does not.
 MORE_POURS_ADVICE = (
     "`repose run refined`, which pours where the fit may meet the targets; or more "
     "samples, or more seeds for each"
@@ -133,7 +133,10 @@ class Check:
         optimism: float | None = None,
         optimism_error: float | None = None,
     ) -> Self:
-        """Make the check of a target; the arguments are the attributes of the class."""
+        """Make the check of a target.
+
+        The other arguments become the attributes of the same names.
+        """
         return cls(
             response=target.name,
             apparatus=target.response.apparatus,
@@ -357,7 +360,7 @@ class Check:
 
     @property
     def _failure_clause(self) -> str:
-        """Clause that explains a missing number, or empty if the status is no reason."""
+        """Clause that explains a missing number; empty if the status does not."""
         if self.status in ("ok", NOT_SIMULATED_AGAIN):
             return ""
         return f", because {describe_status(self.status)}"
@@ -462,7 +465,7 @@ class Result:
     feasible : bool
         Whether the search found a set whose prediction meets the targets.
     message : str
-        Sentence of the search about its result.
+        Sentence in which the search describes its result.
     checks : tuple of Check
         One for each target.
     folder : Path
@@ -489,7 +492,7 @@ class Result:
     labels : mapping
         Meaning of each parameter, by name.
     near_bounds : tuple of str
-        A clause for each parameter that is within a standard error of the fit of a bound
+        A clause for each parameter that lies at most one standard error away from a bound
         of its range (`repose.calibrate.bounds`).
     """
 

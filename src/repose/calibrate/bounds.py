@@ -1,11 +1,10 @@
-"""Find the parameters of an answer that lie at a bound of their range, within an error.
+"""Find the parameters of an answer that lie within one standard error of a bound.
 
-A parameter is at a bound if it is at most one standard error away from the bound. Each
-response gives one estimate of this error: the standard error of the predicted response
-at the answer, divided by the slope of the response along the parameter. The smallest
-estimate is used. If it exceeds half the range, the parameter hardly changes any response,
-and its distance from a bound has no meaning. Distances and errors are measured along the
-scale of the parameter.
+Each response gives one estimate of the standard error of a parameter: the standard error
+of the predicted response at the answer, divided by the slope of the response along the
+parameter. The smallest estimate is used. If it exceeds a certain share of the range, the
+parameter hardly changes any response, and its distance from a bound has no meaning.
+Distances and errors are measured along the scale of the parameter.
 """
 
 import math
@@ -173,7 +172,7 @@ def _describe_parameter(
 def _compute_change(
     surrogate: Predictor, point: np.ndarray, column: int, two_values: np.ndarray
 ) -> np.ndarray:
-    """Compute by how much all responses (k,) change between two values of a parameter.
+    """Compute how much each response (k,) changes between two values of a parameter.
 
     Parameters
     ----------

@@ -357,7 +357,7 @@ def calibrate(
 def _summarise_answer(
     study: Study, answer: Answer, feasible: bool, message: str
 ) -> dict[str, Any]:
-    """Make the entries of summary.json on the answer.
+    """Make the entries of summary.json that describe the answer.
 
     Parameters
     ----------
@@ -385,7 +385,7 @@ def _summarise_answer(
 def _summarise_runs(
     study: Study, runs: pd.DataFrame, samples: pd.DataFrame, noise: Noise
 ) -> dict[str, Any]:
-    """Make the entries of summary.json on the runs and their noise."""
+    """Make the entries of summary.json that describe the runs and their noise."""
     settings = study.settings
     section = settings.sequential
     goal = Goal.from_targets(study.targets, section.tolerance_percent, study.parameters)
@@ -509,7 +509,7 @@ def _describe_steps(
 
 
 def _describe_model(model: Predictor, warning: str | None) -> str:
-    """Name the model of the responses, with a warning on it if there is one."""
+    """Name the model of the responses, followed by the warning if there is one."""
     name = model.name.replace("_", " ")
     if warning is not None:
         return f"Model: {name}. Warning: {warning}"

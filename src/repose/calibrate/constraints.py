@@ -132,7 +132,7 @@ def _parse_term(side: str, names: Sequence[str]) -> Term:
         factor = float(product["factor"])
     if name not in names:
         hint = did_you_mean(name, names) or f"; parameters: {', '.join(names)}"
-        raise ValueError(f"{EXPECTED_FORM}; {name!r} is no parameter{hint}")
+        raise ValueError(f"{EXPECTED_FORM}; {name!r} is not a parameter{hint}")
     if factor == 0 or not math.isfinite(factor):
         raise ValueError(f"{EXPECTED_FORM}, with factors that are not 0")
     return Term(factor=factor, name=name)

@@ -149,7 +149,7 @@ def _minimise(loss: Loss, space: ParameterSpace) -> np.ndarray:
     losses = np.array([minimum.fun for minimum in minima])
 
     # A local search may violate a constraint by its tolerance, so give such points an
-    # infinite loss. This may concern all of them. Add the starts, which are allowed.
+    # infinite loss. In case all points violate one, add the starts, which are allowed.
     if space.constraints:
         points = np.vstack([points, starts])
         losses = np.concatenate([losses, loss(starts)])
@@ -158,7 +158,7 @@ def _minimise(loss: Loss, space: ParameterSpace) -> np.ndarray:
 
 
 def _compute_excesses(space: ParameterSpace, point: np.ndarray) -> np.ndarray:
-    """Compute the excesses of a point (d,) over all constraints, plus a margin."""
+    """Compute by how much a point (d,) exceeds each constraint, plus a margin."""
     values = space.values(point[None])
     excesses = [
         constraint.compute_excess(values, space.names)[0]

@@ -1,11 +1,11 @@
-"""Estimate how much too favourable predictions are where a search chose the parameters.
+"""Estimate the bias of predictions at parameter sets that a search has chosen.
 
-This bias is called optimism.
+This bias is called optimism, because these predictions are usually too favourable.
 
-A fit of noisy pours is too high at some places and too low at others. The search chooses
+A fit to noisy pours is too high at some places and too low at others. The search chooses
 places where the fit meets the targets. If the targets are near the edge of what is
-possible, these are mostly places where the error of the fit helps. So the predictions
-there are too favourable on average. This is the winner's curse.
+possible, these are mostly places where the error of the fit helps, so the predictions
+there are too favourable on average. This is known as the winner's curse.
 
 The bootstrap (E79) shows by how much. For each replicate, the pours of each sample are
 drawn again, the surrogate is fitted again, and the search is repeated. The original fit
@@ -49,12 +49,13 @@ class Pours(NamedTuple):
     means : numpy.ndarray, (n, k)
         Mean responses of each sample.
     counts : list of numpy.ndarray, (n,)
-        For each bench test the number of pours of each sample.
+        For each bench test, the number of pours of each sample.
     deviations : list of list of numpy.ndarray
-        For each bench test and each sample the deviations (pours, responses of the bench
-        test) from which its pours are drawn, enlarged to the scatter of a single pour.
+        For each bench test and each sample, the deviations (pours, responses of the bench
+        test) from which its pours are drawn. They are scaled up to the scatter of a
+        single pour.
     columns : list of list of int
-        For each bench test the columns of its responses in `means`.
+        For each bench test, the columns of its responses in `means`.
     noise : mapping
         Arguments of `Surrogate.fit` about the noise.
     """

@@ -41,7 +41,7 @@ class _ParameterBounds:
     is_bounded : bool
         Whether the upper bound is smaller than the largest float.
     number, allowed : str
-        Description of an allowed number, and of an allowed entry.
+        Descriptions of an allowed number and of an allowed entry, for error messages.
     """
 
     def __init__(self, low: float, high: float) -> None:
@@ -116,7 +116,7 @@ class _ParameterBounds:
         if "range" in entry and not {"prior", "scale"} & set(entry):
             yield (
                 "",
-                "a pair [low, high]; a range stands beside a prior or a scale only",
+                "a pair [low, high]; the key range needs a prior or a scale beside it",
             )
             return
 
@@ -157,7 +157,7 @@ def _is_number(value: object) -> bool:
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-# One text with a sign between two sides; `Constraint.parse` reads the sides.
+# A constraint has two sides with a sign in between. `Constraint.parse` reads the sides.
 _ConstraintText = Annotated[
     str,
     Field(pattern=r"^[^<>=]+[<>]=[^<>=]+$"),
@@ -260,11 +260,13 @@ def find_constraint_faults(
 ) -> Contradictions:
     """Find the faults of the key `constraints`.
 
-    Each constraint is checked first. If all are valid, they are checked together.
+    Each constraint is first checked on its own. If all are valid, they are checked
+    together.
 
     Parameters
     ----------
     constraints : sequence of str
+        The constraints as the user wrote them.
     parameters : mapping
         The section `parameters`, without faults.
     limits : mapping, optional
@@ -273,8 +275,8 @@ def find_constraint_faults(
     Yields
     ------
     pair of str
-        Number of the constraint from 0, and what is allowed. A fault of all constraints
-        together has an empty text as number.
+        Number of the constraint, counted from 0, and what is allowed. The number is an
+        empty string if the constraints together are at fault.
     """
     faults = []
     for k, text in enumerate(constraints):

@@ -11,7 +11,7 @@ from scipy.special import ndtr, ndtri
 N_POINTS = 128
 # Lower limit of a probability, so that its logarithm is finite.
 MIN_PROBABILITY = 1e-300
-# Shares of a normal distribution are cut to this distance from 0 and 1, where the
+# Probabilities of a normal distribution are kept this far away from 0 and 1, where its
 # quantiles are infinite.
 SMALLEST_SHARE = 1e-16
 
@@ -22,9 +22,9 @@ def compute_box_probability(
     """Compute the probability that normal vectors lie in a box.
 
     With the Cholesky root L of the covariance, a vector is mean + L z, where z are
-    independent standard normal numbers. So the probability can be integrated one response
-    at a time (G92). The integral is estimated as a mean over a Sobol sequence. It is
-    exact for one response. For two responses its error is below 0.001.
+    independent standard normal numbers. This allows integrating over one response at a
+    time (G92). The integral is estimated as a mean over a Sobol sequence. It is exact for
+    one response. For two responses its error is below 0.001.
 
     Parameters
     ----------

@@ -108,7 +108,7 @@ ProfileType = TypeVar("ProfileType", bound=MeasuredProfile)
 
 
 class _ProfileTargets(Section, Generic[ProfileType]):
-    """A section of targets that are profiles; pydantic checks entries with it."""
+    """A section of targets that are profiles, with which pydantic checks the entries."""
 
     targets: dict[str, ProfileType]
 
@@ -202,7 +202,7 @@ def _make_own_targets(
     name : str
         Name of the profile in the section `targets`.
     entry : mapping
-        Its entry, which was not checked yet.
+        Its entry, which has not been checked yet.
     source : object
         File of the configuration, for an error.
 
@@ -289,8 +289,8 @@ def _make_bench_targets(
     InputError
         If no bench test has this profile, or if the entry names another bench test.
     """
-    # The scores are registered responses, but the profile is not. So look up the first
-    # score, to find the bench test.
+    # The scores are registered responses, but the profile is not. So find the bench test
+    # through the first score.
     first_response = find_response(name_derived_column(measured.response, "1"))
     if first_response is None or first_response.profile != measured.response:
         raise InputError(

@@ -29,13 +29,13 @@ class Response:
     Attributes
     ----------
     name : str
-        Column of every table; its last part is the unit, as in ``aor_deg``.
+        Name of its column in every table. It ends with the unit, as in ``aor_deg``.
     unit : str
-        As a reader writes it: ``deg``, ``mm``, ``%``, ``s``, or empty.
+        Unit as it is written for readers: ``deg``, ``mm``, ``%``, ``s``, or empty.
     label : str
-        In words, as in ``angle of repose``.
+        Name in words, as in ``angle of repose``.
     symbol : str
-        Short, for axes and column heads, as in ``AoR``.
+        Short name for axes and column heads, as in ``AoR``.
     apparatus : str
         Name of the bench test that gives it.
     low, high : float
@@ -138,11 +138,11 @@ def name_derived_column(name: str, what: str) -> str:
     return f"{quantity}_{what}_{unit}" if underscore else f"{name}_{what}"
 
 
-# A function of a name that returns the response with this name, or None. A bench test has
-# one if it gives any number of responses, such as the scores of a profile.
+# A function that takes a name, and returns the response with this name or None. A bench
+# test registers one if it gives any number of responses, such as the scores of a profile.
 Family = Callable[[str], Response | None]
 _REGISTRY: dict[str, Response] = {}
-# A dict keeps the order, and holds a family only once if it is registered again.
+# A dict keeps the order, and holds a family only once even if it is registered again.
 _FAMILIES: dict[Family, None] = {}
 
 

@@ -3,8 +3,8 @@
 import zlib
 
 # Number of the stream of random numbers for each purpose. Different streams ensure that a
-# check never repeats the runs that it checks. The missing numbers belong to
-# `research.streams`, which passes them itself.
+# check never repeats the runs that it checks. The numbers missing here belong to
+# `research.streams`, which passes them directly.
 PURPOSE_STREAMS = {
     "design": 0,
     "validation": 1,

@@ -75,7 +75,7 @@ MAX_SIZE = 1e12
 # Smallest noise of a response, as a share of its value. Rounding errors would hide a
 # smaller one.
 MIN_NOISE_SHARE = 1e-9
-# Keys outside the sections that some strategies do not read.
+# Keys outside of sections that some strategies do not read.
 OPTIONAL_KEYS = ("seeds", "surrogate")
 
 Line = Annotated[str, Field(pattern=r"^[^\n]*\S[^\n]*$"), Allowed("text of one line")]
@@ -195,7 +195,7 @@ class StudyFile(Section):
     @field_validator("parameters")
     @classmethod
     def _check_parameters(cls, parameters: dict[str, Any]) -> dict[str, Any]:
-        """Refuse bad names, ranges beyond their priors, and parameters all fixed."""
+        """Refuse bad names, ranges far from their priors, and only fixed parameters."""
         refuse([*_find_bad_columns(parameters), *find_far_priors(parameters)])
         if not count_free(parameters):
             refuse([("", "at least one range or prior")])
@@ -480,7 +480,7 @@ def _refuse_unusable_names(config: Mapping[str, Any], source: str | Origin) -> N
     Parameters
     ----------
     config : mapping
-        The configuration, which was not checked yet.
+        The configuration, which has not been checked yet.
     source : str or Origin
         File of the configuration, for the errors.
 
@@ -496,7 +496,7 @@ def _refuse_unusable_names(config: Mapping[str, Any], source: str | Origin) -> N
             continue
         file = find_file_to_edit(source, section)
         for name in entries:
-            # Without quotes, YAML reads a number or date as such, and not as text.
+            # Without quotes, YAML reads a number or a date as such, and not as text.
             if not isinstance(name, str):
                 allowed = "text as each name; put it in quotes"
             elif name.startswith("#"):

@@ -27,7 +27,7 @@ def complete_target(entry: Any) -> Any:
     Parameters
     ----------
     entry : any
-        The entry as the user wrote it. It was not checked yet, so it may be of any
+        The entry as the user wrote it. It has not been checked yet, so it may be of any
         type.
 
     Returns
@@ -69,11 +69,11 @@ class Target:
         Mean and standard deviation of the physical repetitions.
     repetitions : int
     low, high : float
-        Range in which the prediction of a feasible solution lies.
+        Ends of the range in which the prediction of a feasible solution must lie.
     aim : float
         Goal of the search: `value`, or the centre of the range (Eq. 11-12 of the paper).
     weight : float
-        In the objective of the search.
+        Weight of the target in the objective of the search.
     profile : Profile or None
         The profile of which the response is a score.
     """
@@ -126,7 +126,7 @@ class Target:
 class _Numbers:
     """Descriptor that collects an attribute of all k targets in an array (k,).
 
-    The attribute of the targets has the name of the class attribute.
+    The attribute of each target has the same name as the class attribute.
     """
 
     def __set_name__(self, owner: type, name: str) -> None:
@@ -202,7 +202,7 @@ class Targets(tuple[Target, ...]):
         return benches[:, None] == benches
 
     def correlated(self, correlation: float) -> np.ndarray:
-        """Make a correlation matrix (k, k).
+        """Make the correlation matrix (k, k) of the responses.
 
         Two responses of the same bench test have the given correlation. Responses of
         different bench tests are independent.
@@ -232,7 +232,7 @@ class Targets(tuple[Target, ...]):
         -------
         str
             Text such as ``32.5 deg and 66.1 mm``. If two responses have the same unit,
-            the symbol of each response stands before its number.
+            each number is preceded by the symbol of its response.
         """
         units = [target.response.unit for target in self]
         needs_symbols = len(set(units)) < len(units)
@@ -260,7 +260,7 @@ def make_own_response(name: str, unit: str = "") -> Response:
 
 
 def _read_target(entry: Mapping[str, Any]) -> Target:
-    """Make a target of its entry in the configuration."""
+    """Make a target from its entry in the configuration."""
     low, high = entry["range"]
     if entry.get("apparatus") == OWN_BENCH:
         of_target = make_own_response(entry["response"], entry["unit"])

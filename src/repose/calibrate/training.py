@@ -30,10 +30,10 @@ SPLITS = ("train", "validation", "test")
 # The split of 12 samples has 8 for training, 1 for validation and 3 for the test. With
 # fewer test samples, R2 has no meaning.
 MIN_SAMPLES = 12
-# Added to a product before it is rounded down, because rounding errors may make it too
-# small: 0.7 * 90 is 62.99999999999999.
+# Added to a product before it is rounded down, because rounding errors may make the product
+# too small: 0.7 * 90 is 62.99999999999999.
 ROUNDING_ERROR = 1e-9
-# Relative difference up to which two predictions count as the same.
+# Two predictions count as the same if they differ by no more than this relative difference.
 PREDICTION_TOLERANCE = 1e-6
 
 
@@ -46,10 +46,10 @@ class Training(NamedTuple):
         Fitted to all usable samples, or to the training part: `Surrogate.of_all_samples`
         says which.
     metrics : dict
-        Numbers of samples, R2 and RMSE by response and part, the report of the
+        Numbers of samples, R2 and RMSE by part and response, and the report of the
         surrogate.
     predictions : pandas.DataFrame
-        Predictions by the fit to the training part, and by the fit to all samples if
+        Predictions of the fit to the training part, and of the fit to all samples if
         there is one.
     starts : pandas.DataFrame
         A row for each start of the training; empty for a surrogate without starts.
@@ -62,17 +62,17 @@ class Training(NamedTuple):
 
 
 class Replicates(NamedTuple):
-    """Noise of the responses, from the repeated runs of each sample.
+    """Noise of the responses, estimated from the repeated runs of each sample.
 
     The fields are arguments of `repose.calibrate.surrogates.base.Surrogate.fit`.
     Responses of different bench tests are independent. With several bench tests,
-    `precision` counts in runs of the first one, and each block of the covariance is
-    scaled by the runs that a sample has in its bench test.
+    `precision` is expressed in runs of the first one, and each block of the covariance is
+    scaled accordingly.
 
     Attributes
     ----------
     precision : numpy.ndarray, (samples,)
-        Runs of each sample, its weight.
+        Number of runs of each sample, which is its weight.
     noise_covariance : numpy.ndarray, (k, k)
         Covariance of a single run about the mean of its sample.
     noise_freedom : float
@@ -119,9 +119,9 @@ class Replicates(NamedTuple):
             if has_too_few_runs or not np.linalg.eigvalsh(bench_covariance)[0] > 0:
                 return None
 
-            # Weight each sample by its number of runs. The bench tests may have
-            # different numbers of runs. So express all weights in runs of the first
-            # bench test, and scale the covariance accordingly.
+            # Weight each sample by its number of runs. As the bench tests may have
+            # different numbers of runs, express all weights in runs of the first bench
+            # test, and scale the covariance accordingly.
             runs_of_sample = runs_of_bench["sample"].value_counts()
             weight = runs_of_sample.reindex(samples, fill_value=0).to_numpy(float)
             first_weight = weights[0] if weights else weight
@@ -148,9 +148,10 @@ def train_surrogate(
 ) -> Training:
     """Train a surrogate on the usable samples of a study.
 
-    With ``settings.replicates`` the runs of each sample give the noise (`Replicates`).
-    With ``settings.validation_noise`` the errors of a first fit at the validation
-    samples give the correlation of the noises (`estimate_error_covariance`) for a second fit.
+    With ``settings.replicates``, the noise is estimated from the runs of each sample
+    (`Replicates`). With ``settings.validation_noise``, the errors of a first fit at the
+    validation samples show the correlation of the noises (`estimate_error_covariance`),
+    which a second fit uses.
 
     Parameters
     ----------
@@ -164,7 +165,7 @@ def train_surrogate(
     names : sequence of str
         Columns of the parameters, the inputs of the surrogate.
     definitions : mapping, optional
-        How each response is defined; kept with the surrogate.
+        Definition of each response, which is stored with the surrogate.
     source : object, optional
         File of the dataset, for an error.
     surrogate : str, optional
@@ -222,7 +223,7 @@ def train_surrogate(
         )
         return _Fit(model.fit(X[part], Y[part], **noise), noise)
 
-    # Learn the training part; its errors at the validation part may show the noise.
+    # Fit the training part. The errors at the validation part may show the noise.
     model, noise = fit(rows["train"])
     covariance = None
     if settings.validation_noise:
@@ -232,7 +233,7 @@ def train_surrogate(
         model, noise = fit(rows["train"], covariance)
     predicted = model.predict(X)
 
-    # Tell how accurate the predictions are.
+    # Measure how accurate the predictions are.
     metrics: dict[str, Any] = {"n_samples": len(X), "left_out": len(dataset) - len(X)}
     metrics |= _compute_accuracy(Y, predicted, targets.names, rows)
     metrics["r2_three_ways"] = _compute_r2_three_ways(
@@ -240,7 +241,7 @@ def train_surrogate(
     )
     predictions = _tabulate_predictions(usable["sample"], Y, predicted, rows, targets)
 
-    # Once the accuracy is known, some kinds of surrogates learn all samples.
+    # Now that the accuracy is known, fit some kinds of surrogates to all samples.
     if model.of_all_samples:
         model, noise = fit(np.arange(len(X)), covariance)
         predictions[_name_final_columns(targets.names)] = model.predict(X)
@@ -284,7 +285,8 @@ def _tabulate_predictions(
     Returns
     -------
     pandas.DataFrame
-        `sample`, `split` (the part it belongs to), and both values of each response.
+        `sample`, `split` (the part to which the sample belongs), and the simulated and
+        predicted values of each response.
     """
     table = pd.DataFrame({"sample": samples, "split": ""})
     for part in SPLITS:
@@ -331,7 +333,7 @@ def describe_training(metrics: Mapping[str, Any]) -> str:
         )
     if metrics.get("at_cap"):
         lines.append(
-            "at the cap of their regularisation, so held at zero: "
+            "weights held at zero, because their regularisation is at its cap: "
             f"{', '.join(metrics['at_cap'])}"
         )
     return "\n".join(lines)
@@ -426,7 +428,8 @@ def refuse_other_targets(
     Raises
     ------
     InputError
-        If the surrogate has other responses, in another order, or defined otherwise.
+        If the surrogate has other responses, or has them in another order or with other
+        definitions.
     """
     if model.outputs != targets.names:
         raise InputError(
@@ -533,10 +536,15 @@ def compute_corrected_r2(
 ) -> float | None:
     """Compute R2 against the unknown true means of the responses.
 
-    With y = mean + noise of variance se^2, independent of predictions made from other
-    samples, E[SSE] = sum (mean - predicted)^2 + sum se^2 and E[SST] = sum (mean - its
-    average)^2 + (1 - 1/m) sum se^2. Without the noise in both sums R2 is
-    1 - (SSE - sum se^2) / (SST - (1 - 1/m) sum se^2).
+    Let y = mean + noise, where the noise has the variance se^2 and is independent of the
+    predictions, which come from other samples. Then the sums of squares have the
+    expectations
+
+        E[SSE] = sum (mean - predicted)^2 + sum se^2
+        E[SST] = sum (mean - its average)^2 + (1 - 1/m) sum se^2
+
+    Removing the noise from both gives R2 = 1 - (SSE - sum se^2) / (SST - (1 - 1/m) sum
+    se^2).
 
     Parameters
     ----------

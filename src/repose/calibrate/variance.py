@@ -20,7 +20,7 @@ from numpy.typing import ArrayLike
 CONFIDENCE = 0.95
 # Probability on each side of an interval.
 TAIL_PROBABILITY = (1 - CONFIDENCE) / 2
-# Fewest degrees of freedom for the interval of a correlation.
+# Smallest number of degrees of freedom for the interval of a correlation.
 MIN_FREEDOM = 4
 # A correlation is moved this far away from 1, where Fisher's transformation is infinite.
 MIN_DISTANCE_FROM_ONE = 1e-12
@@ -31,7 +31,8 @@ ROUNDING_ERROR = 1e-12
 class Components(NamedTuple):
     """Variance components of one response.
 
-    The variances are in its unit squared, the intervals are at `CONFIDENCE`.
+    The variances are in the squared unit of the response. The intervals have the
+    probability `CONFIDENCE`.
 
     Attributes
     ----------
@@ -46,7 +47,7 @@ class Components(NamedTuple):
     icc, icc_low, icc_high : float
         Intraclass correlation tau^2 / (tau^2 + sigma^2), with its interval.
     harmonic_seeds : float
-        Harmonic mean of the runs of a sample.
+        Harmonic mean of the numbers of runs per sample.
     """
 
     groups: int
@@ -62,7 +63,9 @@ class Components(NamedTuple):
     harmonic_seeds: float
 
     def reachable_r2(self, seeds: ArrayLike) -> np.ndarray:
-        """Compute the R2 of a perfect predictor of the true means, on means over seeds.
+        """Compute the R2 of a perfect predictor for means over several seeds.
+
+        The predictor knows the true means.
 
         It is tau^2 / (tau^2 + sigma^2 / seeds), or 0 if both variances are 0.
         """
@@ -74,14 +77,14 @@ class Components(NamedTuple):
         return np.sqrt(self.within / np.asarray(seeds))
 
     def seeds_for(self, standard_error: float) -> int:
-        """Find the smallest number of seeds that gives a standard error of a mean.
+        """Find the smallest number of seeds for a given standard error of a mean.
 
         The error is in the unit of the response. A ValueError is raised if it is not
         above 0.
         """
         if not standard_error > 0:
             raise ValueError(f"standard_error is {standard_error!r}; expected above 0")
-        # A quotient that rounding has raised above a whole number is not rounded up.
+        # Do not round up a quotient that only rounding errors raise above a whole number.
         return max(1, math.ceil(self.within / standard_error**2 * (1 - ROUNDING_ERROR)))
 
 
@@ -256,7 +259,7 @@ def estimate_within_covariance(
 
 
 class Correlation(NamedTuple):
-    """Correlation of two responses, with its interval at `CONFIDENCE`."""
+    """Correlation of two responses, with its interval of probability `CONFIDENCE`."""
 
     value: float
     low: float

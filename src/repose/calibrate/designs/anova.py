@@ -12,7 +12,7 @@ import pandas as pd
 
 from repose.calibrate.designs.model import Model
 
-SIGNIFICANCE_LEVEL = 0.05  # of the lines of the Pareto chart
+SIGNIFICANCE_LEVEL = 0.05  # for the lines in the Pareto chart
 POINT_DECIMALS = 9  # decimals to which the coordinates of repeated runs agree
 ANOVA_COLUMNS = ("source", "sum_of_squares", "df", "mean_square", "f", "p")
 

@@ -1,7 +1,8 @@
 """Box-Behnken designs: three levels, no run at a corner, a full quadratic model.
 
-The code is our own because libraries use all pairs of factors for any number of
-factors: 60 and 84 runs for six and seven factors, where Box and Behnken have 48 and 56.
+The designs are written out here because libraries use all pairs of factors for any
+number of factors. For six and seven factors this takes 60 and 84 runs, whereas the
+designs of Box and Behnken have 48 and 56.
 """
 
 from collections.abc import Sequence
@@ -10,9 +11,8 @@ import numpy as np
 
 from repose.calibrate.designs.coding import make_full_factorial
 
-# For each number of factors its orthogonal blocks. An entry of a block lists the
-# factors that vary together while the others are at their centre (Box and Behnken 1960,
-# Table 4).
+# The orthogonal blocks of each number of factors. An entry of a block lists the factors
+# that vary together while the others are at their centre (Box and Behnken 1960, Table 4).
 BLOCKS: dict[int, Sequence[Sequence[tuple[int, ...]]]] = {
     3: [[(1, 2), (1, 3), (2, 3)]],
     4: [[(1, 2), (3, 4)], [(1, 4), (2, 3)], [(1, 3), (2, 4)]],

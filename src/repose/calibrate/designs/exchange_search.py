@@ -9,15 +9,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-# All numbers below are those of the source.
-FIRST_THRESHOLD = 0.005  # of the phi_p of the first design
-MAX_CANDIDATES = 50  # random exchanges of which the best is tried
-MAX_TRIALS = 100  # trials of a round
-# Acceptance is low or high if the accepted share of the trials is below or above these.
+# The source gives all of these numbers.
+FIRST_THRESHOLD = 0.005  # as a share of the phi_p of the first design
+MAX_CANDIDATES = 50  # number of random exchanges of which the best is tried
+MAX_TRIALS = 100  # largest number of trials in a round
+# The acceptance is low below the first and high above the second of these accepted shares.
 LOW_ACCEPTANCE = 0.1
 HIGH_ACCEPTANCE = 0.8
 # Factors by which the threshold changes after a round: while the best design improves,
-# while the acceptance shall rise, and while it shall fall.
+# while the acceptance is to rise, and while it is to fall.
 IMPROVEMENT_FACTOR = 0.8
 RISE_FACTOR = 0.7
 FALL_FACTOR = 0.9
@@ -144,7 +144,7 @@ class _Threshold:
 
         While the best design improves, the threshold is kept so low that few exchanges
         are accepted. When the best design no longer improves, the threshold rises until
-        most exchanges are accepted, and then falls until few are. This repeats.
+        most exchanges are accepted, and then falls until few are. This cycle repeats.
 
         Parameters
         ----------
@@ -180,7 +180,7 @@ class _Threshold:
 
 
 class _Exchange(NamedTuple):
-    """An exchange that is tried: two rows swap their values in a column."""
+    """An exchange to try: two rows swap their values in a column."""
 
     column: int
     rows: tuple[int, int]

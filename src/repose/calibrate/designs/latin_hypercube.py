@@ -83,8 +83,8 @@ def optimal_lhs(n: int, d: int, seed: int | list[int]) -> np.ndarray:
 
     Enhanced stochastic evolution on phi_p improves the `lhsdesign` of the same seed, for
     rising powers (Jin, Chen and Sudjianto 2005, J. Stat. Plan. Inference 134:268). This
-    takes up to a minute, and a study needs its design at each of its turns. So the last
-    designs are cached.
+    takes up to a minute, and a study needs its design for every proposal, so the most
+    recent designs are cached.
 
     Parameters
     ----------
@@ -95,8 +95,8 @@ def optimal_lhs(n: int, d: int, seed: int | list[int]) -> np.ndarray:
     Returns
     -------
     array (n, d)
-        In the unit cube. Of all designs on the way, it has the largest minimum
-        distance.
+        The points in the unit cube. Of all designs on the way, this one has the largest
+        minimum distance.
     """
     entropy = tuple(seed) if isinstance(seed, list) else seed
     return _optimal_lhs(n, d, entropy).copy()
@@ -110,7 +110,7 @@ def _optimal_lhs(n: int, d: int, seed: int | tuple[int, ...]) -> np.ndarray:
     # With two points or one column, no exchange changes the distances.
     if n < 3 or d < 2:
         return best
-    # For each power, continue with the design of smallest phi_p of the power before.
+    # For each power, continue with the design of smallest phi_p of the previous power.
     current = best.copy()
     for doublings in PHI_DOUBLINGS:
         current, widest = evolve_design(current, doublings, ROUNDS_PER_POWER, rng)

@@ -1,10 +1,10 @@
 """Replace the forbidden runs of a design by D-optimal ones.
 
-Constraints may forbid some runs of a textbook design. Its allowed runs stay. Each other
-run is replaced by a new one. The new runs are those for which the determinant of X'X is
-largest, where X is the matrix of the model. So the coefficients of the model can be
-estimated, and their joint uncertainty is smallest. The search is the coordinate exchange
-of Meyer and Nachtsheim (Technometrics 37 (1995) 60-69).
+Constraints may forbid some runs of a textbook design. The allowed runs stay, and each
+forbidden run is replaced by a new one. The new runs maximise the determinant of X'X, where
+X is the matrix of the model. The coefficients of the model can then be estimated, and
+their joint uncertainty is as small as possible. The search is the coordinate exchange of
+Meyer and Nachtsheim (Technometrics 37 (1995) 60-69).
 """
 
 from collections.abc import Sequence
@@ -21,7 +21,8 @@ LEVELS = np.linspace(-1.0, 1.0, 21)
 N_STARTS = 10
 # Largest number of rounds, each of which tries exchanges in all new runs.
 MAX_ROUNDS = 100
-# An exchange must raise the log determinant by more than this, which is rounding.
+# An exchange must raise the log determinant by more than this. A smaller rise may be a
+# rounding error.
 MIN_GAIN = 1e-9
 # Added to the diagonal of X'X, which is singular as long as there are too few runs.
 RIDGE = 1e-8
@@ -125,9 +126,9 @@ def _exchange_coordinates(
     region: Region,
     terms: Sequence[Term],
 ) -> np.ndarray:
-    """Exchange coordinates of new runs until no exchange raises the determinant.
+    """Change coordinates of the new runs until no change raises the determinant.
 
-    An exchange moves one factor of a run to another one of the `LEVELS`.
+    An exchange moves one factor of a run to another of the `LEVELS`.
 
     Parameters
     ----------

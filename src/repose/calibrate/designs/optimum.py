@@ -10,11 +10,11 @@ from repose.calibrate.designs.coding import make_full_factorial
 from repose.calibrate.designs.model import Model
 from repose.calibrate.designs.region import SLSQP_OPTIONS, Region
 
-# Deviations from the targets, in their scales.
-MET_DEVIATION = 1e-6  # below this a target counts as met
-# Below this the search looks for points that meet all targets.
+# A target counts as met if its scaled deviation is below the first of these numbers. The
+# search looks for points that meet all targets if all deviations are below the second.
+MET_DEVIATION = 1e-6
 NEARLY_MET_DEVIATION = 1e-3
-# A minimum starts such a search if its sum of squared deviations is below this.
+# Such a search starts from a minimum whose sum of squared deviations is below this.
 GOOD_START_SQUARE = 1e-6
 # Tolerance of SciPy for a sum of squared deviations. It is below the square of
 # `MET_DEVIATION`, so that a search does not end before the targets are met.
@@ -63,7 +63,7 @@ def compute_desirability(
 
 
 class _Deviations:
-    """Deviations of the models' predictions from the aims, as functions of a point (k,).
+    """Functions of a point (k,): how far the predictions there deviate from the aims.
 
     `scale` (responses,) is the unit of the scaled deviations.
     """

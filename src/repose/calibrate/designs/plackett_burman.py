@@ -1,7 +1,7 @@
 """Screening designs of Plackett and Burman: many main effects in few runs.
 
-The designs follow from their printed generators, one line each, and tests compare them
-with the printed tables.
+Each design follows from its printed generator, which is a single line. Tests compare the
+designs with the printed tables.
 """
 
 import numpy as np
@@ -19,17 +19,17 @@ GENERATORS = {
 def plackett_burman(factors: int, runs: int) -> np.ndarray:
     """Make a Plackett-Burman design.
 
-    The rows are the generator shifted by one place after another, and a last row of low
-    levels. Plackett and Burman, The design of optimum multifactorial experiments,
-    Biometrika 33 (1946) 305-325.
+    Each row is the previous one shifted by one place, beginning with the generator. The
+    last row has all factors at their low levels. The source is Plackett and Burman, The
+    design of optimum multifactorial experiments, Biometrika 33 (1946) 305-325.
 
     Parameters
     ----------
     factors : int
-        Fewer than the runs. The remaining columns are the dummy factors from which the
-        analysis estimates the error.
+        Number of factors, smaller than the number of runs. The remaining columns are the
+        dummy factors from which the analysis estimates the error.
     runs : int
-        One of `GENERATORS`.
+        Number of runs, one of the keys of `GENERATORS`.
 
     Returns
     -------

@@ -5,13 +5,14 @@ from functools import cached_property
 
 import numpy as np
 
-# Points of the cube that show which part of it is allowed.
+# Number of points that show which part of the cube is allowed, and the seed of their
+# sequence.
 N_POINTS = 2**13
-SEED = 1  # of their sequence
+SEED = 1
 # A search must stay this far inside a constraint, as a share of the largest excess, so
 # that its rounding cannot violate the constraint.
 CONSTRAINT_MARGIN = 1e-9
-# Halvings of the way from a forbidden point to an allowed one.
+# Number of times that the way from a forbidden point to an allowed one is halved.
 N_HALVINGS = 60
 # Options of SciPy for a search for the point nearest to another one. The tolerance is a
 # squared distance, of points that agree to six decimals.
@@ -75,18 +76,18 @@ class Region:
         return self.points[np.argmin(((self.points - centroid) ** 2).sum(axis=1))]
 
     def compute_slack(self, point: np.ndarray) -> np.ndarray:
-        """Compute how far a point (factors,) is inside each constraint, (constraints,).
+        """Compute how far a point (factors,) is inside each constraint.
 
-        A number is negative if the point violates the constraint, as scipy.optimize
-        requires.
+        The result (constraints,) is negative where the point violates a constraint, as
+        scipy.optimize requires.
         """
         return -self.excesses(point[None])[0] - CONSTRAINT_MARGIN
 
     def pull_inside(self, point: np.ndarray) -> np.ndarray:
-        """Move a forbidden point (factors,) straight towards the centre to the edge.
+        """Move a forbidden point (factors,) straight towards the centre, up to the edge.
 
-        An allowed point is returned unchanged. The edge is found by bisection, and the
-        result is always allowed.
+        An allowed point is returned unchanged. The edge of the allowed region is found by
+        bisection, and the result is always allowed.
         """
         if self.is_allowed(point[None])[0]:
             return point

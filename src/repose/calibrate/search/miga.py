@@ -1,8 +1,9 @@
 """Multi-island genetic algorithm (MIGA), section 3.3 of the paper.
 
-Five islands of 40 individuals in normalised parameters [-1, 1]: tournaments of three,
-arithmetic crossover, and mutation with probability 0.05 and amplitude 0.1. Each island
-keeps its best, and sends it round the ring of islands every 10 generations, 870 times.
+The published search has five islands of 40 individuals each, in normalised parameters
+[-1, 1]. It uses tournaments of three, arithmetic crossover, and mutation with probability
+0.05 and amplitude 0.1. Each island keeps its best individual, and every 10 generations
+sends a copy of it to the next island in a ring. This happens 870 times.
 `islands_ga` minimises any function of whole populations inside bounds::
 
     from repose.calibrate.search.miga import islands_ga
@@ -37,7 +38,7 @@ from repose.calibrate.search.settings import MigaSettings
 
 
 class MIGA:
-    """The multi-island genetic algorithm by ask and tell, once each per generation.
+    """The multi-island genetic algorithm, with one `ask` and one `tell` per generation.
 
     Each gene lies in [-1, 1].
 
@@ -94,12 +95,13 @@ class MIGA:
     def ask(self) -> np.ndarray:
         """Return the current population (islands * population, dimensions).
 
-        Island follows island. The caller must not change the array.
+        The individuals are in the order of their islands. The caller must not change the
+        array.
         """
         return self._points
 
     def tell(self, fitness: np.ndarray) -> None:
-        """Breed the next generation from the fitness of the present one.
+        """Breed the next generation from the fitness of the current one.
 
         Afterwards `ask` returns the next generation. All attributes are updated.
 
@@ -138,11 +140,11 @@ class MIGA:
         Parameters
         ----------
         points : array (islands * population, dimensions)
-            The present generation.
+            The current generation.
         order : array (islands, population)
             Rows of each island's individuals, best first.
         step : int
-            Number of the present generation within its round.
+            Number of the current generation within its round.
 
         Returns
         -------
@@ -154,7 +156,7 @@ class MIGA:
         parents = points[order.take(self._winners[step] + self._first)]
         children = self._cross(parents[:, :population], parents[:, population:], step)
         children += self._mutation[step]
-        # Keep mutated children inside the cube.
+        # Mutate the children, and keep them inside the cube.
         np.minimum(children, 1.0, out=children)
         np.maximum(children, -1.0, out=children)
         self._keep_best(children, points[order[:, 0]])
@@ -163,7 +165,7 @@ class MIGA:
     def _migrate(
         self, points: np.ndarray, fitness: np.ndarray, order: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Migrate round the ring of islands."""
+        """Let the best individuals migrate round the ring of islands."""
         return migrate(points, fitness, order)
 
     def _cross(self, a: np.ndarray, b: np.ndarray, step: int) -> np.ndarray:

@@ -29,8 +29,9 @@ PRIOR_WEIGHT = 0.01
 # points the less violating one is better (Deb 2000, Comput. Methods Appl. Mech. Eng. 186,
 # 311).
 FORBIDDEN_FITNESS = 1e12
-# A point is dropped if a better point is near it. The better one may be dropped later for
-# another one that is not near. So the archive holds more points than solutions.
+# A point is dropped if a better point is near it. The better point may later be dropped in
+# favour of a third one, which may be far from the first. The archive therefore holds more
+# points than there are solutions.
 ARCHIVED_PER_SOLUTION = 5
 HISTORY_COLUMNS = (
     "round",
@@ -80,8 +81,8 @@ class Objective:
         self.width = self.high - self.low
         # A point outside the ranges costs `infeasible`, and `penalty` per unit of V.
         if constrained:
-            # Inside the ranges F is at most the sum of the weights. So every point
-            # outside costs more than any point inside.
+            # Inside the ranges F is at most the sum of the weights. With this penalty,
+            # every point outside costs more than any point inside.
             self.infeasible = float(self.weight.sum()) + margin
             self.penalty = VIOLATION_PENALTY
         else:
@@ -434,7 +435,7 @@ def _evaluate_population(
 def _tell_fitness(
     miga: MIGA, population: _Population, violation: ArrayFunction | None
 ) -> _Population:
-    """Tell the fitness of a generation to the search.
+    """Tell the search the fitness of a generation.
 
     A point that violates a constraint between parameters gets a penalty in place of its
     fitness, which guides the search back to the allowed part.
@@ -444,7 +445,7 @@ def _tell_fitness(
     miga : MIGA
         The search. Afterwards it is at the next generation.
     population : _Population
-        The present generation.
+        The current generation.
     violation : callable or None
         As in `search_points`.
 

@@ -32,10 +32,11 @@ def describe_answer(
     Returns
     -------
     dict
-        ``feasible``: whether the answer is predicted to meet the targets; ``message``,
-        a sentence about it; ``predicted_error`` (k,); the table ``solutions``; the
-        parameters ``near_bounds``, described by `find_near_bounds`; ``simulated``, the
-        numbers of the samples that already simulated the answer.
+        ``feasible``, whether the answer is predicted to meet the targets; ``message``, a
+        sentence that explains this; ``predicted_error``, the standard errors (k,) of the
+        predicted responses; ``solutions``, the result of `tabulate_solutions`;
+        ``near_bounds``, the result of `find_near_bounds`; ``simulated``, the numbers of
+        the samples that already simulated the answer.
     """
     predicted = answer
     parameters_near_bounds = []
@@ -146,7 +147,8 @@ def select_separated(unit: np.ndarray, section: MigaSettings) -> np.ndarray:
     unit : numpy.ndarray, (n, d)
         Points of the unit cube, the best first.
     section : MigaSettings
-        Its ``distance`` is in half ranges; at most ``solutions`` points are chosen.
+        Its key ``distance`` is the least distance, in half ranges. At most ``solutions``
+        points are chosen.
 
     Returns
     -------

@@ -25,9 +25,9 @@ if TYPE_CHECKING:
 
 # The type of the section of a strategy; None for one without a section.
 SectionType = TypeVar("SectionType", bound=Section | None)
-# Purpose, number of samples, and runs of each. Those that check an answer are `CheckRuns`.
+# Purpose, number of samples, and runs of each; for runs that check an answer, `CheckRuns`.
 Pours = tuple[tuple[str, int, int], ...]
-# Explanation of an answer that is given before the strategy ends.
+# Explanation for an answer that is given before the strategy has ended.
 SO_FAR = "more runs may give a better answer"
 
 
@@ -71,12 +71,12 @@ class Answer:
     covariance : numpy.ndarray, (k, k)
         Covariance of these predictions.
     probability : dict
-        That the simulator's means lie `within_1_percent` and `within_2_percent` of all
-        targets, and `inside` all ranges.
+        Probabilities that the simulator's means lie `within_1_percent` and
+        `within_2_percent` of all targets, and `inside` all ranges.
     samples : pandas.DataFrame
         The answer as the table of a `Batch`, to simulate it again.
     why : str
-        Why the strategy asks for no more runs.
+        Reason why the strategy asks for no more runs.
     others : numpy.ndarray, (n, p)
         Further parameter sets that are predicted inside all ranges, the best first.
     others_mean : numpy.ndarray, (n, k)
@@ -89,8 +89,8 @@ class Answer:
         the report; and `note`, a sentence, behind the message. `check` is a table in
         place of the ordinary `check.csv`.
     simulated : tuple of int
-        Samples of the last batch that simulated the answer already. Without any,
-        `samples` are simulated to check it.
+        Numbers of the samples in the last batch that already simulated the answer. If
+        there are none, `samples` are simulated to check it.
     """
 
     values: np.ndarray
@@ -117,21 +117,21 @@ class Strategy(ABC, Generic[SectionType]):
     Attributes
     ----------
     name : str
-        In the configuration; set by `register`.
+        Name of the strategy in the configuration; set by `register`.
     settings : type of Section or None
         Model of the section with the strategy's name; None for a strategy that reads
         only other sections. `study.settings.of_strategy` returns the section.
     repeats_points : bool
-        Whether it asks for the same parameters under several numbers of samples.
+        Whether several of its samples, with different numbers, have the same parameters.
     begins_with_design : bool
         Whether its first batch is the article's design, which the workflow simulates as
         such.
     seeds_key : str or None
-        Key with the runs of each sample of its design; None where the design has those
-        of the published strategy.
+        Key that sets the number of runs of each sample in its design; None if this is
+        the key of the published strategy.
     files : tuple of str
-        Notes of its answer that the workflow writes: names with `.csv` for tables, with
-        `.json` for mappings.
+        Notes of its answer that the workflow writes. A name ends in `.csv` for a table
+        and in `.json` for a mapping.
     obeys_constraints : bool
         Whether its proposals obey constraints between parameters.
     reads : tuple of str or None
@@ -212,19 +212,19 @@ class Strategy(ABC, Generic[SectionType]):
         Parameters
         ----------
         section : Section or None
-            Of the type `settings`, good by itself.
+            The section of the strategy, of the type `settings`. It is valid on its own.
         free, responses : int
             Numbers of free parameters and of targets.
 
         Returns
         -------
         iterator of (str, str)
-            Key of the section, and what is allowed.
+            The key of the section that is at fault, and what is allowed.
         """
         return iter(())
 
     def pours(self, section: SectionType, free: int) -> Pours | None:
-        """Count the most runs that the strategy can ask for.
+        """Return the largest number of runs that the strategy can ask for.
 
         Parameters
         ----------
@@ -234,8 +234,9 @@ class Strategy(ABC, Generic[SectionType]):
         Returns
         -------
         tuple of (str, int, int) or None
-            Purpose, number of samples, seeds of each; `CheckRuns` for a check of the
-            answer. None for the article's method, which `repose.config.cost` counts.
+            For each step: its purpose, its number of samples, and the number of runs of
+            each. The runs that check the answer are `CheckRuns`. None for the article's
+            method, whose runs `repose.config.cost` counts.
         """
         return None
 
@@ -294,7 +295,7 @@ def strategy(name: str, source: object = "strategy") -> Strategy[Any]:
     name : str
         One of `names`.
     source : object
-        Named in the error: a file or a key.
+        A file or a key, which the error names.
 
     Returns
     -------

@@ -22,7 +22,7 @@ def find_contradictions(
     name : str
         Name of the strategy.
     section : Section or None
-        The strategy's section, valid by itself.
+        The strategy's section, which is valid on its own.
     free, responses : int
         Numbers of free parameters and of targets.
 

@@ -1,13 +1,14 @@
 """Estimate how many runs a calibration needs, before its first run.
 
-The noise determines a smallest number of runs. A budget of runs has a probability of
-success.
+A plan states two things: the smallest number of runs that the noise requires, and for each
+of several budgets of runs the probability of success.
 
-These probabilities come from the table `success.csv`. It has the shares of hidden
-parameter sets that campaigns of the sequential strategy recovered, in an emulated
-simulator whose runs scatter by some percents. `research/answers/hidden_truths.py` writes
-the table. Logistic curves smooth the shares over the logarithms of budget and scatter. A
-study that differs from these campaigns gets no probability.
+The probabilities come from the table `success.csv`, which
+`research/answers/hidden_truths.py` writes. In simulated campaigns, the sequential strategy
+searched for hidden parameter sets of an emulated simulator, whose runs scatter by a few
+percent. The table has the share of these sets that were found. Logistic curves smooth the
+shares over the logarithms of budget and scatter. A study that differs from the campaigns
+gets no probability.
 """
 
 from pathlib import Path
@@ -51,15 +52,16 @@ class Plan(NamedTuple):
     measured : bool
         Whether the scatter comes from runs.
     needed : dict
-        Runs that the noise alone asks for with `CERTAINTY`, by tolerance in percent.
+        For each tolerance in percent, the number of runs that the noise alone requires
+        with the probability `CERTAINTY`.
     budgets : tuple of int
         Numbers of runs.
     success : pandas.DataFrame or None
         Result of `estimate_success`; None if the study differs from the campaigns.
     campaigns : str
-        The case of the campaigns, in words.
+        Description of the campaigns.
     differences : tuple of str
-        In what the study differs from it, in words.
+        A phrase for each difference between the study and the campaigns.
     """
 
     noise_percent: np.ndarray
@@ -137,7 +139,7 @@ def make_plan(
 
 
 def _describe_campaigns(table: pd.DataFrame) -> str:
-    """Describe the case of the campaigns of `success.csv`."""
+    """Describe the campaigns of `success.csv` in words."""
     numbers = " or ".join(map(str, sorted(set(table["responses"]))))
     scatters = table["noise_percent"]
     return (
@@ -198,13 +200,13 @@ def estimate_success(n_targets: int, percent: float) -> pd.DataFrame:
     pandas.DataFrame
         A row for each budget, with the number of runs in the column `pours`. The columns
         `within_1_percent` and `within_2_percent` have the probabilities that the answer
-        of the strategy lies so near to all targets. The columns that end in `_se` have
-        their standard errors.
+        of the strategy is this close to all targets. The columns that end in `_se` have
+        the standard errors of these probabilities.
     """
     campaigns = pd.read_csv(SUCCESS_FILE)
     campaigns = campaigns[campaigns["responses"] == n_targets]
     # All campaigns with the same scatter calibrate the same hidden parameter sets, the
-    # truths. So the standard error follows from the number of truths, not from the
+    # truths. The standard error therefore follows from the number of truths, not from the
     # number of budgets to which the curve is fitted.
     budgets = campaigns.groupby("pours", as_index=False)["truths"].first()
     table = budgets[["pours"]].copy()
@@ -288,7 +290,7 @@ def compute_share_error(share: pd.Series, trials: pd.Series) -> pd.Series:
 
 
 def make_default_noise(targets: Targets) -> np.ndarray:
-    """Return the covariance (k, k) of a run if nothing is measured."""
+    """Return the covariance (k, k) of a run that is assumed if none is measured."""
     sd = DEFAULT_NOISE_PERCENT / 100 * targets.whole
     return np.outer(sd, sd) * targets.correlated(DEFAULT_CORRELATION)
 
@@ -315,7 +317,7 @@ def estimate_noise(
     Raises
     ------
     InputError
-        If too few samples have two good runs, or if runs of the same sample are alike.
+        If too few samples have two good runs, or if the runs of a sample do not differ.
     """
     noise = np.zeros((len(targets), len(targets)))
     for bench, columns in targets.benches.items():
@@ -334,7 +336,7 @@ def estimate_noise(
                 value=freedom,
                 allowed=(
                     f"at least {len(columns) + 1} good runs beyond the first of a "
-                    "sample, not all alike"
+                    "sample, which are not all the same"
                 ),
             )
         # Insert the block of this bench test in the rows and columns of its responses.

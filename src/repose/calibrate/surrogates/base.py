@@ -65,22 +65,22 @@ class Surrogate(ABC):
     Attributes
     ----------
     name : str
-        In the configuration and in files; set by `register`.
+        Name in the configuration and in files; set by `register`.
     inputs, outputs : tuple of str
         Names of the d parameters and of the k responses; set by `describe`.
     definitions : mapping
-        For each response the configuration keys, with their values, that define it; set
+        For each response, the configuration keys that define it, with their values; set
         by `describe`.
     samples : tuple of int
         Numbers of the n samples that it was fitted to, in their order; set by
         `describe`.
     of_all_samples : bool
-        Whether a study fits it to all samples, after a fit to the training part has
-        shown its accuracy at the others.
+        Whether a study finally fits it to all samples. A first fit to the training part
+        shows its accuracy at the other samples.
     is_network : bool
         Whether it is trained from several starts.
     scale : mapping
-        Name of the scale of each input that it learns on one that is not linear.
+        Name of the scale of each input that it learns on a scale that is not linear.
     """
 
     name: ClassVar[str]
@@ -95,7 +95,7 @@ class Surrogate(ABC):
 
     @staticmethod
     def least_samples(inputs: int) -> int:
-        """Count the samples that a fit needs.
+        """Return the smallest number of samples that a fit needs.
 
         Parameters
         ----------
@@ -161,15 +161,15 @@ class Surrogate(ABC):
     def refit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
         """Return a copy that has learned other responses of the same samples.
 
-        A surrogate may begin at the fit that it has, and keep its hyperparameters. By
-        default the copy is fitted anew.
+        A surrogate may start from its present fit, and keep its hyperparameters. By
+        default, the copy is fitted anew.
 
         Parameters
         ----------
         X : array (n, d)
             The parameter sets of the fit, in any order.
         Y : array (n, k)
-            Other responses of theirs.
+            Other responses of these parameter sets.
         **noise
             As in `fit`.
 
@@ -197,9 +197,9 @@ class Surrogate(ABC):
         Returns
         -------
         mean : numpy.ndarray, (n, k)
-            In the responses' units.
+            Predicted means, in the units of the responses.
         std : numpy.ndarray, (n, k)
-            Only with `return_std`.
+            Their standard deviations, returned only with `return_std`.
         """
 
     @abstractmethod
@@ -238,7 +238,7 @@ class Surrogate(ABC):
     @classmethod
     @abstractmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """Make the trained surrogate of a file's content.
+        """Restore a trained surrogate from the content of its file.
 
         Parameters
         ----------
@@ -253,7 +253,7 @@ class Surrogate(ABC):
         Raises
         ------
         KeyError, ValueError
-            If the content is something else.
+            If the content is not that of such a surrogate.
         """
 
     def response_function(
@@ -293,7 +293,7 @@ class Surrogate(ABC):
         inputs, outputs : sequence of str
             Names of the d parameters and of the k responses.
         definitions : mapping, optional
-            For each response the configuration keys, with their values, that define it.
+            For each response, the configuration keys that define it, with their values.
         samples : sequence of int, optional
             Numbers of the samples, in the order of the fit.
 

@@ -1,9 +1,9 @@
 """Predict responses and their errors by a network with Bayesian regularisation.
 
-It is the BP network of section 3.2.2 of the paper: a 6-12-2 network, tansig and
-purelin, with inputs and
-outputs scaled to 0.1-0.9. Levenberg-Marquardt trains it on a regularised sum of
-squares. It needs numpy alone::
+It is the BP network of section 3.2.2 of the paper: a 6-12-2 network with the transfer
+functions tansig and purelin, whose inputs and outputs are scaled to 0.1-0.9. The
+Levenberg-Marquardt method trains it on a regularised sum of squares. It only needs
+numpy::
 
     from repose.calibrate.surrogates.bayesian_bp import BayesianBP
     model = BayesianBP(hidden=6).fit(X, y)
@@ -19,9 +19,9 @@ Sources, named where they are used
             prior for each input
   (A35)     Aitken 1935, on least squares and linear combination of observations
 
-Symbols: w are all N weights, n is the number of residuals (samples times outputs). The
-noise variance is 1 / (2 beta), the prior variance of a weight 1 / (2 alpha). H is the
-Hessian of the regularised sum of squares.
+Symbols: w are all N weights, and n is the number of residuals (samples times outputs). The
+noise variance is 1 / (2 beta), and the prior variance of a weight is 1 / (2 alpha). H is
+the Hessian of the regularised sum of squares.
 """
 
 import copy
@@ -67,8 +67,8 @@ from repose.calibrate.surrogates.two_layer import (
     unpack_weights,
 )
 
-# Number of points at which the derivatives of several networks by all weights are in
-# memory together.
+# Number of points at which the derivatives of several networks with respect to all weights
+# are in memory together.
 CHUNK_SIZE = 256
 
 
@@ -91,10 +91,10 @@ class BayesianBP(TrainingSettings, Surrogate):
     seed : int
         Start k draws from RandomState([seed, k]).
     prior : str
-        Which weights share an alpha. With "one", as published, all do (FH). With
-        "layers" the input weights, the hidden biases, and the output weights with their
-        biases have an alpha each (M92). With "inputs" the weights of each input have
-        their own too, so an input without effect fades (M94).
+        Which weights share an alpha. With "one", as published, all of them do (FH). With
+        "layers", there is an alpha for the input weights, one for the hidden biases, and
+        one for the output weights with their biases (M92). With "inputs", the weights of
+        each input also have their own alpha, so an input without effect fades (M94).
     """
 
     hidden: int = AS_PUBLISHED.hidden
@@ -152,7 +152,7 @@ class BayesianBP(TrainingSettings, Surrogate):
         X, Y, count, precision = check_samples(X, y, sample_weight, **noise)
         self.one_output_ = np.ndim(y) == 1
 
-        # Scale inputs and outputs. Then combine the outputs, so that their noises are
+        # Scale inputs and outputs. Then combine the outputs so that their noises are
         # independent.
         self.input_min_ = X.min(axis=0)
         self.input_max_ = X.max(axis=0)
@@ -305,7 +305,7 @@ class BayesianBP(TrainingSettings, Surrogate):
         """
         if end["log_evidence"] == -math.inf:
             raise ValueError(
-                f"none of {self.starts} starts ended with a finite evidence"
+                f"none of the {self.starts} starts ended with a finite evidence"
             )
         self._set_layers(end["w"])
         self.alpha_ = end["alpha"]
@@ -378,7 +378,7 @@ class BayesianBP(TrainingSettings, Surrogate):
         return hasattr(self, "posterior_root_")
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
-        """Compute the covariance (samples, outputs, outputs) by the weights alone."""
+        """Compute the covariance (samples, outputs, outputs) due to the weights alone."""
         return compute_covariances([self], X)[0]
 
     def response_function(
@@ -504,7 +504,7 @@ class BayesianBP(TrainingSettings, Surrogate):
         Raises
         ------
         ValueError
-            If there are more or fewer numbers than samples.
+            If the number of sample numbers is not the number of samples.
         """
         order = np.argsort(samples)
         if len(order) != len(self.training_["inputs"]):
@@ -587,7 +587,7 @@ class BayesianBP(TrainingSettings, Surrogate):
             )
 
     def _compute_stretch(self) -> np.ndarray:
-        """Compute one unit of each scaled output (outputs,), in the response's unit."""
+        """Compute the size (outputs,) of one scaled unit in the unit of each response."""
         low, high = self.scaled_range
         return compute_widths(self.output_min_, self.output_max_) / (high - low)
 

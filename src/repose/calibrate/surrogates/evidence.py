@@ -3,11 +3,11 @@
   (M92)  MacKay 1992, Bayesian interpolation / A practical Bayesian framework, Neural
          Computation 4
 
-Symbols: E_d is the sum of the n squared residuals, E_w the sum of the N squared
-weights. The noise variance is 1 / (2 beta), the prior variance of a weight
-1 / (2 alpha). Weights may fall into classes with an alpha each
-(`two_layer.weight_classes`); then alpha and E_w are vectors, and alpha E_w is their
-scalar product.
+Symbols: E_d is the sum of the n squared residuals, and E_w is the sum of the N squared
+weights. The noise variance is 1 / (2 beta), and the prior variance of a weight is
+1 / (2 alpha). If the weights form several classes, each with its own alpha
+(`two_layer.list_weight_classes`), alpha and E_w are vectors, and alpha E_w is their scalar
+product.
 """
 
 import math
@@ -46,7 +46,8 @@ def compute_log_evidence(
     beta, Ed : float
         Inverse of twice the noise variance, and the sum of the squared residuals.
     JJ : array (N, N)
-        J'J, with the derivatives J of the weighted residuals by the weights.
+        J'J, where J has the derivatives of the weighted residuals with respect to the
+        weights.
     n : float
         Number of residuals.
     classes : sequence
@@ -85,9 +86,9 @@ def compute_posterior_root(
 ) -> np.ndarray:
     """Compute a root R (N, N) of the covariance of the weights, R R' = H^-1 (M92).
 
-    H = 2 beta J'J + 2 diag(alpha), with alpha (N,) for each weight. H is first divided
-    by the prior's part on both sides, which makes it I + V diag(e) V' with eigenvalues
-    e >= 0, so rounding cannot make a variance negative.
+    H = 2 beta J'J + 2 diag(alpha), where alpha (N,) has a value for each weight. H is
+    first divided by the root of the prior's part on both sides. This makes it
+    I + V diag(e) V' with eigenvalues e >= 0, so rounding cannot make a variance negative.
     """
     prior_root = 1 / np.sqrt(2 * alpha)
     eigenvalues, vectors = np.linalg.eigh(

@@ -50,8 +50,8 @@ class GaussianProcess(CombinedOutputs, Surrogate):
     def fit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
         """Learn from samples, as in `Surrogate.fit`; `noise_freedom` is not used.
 
-        Without `noise_covariance` the responses are learned independently. With it,
-        their combinations with independent noises are learned (A35).
+        Without `noise_covariance`, the responses are learned independently. With it,
+        combinations of the responses that have independent noises are learned (A35).
         """
         X, Y, _, precision = check_samples(X, Y, **noise)
         self._set_samples(X, Y, precision, noise.get("noise_covariance"))
@@ -89,7 +89,7 @@ class GaussianProcess(CombinedOutputs, Surrogate):
         Y : array (n, k)
             Their responses.
         precision : array (n, k)
-            The noise variance of a value is one number divided by its precision.
+            The noise variance of a value is a common number divided by its precision.
         noise_covariance : array (k, k) or None
             Covariance of the noise of the responses, up to a factor. None treats the
             noises of the responses as independent.
@@ -125,7 +125,7 @@ class GaussianProcess(CombinedOutputs, Surrogate):
             Bounds of the variance, the lengths and the noise variance, in the form that
             scikit-learn requires.
         """
-        # This import of scikit-learn takes half a second, so do it only for a fit.
+        # Importing scikit-learn is slow, so do it only for a fit.
         from repose.calibrate.surrogates.process import (
             Process,
             SampleNoise,
@@ -196,7 +196,7 @@ class GaussianProcess(CombinedOutputs, Surrogate):
         return np.column_stack(columns)
 
     def report(self) -> dict[str, Any]:
-        """Report log marginal likelihood and hyperparameters of each process."""
+        """Report the log marginal likelihood and the hyperparameters of each process."""
         return {
             "log_marginal_likelihood": [
                 process.log_likelihood for process in self.processes_
@@ -217,8 +217,8 @@ class GaussianProcess(CombinedOutputs, Surrogate):
     def _list_kernels(self) -> list[dict[str, Any]]:
         """List the hyperparameters of each process.
 
-        Variances are in variances of the process's values, lengths in ranges of the
-        inputs.
+        Variances are relative to the variance of the process's values, and lengths are in
+        ranges of the inputs.
         """
         kernels = []
         for process in self.processes_:
@@ -235,7 +235,7 @@ class GaussianProcess(CombinedOutputs, Surrogate):
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """Make the processes of a `to_dict`.
+        """Restore the processes from the result of `to_dict`.
 
         Their hyperparameters are not estimated again.
         """

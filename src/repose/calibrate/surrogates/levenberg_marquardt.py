@@ -8,11 +8,12 @@ Symbols
   n      number of residuals, samples times outputs
   E_d    sum of the squared residuals e, weighted
   E_w    sum of the squared weights
-  J      derivatives of the residuals by the weights
+  J      derivatives of the residuals with respect to the weights
   H      Hessian of F in the Gauss-Newton approximation, 2 beta J'J + 2 alpha I
   gamma  number of weights that the data determine
 
-Weights may fall into classes with an alpha each; then E_w, alpha and gamma are vectors.
+If the weights form several classes, each has its own alpha. E_w, alpha and gamma are then
+vectors.
 
 Sources, named where they are used
   (FH n)    Foresee & Hagan 1997, Gauss-Newton approximation to Bayesian learning, step
@@ -21,15 +22,15 @@ Sources, named where they are used
   (HM94)    Hagan & Menhaj 1994, training feedforward networks with the Marquardt
             algorithm
 
-Replicates: where they are known, n and E_d include their scatter about the means of
-their samples. The weights cannot change this scatter, but it determines beta.
-Likelihood and evidence then belong to the single runs.
+Replicates: if they are known, n and E_d include their scatter about the means of their
+samples. The weights cannot change this scatter, but it helps to determine beta.
+Likelihood and evidence are then those of the single runs.
 
-Largest evidence: with several alpha the re-estimation (FH 2-3) passes the largest
+Largest evidence: with several alphas, the re-estimation (FH 2-3) passes the largest
 evidence and goes on, because it ignores how the weights change with alpha. Small input
-weights and large output weights then drift apart without end. So a start with several
-classes ends when its evidence has not risen for `PATIENCE` epochs. It returns to the
-alpha and beta of the largest evidence, and minimises F with them.
+weights and large output weights then drift apart without end. Therefore a start with
+several classes ends when its evidence has not risen for `PATIENCE` epochs. It returns to
+the alpha and beta of the largest evidence, and minimises F with them.
 """
 
 from collections.abc import Sequence
@@ -64,9 +65,11 @@ STATISTIC_NAMES = (
 )
 FIRST_ALPHA = 0.01
 FIRST_BETA = 1.0
-MAX_ALPHA = 1e6  # weights of 0.0007 in scaled units: an input that has faded
-MIN_SQUARES = 1e-30  # E_d of outputs that a network meets exactly
-PATIENCE = 60  # epochs without a larger evidence
+# Largest alpha. It gives the weights a prior standard deviation of 0.0007 in scaled units,
+# so an input with such weights has practically no effect.
+MAX_ALPHA = 1e6
+MIN_SQUARES = 1e-30  # smallest E_d, for outputs that a network reproduces exactly
+PATIENCE = 60  # number of epochs without a larger evidence after which a start ends
 NEAR_MINIMUM = (
     1.0  # F above its minimum, in nats, below which Laplace's approximation holds
 )
@@ -78,9 +81,9 @@ DESCENT_DECREMENT = CONVERGED / 100
 MAX_DESCENT_STEPS = (
     100  # largest number of steps to the minimum of F at fixed alpha and beta
 )
-MIN_DECREASE = 0.003  # of F in a step, in nats, below which `train_again` ends
-# The damping mu is only multiplied, so it could not rise again from 0. From any number
-# above 0 it can: it takes at most one trial for each step that lowered it.
+MIN_DECREASE = 0.003  # decrease of F in a step, in nats, below which `train_again` ends
+# The damping mu is only ever multiplied, so it could not rise again from 0. From this
+# smallest number it can, with at most one trial for each step that lowered it.
 MIN_MU = float(np.finfo(float).tiny)
 
 
@@ -113,7 +116,7 @@ class _Data(NamedTuple):
 
 
 class _Point(NamedTuple):
-    """Weights with the linear model of the residuals about them."""
+    """Weights, and the linear model of the residuals around them."""
 
     w: np.ndarray  # (N,)
     Ed: float
@@ -123,7 +126,7 @@ class _Point(NamedTuple):
 
 
 class _State(NamedTuple):
-    """Weights with the alpha, beta and gamma re-estimated there."""
+    """Weights with the alpha, beta and gamma that are re-estimated there."""
 
     at: _Point
     alpha: np.ndarray  # (classes,)
@@ -136,7 +139,7 @@ class _State(NamedTuple):
         return float(self.beta * self.at.Ed + self.alpha @ self.at.Ew)
 
     def half_gradient(self) -> np.ndarray:
-        """Compute half the gradient (N,) of F by the weights."""
+        """Compute half the gradient (N,) of F with respect to the weights."""
         return self.beta * self.at.Je + self.alpha_of_weight * self.at.w
 
     def half_hessian(self) -> np.ndarray:
@@ -209,8 +212,8 @@ def train_start(
     Returns
     -------
     dict
-        `STATISTIC_NAMES` of the end; with the weights `w`, their J'J as `JJ`, and the
-        `alpha_of_weight` (N,).
+        The statistics of the end, named as in `STATISTIC_NAMES`; the weights `w` (N,);
+        their J'J as `JJ` (N, N); and `alpha_of_weight` (N,), the alpha of each weight.
     """
     sum_of_squares, freedom = pure_error
     classes = _list_weight_classes(w, x, t, settings)
@@ -299,8 +302,8 @@ def train_again(
         if weights is None:
             break
         state = state._replace(at=_make_linear_model(weights, data))
-        # `_find_step` lowers the damping after each step. If it had to raise the damping
-        # before, undo the lowering.
+        # `_find_step` lowers the damping after each step. Undo this if it had to raise the
+        # damping to find the step.
         mu = next_mu / settings.mu_decrease if next_mu >= mu else next_mu
         # F is the negative log of a probability, so a decrease below MIN_DECREASE
         # hardly changes this probability.
@@ -384,8 +387,8 @@ def _train_to_end(w: np.ndarray, data: _Data, settings: TrainingSettings) -> _En
 def _make_first_state(w: np.ndarray, data: _Data) -> _State:
     """Make the state before the first step.
 
-    (FH 0) sets alpha to 0. Then gamma is N, and beta is negative as soon as n < N. Any
-    small prior avoids this.
+    (FH 0) sets alpha to 0. Then gamma is N, and beta is negative if n < N. Any small prior
+    avoids this.
     """
     alpha = np.full(len(data.classes), FIRST_ALPHA)
     return _State(
@@ -495,7 +498,7 @@ def _re_estimate(at: _Point, state: _State, data: _Data) -> _State:
     alpha = gamma / (2 E_w) and beta = (n - gamma) / (2 E_d).
     """
     gamma = _compute_gamma(state._replace(at=at), data)
-    # The gamma of a class that has faded may be lost in rounding; its alpha stays.
+    # If a class has faded, its gamma may be lost in rounding. Then keep its alpha.
     alpha = np.where(
         gamma > 0, gamma / (2 * np.maximum(at.Ew, MIN_SQUARES)), state.alpha
     )
@@ -538,7 +541,7 @@ def compute_residuals(
 def linearise_residuals(
     w: np.ndarray, x: np.ndarray, t: np.ndarray, root_weight: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compute the weighted residuals and their derivatives by the weights.
+    """Compute the weighted residuals, and their derivatives with respect to the weights.
 
     The residuals (samples * outputs,) are those of `compute_residuals`. The derivatives
     have the shape (samples * outputs, N).

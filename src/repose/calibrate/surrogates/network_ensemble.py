@@ -1,11 +1,11 @@
 """Predict responses by the mean of several networks, and errors also by their scatter.
 
-Starts of `repose.calibrate.surrogates.bayesian_bp.BayesianBP` end at different
-networks, whose evidence hardly differs. The errors of each network hold only the
-uncertainty of its own weights, not the disagreement of the networks. This surrogate
+The starts of `repose.calibrate.surrogates.bayesian_bp.BayesianBP` end at different
+networks, whose evidence hardly differs. The errors of each network include only the
+uncertainty of its own weights, not the disagreement between the networks. This surrogate
 predicts by a mixture of the networks: its mean is the mean of their means, and its
-covariance is the mean of their covariances plus the covariance of their means. Nothing
-more is trained than for the best network alone.
+covariance is the mean of their covariances plus the covariance of their means. No more
+networks are trained than to find the best network alone.
 
   (LPB17)  Lakshminarayanan, Pritzel & Blundell 2017, Simple and scalable predictive
            uncertainty estimation using deep ensembles, Adv. Neural Inf. Process. Syst.
@@ -46,9 +46,10 @@ class _Prediction(NamedTuple):
 
 @register("network_ensemble")
 class NetworkEnsemble(Surrogate):
-    """Networks of all converged starts whose log evidence is near the largest.
+    """Networks of all converged starts whose log evidence is close to the largest.
 
-    Near means within `MAX_EVIDENCE_GAP`. `members_` are the networks, the best first.
+    It may be smaller by at most `MAX_EVIDENCE_GAP`. The attribute `members_` has the
+    networks, the best first.
     """
 
     is_network = True
@@ -151,13 +152,13 @@ class NetworkEnsemble(Surrogate):
         return [row | {"member": row["start"] in self.member_starts_} for row in rows]
 
     def to_dict(self) -> dict[str, Any]:
-        """Collect the best network as in its own file, and the others' weights."""
+        """Collect the best network as in its own file, and the weights of the others."""
         best, *others = (member.to_dict() for member in self.members_)
         return best | {"others": [_select_weights(other) for other in others]}
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """Make the networks of a `to_dict`."""
+        """Restore the networks from the result of `to_dict`."""
         networks = [BayesianBP.from_dict(content)]
         for other in content["others"]:
             training = content["training"] | other["training"]

@@ -1,9 +1,9 @@
 """Fit a Gaussian process, one value as a function of the inputs, to noisy samples.
 
-The noise is known or estimated. Covariance, likelihood and its maximum are
-scikit-learn's. The surrogate `gaussian_process`, the kriging of
-`repose.calibrate.strategies.sequential` and its estimate of the noise differ only in
-covariance, noise and prior.
+The noise is known or estimated. scikit-learn computes the covariance and the likelihood,
+and maximises the latter. The surrogate `gaussian_process`, the kriging of
+`repose.calibrate.strategies.sequential` and its estimate of the noise all use this module.
+They differ only in covariance, noise and prior.
 
   (RW06)  Rasmussen & Williams 2006, Gaussian Processes for Machine Learning: Algorithm
           2.1; section 5.4.2 for the prediction of a value from all the others
@@ -27,7 +27,7 @@ from sklearn.gaussian_process.kernels import (
     WhiteKernel,
 )
 
-JITTER = 1e-10  # of the diagonal, where the noise is a part of the kernel
+JITTER = 1e-10  # added to the diagonal if the noise is a part of the kernel
 MIN_VARIANCE = 1e-12
 FIXED_BOUNDS = ("fixed", "fixed")
 
@@ -72,14 +72,17 @@ class Process:
     kernel : kernel of scikit-learn
         Covariance of the process.
     x : array (n, d)
+        The points.
     values : array (n,)
+        The values at the points.
     errors : float or array (n,)
-        Known variances of the noise of the values. With `noise` they are added to it.
+        Known variances of the noise of the values. If there is also `noise`, both are
+        added.
     noise : kernel, optional
         Noise whose variance is a hyperparameter.
     optimizer : str, callable or None
-        As scikit-learn takes it. By default free hyperparameters maximise the
-        likelihood; None leaves them as they are.
+        The optimiser, as scikit-learn takes it. By default, the free hyperparameters
+        maximise the likelihood. None leaves them as they are.
 
     Attributes
     ----------
@@ -186,10 +189,10 @@ class Process:
     def predict_left_out(self) -> tuple[np.ndarray, np.ndarray]:
         """Predict each value from all the others.
 
-        The results are means and variances (n,), without noise. With K the covariance
-        of the values, noise included, (RW06) has the mean
-        value_i - (K^-1 values)_i / (K^-1)_ii and the variance 1 / (K^-1)_ii, of which
-        the noise is a part.
+        The results are means and variances (n,), without noise. Let K be the covariance
+        of the values, noise included. By (RW06), the mean is
+        value_i - (K^-1 values)_i / (K^-1)_ii. The variance is 1 / (K^-1)_ii, from which
+        the noise has to be subtracted.
         """
         inverse = linalg.cho_solve((self.root, True), np.eye(len(self.x)))
         precision = inverse.diagonal()
@@ -201,10 +204,10 @@ class Process:
 class SparseProcess:
     """A process of mean 0, conditioned on many values by way of a few centres (SG06).
 
-    The values depend on each other by way of the process at the M centres alone. What
-    the centres do not explain of the variance at a point counts as noise of its value.
-    So the work grows with n M^2 in place of n^3. With all points as centres it is the
-    exact process.
+    The values depend on each other only through the process at the M centres. The part of
+    the variance at a point that the centres do not explain counts as noise of its value.
+    The work therefore grows with n M^2 instead of n^3. If all points are centres, the
+    process is exact.
 
     Parameters
     ----------
@@ -219,8 +222,9 @@ class SparseProcess:
     Attributes
     ----------
     kernel : kernel
+        Covariance of the process.
     x : array (M, d)
-        The centres, with which the covariance of a predicted point is computed.
+        The centres. A prediction uses the covariances of its point with them.
     weights : array (M,)
         Weights of these covariances in a predicted mean.
     """
@@ -262,8 +266,8 @@ class SparseProcess:
         self.weights = self.compute_weights(values)
 
         # The values lower the variance of the features by I - precision^-1 = R R'. Keep
-        # the root R, converted to covariances with the centres. Then a single product
-        # with it shows by how much the values lower the variance at a point.
+        # the root R, converted to covariances with the centres, because a single product
+        # with it then shows by how much the values lower the variance at a point.
         eigenvalues, axes = linalg.eigh(precision)
         root_of_gain = axes * np.sqrt(np.maximum(1 - 1 / eigenvalues, 0.0))
         self._gain = linalg.solve_triangular(

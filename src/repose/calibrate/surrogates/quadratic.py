@@ -41,7 +41,7 @@ class QuadraticSurface(Surrogate):
 
     @staticmethod
     def least_samples(inputs: int) -> int:
-        """Count the fewest samples for inputs that vary: one more than the terms."""
+        """Return the smallest number of samples if all inputs vary: one more than terms."""
         return (inputs + 1) * (inputs + 2) // 2 + 1
 
     def fit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
@@ -124,7 +124,7 @@ class QuadraticSurface(Surrogate):
         return products @ products.transpose(0, 2, 1) * self.residual_covariance_
 
     def report(self) -> dict[str, Any]:
-        """Report number of terms, degrees of freedom, and residuals' deviation."""
+        """Report the number of terms, the degrees of freedom, and the residual scatter."""
         n_terms = len(self.coefficients_)
         return {
             "n_terms": n_terms,
@@ -135,7 +135,7 @@ class QuadraticSurface(Surrogate):
     def to_dict(self) -> dict[str, Any]:
         """Collect the samples, from which the fit is computed again.
 
-        The coefficients are for a reader.
+        The coefficients are only meant for readers of the file.
         """
         return {
             "coefficients": self.coefficients_.tolist(),
@@ -145,7 +145,7 @@ class QuadraticSurface(Surrogate):
 
     @classmethod
     def from_dict(cls, content: Mapping[str, Any]) -> Self:
-        """Make the surface of a `to_dict`."""
+        """Restore the surface from the result of `to_dict`."""
         training = content["training"]
         model = cls().fit(
             training["inputs"], training["outputs"], precision=training["precision"]
@@ -173,7 +173,7 @@ class _Fit(NamedTuple):
 def _fit_responses(A: np.ndarray, Y: np.ndarray, precision: np.ndarray) -> list[_Fit]:
     """Fit the terms A (n, terms) to responses Y (n, k) with precisions (n, k).
 
-    One fit solves for all responses, unless their precisions differ.
+    There is a single fit for all responses, unless their precisions differ.
     """
     if not np.ptp(precision, axis=1).any():
         return [_fit_weighted(A, Y, np.sqrt(precision[:, 0]))]

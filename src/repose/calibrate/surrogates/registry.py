@@ -27,12 +27,12 @@ def surrogate_class(name: str, source: object = "surrogate") -> type[Surrogate]:
     name : str
         One of `names`.
     source : object, optional
-        Named in the error: a file or a key.
+        A file or a key, which the error names.
 
     Raises
     ------
     InputError
-        If there is none.
+        If there is no such class.
     """
     kinds = _import_kinds()
     if name not in kinds:
@@ -66,9 +66,9 @@ def make(
     name : str
         One of `names`.
     settings : NetworkSettings, optional
-        As `Surrogate.of` takes them; by default the published ones.
+        Settings for `Surrogate.of`; by default the published ones.
     source : object, optional
-        Named in the error: a file or a key.
+        A file or a key, which the error names.
 
     Returns
     -------
@@ -83,13 +83,13 @@ def make(
 
 
 def on_scale(model: Surrogate, scale: Mapping[str, str]) -> Surrogate:
-    """Let a surrogate learn its inputs on their scales.
+    """Make a surrogate learn its inputs on their scales.
 
     Parameters
     ----------
     model : Surrogate
     scale : mapping
-        Name of the scale of each input that is not linear, by name. Without any, the
+        Name of the scale of each input whose scale is not linear. If it is empty, the
         result is the surrogate itself.
     """
     if not scale:
@@ -138,7 +138,7 @@ def load(path: str | os.PathLike, outputs: Sequence[str] | None = None) -> Surro
             source=path,
             key=kind.name,
             value=repr(error),
-            allowed="as `save` of this surrogate writes it",
+            allowed="the content that `save` of this surrogate writes",
         ) from error
     if outputs is not None and model.outputs != tuple(outputs):
         raise InputError(
@@ -164,7 +164,7 @@ def _check_finite(content: Mapping[str, Any], path: object) -> None:
 
 
 def _check_scale(content: Mapping[str, Any]) -> Mapping[str, str]:
-    """Return the scales of the inputs; ValueError for others than known ones."""
+    """Return the scales of the inputs; ValueError if one is unknown."""
     scale: Mapping[str, str] = content.get("scale", {})
     is_known = set(scale) <= set(content["inputs"]) and set(scale.values()) <= {*SCALES}
     if not is_known:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-MIN_SCALE = 1e-12  # of a combination that does not vary
+MIN_SCALE = 1e-12  # smallest scale, for a combination that does not vary
 
 
 class Samples(NamedTuple):

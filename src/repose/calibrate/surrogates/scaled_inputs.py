@@ -14,17 +14,17 @@ from repose.calibrate.surrogates.settings import NetworkSettings
 
 
 class ScaledInputs(Surrogate):
-    """A surrogate of any kind between parameter sets and the coordinates of their scales.
+    """A surrogate of any kind that works in the coordinates of the scales.
 
-    It takes parameter sets as every surrogate. The surrogate inside learns and predicts
-    from their coordinates (`repose.calibrate.scales`).
+    Like every surrogate, it takes parameter sets. It converts them to coordinates
+    (`repose.calibrate.scales`), from which the surrogate inside learns and predicts.
 
     Parameters
     ----------
     model : Surrogate
         The surrogate inside.
     scale : mapping
-        Name of the scale of each input that is not linear, by name.
+        Name of the scale of each input whose scale is not linear.
     """
 
     def __init__(self, model: Surrogate, scale: Mapping[str, str]) -> None:
@@ -39,12 +39,12 @@ class ScaledInputs(Surrogate):
 
     @property
     def of_all_samples(self) -> bool:  # type: ignore[override]
-        """As of the surrogate inside."""
+        """The value of the surrogate inside."""
         return self.model.of_all_samples
 
     @property
     def is_network(self) -> bool:  # type: ignore[override]
-        """As of the surrogate inside."""
+        """The value of the surrogate inside."""
         return self.model.is_network
 
     @property

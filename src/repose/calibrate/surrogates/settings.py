@@ -19,8 +19,8 @@ from repose.common.section import (
     refuse,
 )
 
-# The training of the article. The networks of the library have these values where none
-# are given; those of a study are in its configuration.
+# The training of the article. A network that is made without settings has these values.
+# Those of a study are in its configuration.
 PUBLISHED: dict[str, Any] = {
     "hidden": 12,
     "epochs": 1500,
@@ -33,7 +33,7 @@ PUBLISHED: dict[str, Any] = {
     "validation_noise": False,
 }
 SHARES = "three shares (training, validation, test) that sum to 1"
-MAX_ROUNDING = 1e-6  # of the sum of the shares
+MAX_ROUNDING = 1e-6  # largest rounding error of the sum of the shares
 Shares = Annotated[tuple[Share, Share, Share], Field(strict=False), Allowed(SHARES)]
 
 

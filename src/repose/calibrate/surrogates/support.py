@@ -1,9 +1,8 @@
 """Describe the region that samples cover, and warn of parameter sets beyond it.
 
-A parameter set gets a warning in three cases: when a parameter lies within 1 % of its
-range from an end, when the nearest sample is farther away than most samples are from
-their nearest neighbour, or when its leverage in a quadratic model is larger than every
-sample's.
+A parameter set gets a warning in three cases: if one of its parameters lies at an end of
+its range, if the nearest sample is farther away than most samples are from their nearest
+neighbour, or if its leverage in a quadratic model is larger than that of any sample.
 
   (C79)  Cook 1979, Influential observations in linear regression, J. Am. Stat. Assoc.
          74, 169: leverage
@@ -19,7 +18,8 @@ from repose.calibrate.scales import to_coordinates
 from repose.common.errors import InputError
 from repose.common.files import StrPath, read_table
 
-BOUND_SHARE = 0.01  # of a range, within which a parameter is at its bound
+# A parameter is at a bound if its distance is at most this share of its range.
+BOUND_SHARE = 0.01
 DISTANCE_QUANTILE = 0.95
 MIN_SAMPLES = 2
 
@@ -43,8 +43,8 @@ class Support:
     Attributes
     ----------
     farthest : float
-        Largest usual distance of a sample from its nearest neighbour, in ranges: the
-        quantile `DISTANCE_QUANTILE` of these distances.
+        Largest usual distance of a sample from its nearest neighbour, in ranges. It is
+        the quantile `DISTANCE_QUANTILE` of these distances.
     largest_leverage : float
         Largest leverage of a sample; infinite if there are too few samples for a
         quadratic model.
@@ -169,7 +169,7 @@ class Support:
         return ((terms @ self._inverse_R) ** 2).sum(axis=1)
 
     def is_thin(self, points: np.ndarray) -> np.ndarray:
-        """Mark the points (m,) that lie where samples are thin (`excess`)."""
+        """Mark the points (m,) that lie where samples are sparse (`excess`)."""
         return self.excess(points) > 0
 
     def excess(self, points: np.ndarray) -> np.ndarray:
@@ -193,8 +193,7 @@ class Support:
         Returns
         -------
         list of str
-            A text for each point, with all reasons. It is empty for a point that is not
-            beyond the samples.
+            All reasons for each point; empty for a point that is not beyond the samples.
         """
         points = np.atleast_2d(np.asarray(points, dtype=float))
         coordinates = to_coordinates(points, self.names, self.scale)
@@ -220,7 +219,7 @@ class Support:
         return descriptions
 
     def _describe_bounds(self, point: np.ndarray, is_at_bound: np.ndarray) -> str:
-        """Name the parameters of a point (d,) that are at a bound, and which end.
+        """Name the parameters of a point (d,) that are at a bound, and the bounds.
 
         The point is in the coordinates of the scales.
         """
@@ -241,9 +240,9 @@ class Support:
 def _compute_inverse_root(terms: np.ndarray) -> np.ndarray | None:
     """Compute R^-1, with which the leverage of a row a of terms is |a R^-1|^2.
 
-    R comes from the QR decomposition of the terms of the samples. The result is None
-    where the samples do not determine the quadratic model, and where there are as many
-    coefficients as samples: then every sample has leverage 1, which tells nothing.
+    R comes from the QR decomposition of the terms of the samples. The result is None if
+    the samples do not determine the quadratic model. It is also None if there are as many
+    coefficients as samples, because every sample then has leverage 1, which says nothing.
     """
     n_samples, n_terms = terms.shape
     if n_samples <= n_terms or np.linalg.matrix_rank(terms) < n_terms:

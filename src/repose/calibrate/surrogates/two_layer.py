@@ -4,7 +4,7 @@ The network maps an input vector x to an output vector y, both scaled to an inte
 
     z = W1 x + b1,    a = tanh(z),    y = W2 a + b2        (Eq. 6-8)
 
-The N weights stand in one vector w, in this order: W1 (hidden, inputs) row by row,
+The N weights form one vector w, in this order: W1 (hidden, inputs) row by row,
 b1 (hidden,), W2 (outputs, hidden) row by row, b2 (outputs,).
 
 Sources, named where they are used
@@ -40,7 +40,7 @@ ArrayFunction = Callable[[np.ndarray], np.ndarray]
 
 
 class Layers(NamedTuple):
-    """The weights of a network by layer; several networks have leading axes."""
+    """The weights of a network by layer; leading axes are for several networks."""
 
     W1: np.ndarray  # (..., hidden, inputs)
     b1: np.ndarray  # (..., hidden)
@@ -61,7 +61,7 @@ def evaluate_network(network: Mapping[str, Any], X: np.ndarray) -> np.ndarray:
     Returns
     -------
     array (samples, outputs)
-        In the units of the responses.
+        The responses, in their units.
     """
     arrays = _convert_arrays(network)
     low, high = arrays["scaled_range"]

@@ -1,18 +1,18 @@
 """Compute the covariance of the discrepancies between simulator and reality.
 
-Discrepancies are deviations that no parameters remove.
+A discrepancy is a deviation that no choice of the parameters can remove.
 
-A shape study, where there is one, gives the evidence. Its plausible models have the
-axes, mass, volume and packing of the measured grain, and differ in unknown features:
-surface, tension, filling, definition of the angle. With the same parameters their piles
-differ. Weighted by how well each model describes the published piles, the spread of the
-piles is the discrepancy (`estimate_from_shape_study`).
+If there is a shape study, the discrepancy is estimated from it. The plausible models of
+the study have the axes, mass, volume and packing of the measured grain, but differ in
+unknown features: surface, tension, filling and definition of the angle. With the same
+parameters, their piles differ. The discrepancy is the spread of these piles, weighted by
+how well each model describes the published piles (`estimate_from_shape_study`).
 
-Otherwise the discrepancy is stated, as a share of each response's value
-(`compute_stated_covariance`).
-Within a bench test the discrepancies are correlated, because one wrong shape or filling
-moves all numbers of a pile at once. The signs of the correlations are those with which
-the responses vary together over the design: a steeper pile is higher and narrower.
+Otherwise, the discrepancy is stated as a share of the value of each response
+(`compute_stated_covariance`). Within a bench test the discrepancies are correlated,
+because one wrong shape or filling changes all numbers of a pile at once. The signs of the
+correlations are those with which the responses vary together over the design: a steeper
+pile is higher and narrower.
 """
 
 from collections.abc import Sequence
@@ -38,7 +38,7 @@ MODEL_COLUMNS = ("particle", "tension", "filling")
 
 
 class ShapeStudyDiscrepancy(NamedTuple):
-    """Differences of the models of a shape study from the published piles."""
+    """Differences between the models of a shape study and the published piles."""
 
     mean: np.ndarray  # (k,), weighted mean of the differences, in the responses' units
     covariance: np.ndarray  # (k, k), about the mean
@@ -54,7 +54,7 @@ def compute_stated_covariance(
     ----------
     targets : Targets
     runs : pandas.DataFrame
-        Over the design: `sample` and the responses.
+        The runs of the design, with `sample` and the responses.
     percent : float
         Standard deviation of a discrepancy, in percent of the target's value.
     correlation : float
@@ -69,14 +69,14 @@ def compute_stated_covariance(
 def estimate_from_shape_study(
     combinations_csv: StrPath, targets: Targets
 ) -> ShapeStudyDiscrepancy:
-    """Compute mean and covariance of the responses over the models of a shape study.
+    """Estimate the discrepancy from the differences between the models of a shape study.
 
     The weight of a plausible model is exp(-d^2 / 2), where d is its distance from the
     published piles in standard deviations. All definitions of a model count as one
     model.
 
-    Each combination has few simulations, so their noise enlarges the variances. The
-    mean square of the standard errors is subtracted from each variance to correct this.
+    Each combination has few simulations, so their noise enlarges the variances. To correct
+    this, the mean square of the standard errors is subtracted from each variance.
     The correlation is that of the uncorrected differences.
 
     Parameters
@@ -94,8 +94,8 @@ def estimate_from_shape_study(
     Raises
     ------
     InputError
-        If the file is invalid, there are too few models, or the standard errors explain
-        a whole variance.
+        If the file is invalid, if there are too few models, or if the standard errors
+        explain a whole variance.
     """
     # Select the combinations that are eligible and were simulated.
     columns = [name_derived_column(name, "difference") for name in targets.names]

@@ -1,8 +1,8 @@
-"""Show how the posterior depends on the discrepancy, and what is not excluded.
+"""Show how the posterior depends on the discrepancy, and which parameters are plausible.
 
-The region contains the parameters that the measurements do not exclude. Both results use
-the same points of a Sobol sequence over the prior. They differ only in the weights of the
-points, so no sampler is needed, and the results are deterministic.
+The plausible region contains the parameters that the measurements do not exclude. All
+results use the same points of a Sobol sequence over the prior. They differ only in the
+weights of the points, so no sampler is needed, and the results are deterministic.
 
   (C97)  Craig, Goldstein, Seheult & Smith 1997, Pressure matching for hydrocarbon
          reservoirs, in Case Studies in Bayesian Statistics III, 37: implausibility and
@@ -35,8 +35,8 @@ N_POINTS = 2**14
 # Stated discrepancies: sizes, and the correlation within a bench test.
 STATED_PERCENTS = (0.0, 1.0, 2.0, 3.0, 5.0, 7.0, 10.0)
 STATED_CORRELATION = 0.9
-IMPLAUSIBLE_SDS = 3.0  # standard deviations (P94)
-N_CELLS = 16  # of each parameter in a projection on two
+IMPLAUSIBLE_SDS = 3.0  # deviation that is implausible, in standard deviations (P94)
+N_CELLS = 16  # number of cells along each parameter in a projection on two
 REGION_COLUMNS = ["x", "y", "x_quantile", "y_quantile", "least_implausibility", "share"]
 
 ObservationFunction = Callable[[float, float], Observation]
@@ -44,7 +44,7 @@ ObservationFunction = Callable[[float, float], Observation]
 
 
 class PriorPoints:
-    """Points of the prior, with the surrogate's predictions there.
+    """Points of the prior, and what the surrogate predicts there.
 
     Attributes
     ----------
@@ -54,6 +54,7 @@ class PriorPoints:
     values : array (n, p)
         Parameter sets.
     predicted : array (n, k)
+        Predicted responses.
     covariance : array (n, k, k)
         Covariances of the predictions.
     """
@@ -69,8 +70,8 @@ class PriorPoints:
         """
         self.space = space
         sequence = qmc.Sobol(space.dimensions, scramble=False)
-        # The first point of the sequence is 0, which is a corner. So shift all points by
-        # half a step.
+        # Shift all points by half a step, because the first point of the sequence is a
+        # corner.
         self.quantile = sequence.random(N_POINTS) + 0.5 / N_POINTS
         if space.constraints:
             unit = space.from_prior(self.quantile)
@@ -95,7 +96,7 @@ def compute_information_curve(
     observed: ObservationFunction,
     shape_study: Observation | None = None,
 ) -> pd.DataFrame:
-    """Compute how the size of the discrepancy changes information and intervals.
+    """Compute how information and intervals depend on the size of the discrepancy.
 
     Parameters
     ----------
@@ -134,7 +135,7 @@ def compute_information_curve(
 
 
 def _describe_shape_study(discrepancy: np.ndarray, targets: Targets) -> dict[str, Any]:
-    """Describe the covariance (k, k) of a shape study in the terms of a stated one.
+    """Describe the covariance (k, k) of a shape study in the same terms as a stated one.
 
     The size is the root mean square over the responses. The correlation is the mean
     absolute correlation over all pairs of responses.
@@ -151,9 +152,9 @@ def _describe_shape_study(discrepancy: np.ndarray, targets: Targets) -> dict[str
 
 
 def _describe_information(points: PriorPoints, observed: Observation) -> dict[str, Any]:
-    """Compute the information of a measurement about the parameters.
+    """Compute how much information a measurement gives about the parameters.
 
-    It is computed for all parameters together and for each of them.
+    The information is computed for all parameters together and for each of them.
 
     Parameters
     ----------
@@ -321,16 +322,16 @@ def _project_region(
 
 
 def compute_joint_bits(weight: np.ndarray) -> float:
-    """Compute the divergence of weighted points from equal weights, in bits.
+    """Compute how far the weights (n,) of points diverge from equal weights, in bits.
 
-    It is that of Kullback and Leibler; `weight` (n,) sums to 1.
+    The result is the Kullback-Leibler divergence. The weights sum to 1.
     """
     heavy = weight[weight > NEGLIGIBLE_WEIGHT]
     return float(heavy @ np.log2(heavy * len(weight)))
 
 
 def describe_curve(table: pd.DataFrame, share: float) -> str:
-    """Describe the information by discrepancy, and the region, in lines of text.
+    """Describe in text the plausible region, and the information by discrepancy.
 
     Parameters
     ----------

@@ -1,25 +1,26 @@
 """The likelihood of physical measurements.
 
-It contains the errors of the measurement, of the simulator and of the surrogate. The
-physical means of the k targets, y (k,), are taken as normal about the surrogate's
-prediction f(theta):
+It includes the errors of the measurement, of the simulator and of the surrogate. The
+physical means y (k,) of the k targets are assumed to be normally distributed about the
+surrogate's prediction f(theta):
 
     y ~ N(f(theta), S_y + S_d + S_w(theta))
 
     S_y
-        Covariance of the physical means: sd / sqrt(repetitions) of each response.
-        Responses of one bench test are correlated as simulated runs of one sample are,
-        unless something else is known. Responses of different bench tests are
-        independent. S_y contains the scatter from run to run, so the surrogate's noise
-        term is left out.
+        Covariance of the physical means. The standard deviation of a mean is
+        sd / sqrt(repetitions). Unless their correlation is known, responses of one bench
+        test are correlated like the simulated runs of a sample. Responses of different
+        bench tests are independent. S_y already includes the scatter from run to run, so
+        the noise term of the surrogate is left out.
     S_d
-        Covariance of the discrepancies, which no parameters of the model remove:
-        `repose.calibrate.uncertainty.discrepancy` (Kennedy & O'Hagan 2001, J. R. Stat.
-        Soc. B 63, 425, with a constant in place of a process).
+        Covariance of the discrepancies, which no choice of the parameters can remove
+        (`repose.calibrate.uncertainty.discrepancy`). They are those of Kennedy & O'Hagan
+        2001, J. R. Stat. Soc. B 63, 425, with a constant in place of a process.
     S_w
         Covariance of the surrogate's prediction of the mean.
 
-S_w varies over the parameters, so the density keeps its determinant.
+S_w depends on the parameters, so the log likelihood must include the determinant of the
+covariance.
 """
 
 import math
@@ -32,7 +33,7 @@ from repose.calibrate.targets import Targets
 
 
 class Observation(NamedTuple):
-    """The physical means, with the covariance that does not depend on parameters."""
+    """The physical means, and the part of the covariance that is the same everywhere."""
 
     mean: np.ndarray  # y (k,)
     covariance: np.ndarray  # S_y + S_d (k, k)
@@ -49,7 +50,7 @@ def make_observation(
     correlation : array (k, k)
         Correlations of the measured responses.
     discrepancy : array (k, k)
-        S_d.
+        Covariance S_d of the discrepancies.
 
     Raises
     ------
@@ -78,7 +79,7 @@ def compute_log_likelihood(
     responses : array (n, k)
         Predicted means f(theta) of n parameter sets.
     covariances : array (n, k, k)
-        S_w of these.
+        Covariances S_w of these predictions.
     observed : Observation
 
     Returns

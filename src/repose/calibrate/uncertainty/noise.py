@@ -1,4 +1,4 @@
-"""Compute the noise floor: the scatter of runs, and how much more seeds would help.
+"""Compute the noise floor: the scatter of the runs, and what more seeds would gain.
 
 The statistics are in `repose.calibrate.variance`.
 """
@@ -35,7 +35,7 @@ PairCorrelations = dict[str, dict[str, float]]
 class NoiseFloor(NamedTuple):
     """Tables of the noise floor."""
 
-    # noise.csv: a row for each target with variances, ICC and reachable R2
+    # noise.csv: a row for each target, with variances, ICC and reachable R2
     responses: pd.DataFrame
     # seeds.csv: error and reachable R2 of a mean over 1 to `MAX_SEEDS` seeds
     seeds: pd.DataFrame
@@ -44,7 +44,7 @@ class NoiseFloor(NamedTuple):
 
 
 class WithinCorrelation(NamedTuple):
-    """Correlation of the responses from run to run of one sample."""
+    """Correlation of the responses between runs of the same sample."""
 
     matrix: np.ndarray  # (k, k), 0 between bench tests
     pairs: PairCorrelations  # within a bench test, with intervals
@@ -65,7 +65,7 @@ def read_runs(runs_csv: StrPath, targets: Targets) -> pd.DataFrame:
             largest = int(sizes.max()) if len(sizes) else 0
             raise InputError(
                 source=runs_csv,
-                key="runs a sample",
+                key="runs per sample",
                 value=largest,
                 allowed="2 or more, of 2 samples or more",
             )
@@ -279,7 +279,7 @@ def write_noise_floor(
         If there are too few runs.
     """
     runs = read_runs(runs_csv, targets)
-    # The statistical functions do not know the file, so name it in the error.
+    # The statistical functions do not know the file, so the error is raised again with it.
     try:
         floor = compute_noise_floor(runs, targets)
     except ValueError as error:
@@ -287,7 +287,7 @@ def write_noise_floor(
             source=runs_csv,
             key="runs",
             value=str(error),
-            allowed="enough runs a sample for variances and correlations",
+            allowed="enough runs per sample for variances and correlations",
         ) from None
     out = Path(out_dir)
     write_table(out / NOISE_FILE, floor.responses)
@@ -297,7 +297,7 @@ def write_noise_floor(
 
 
 def describe_noise_floor(summary: dict[str, Any], targets: Targets) -> str:
-    """Write the noise floor as text, a line for each response."""
+    """Describe the noise floor in text, with a line for each response."""
     lines = []
     for target in targets:
         row = summary["responses"][target.name]

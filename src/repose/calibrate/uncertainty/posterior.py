@@ -1,7 +1,7 @@
 """Infer the free parameters from the physical measurements: their posterior.
 
-The prior of a parameter is uniform on its range, along its scale. Where the parameter
-was measured, it is normal and cut to the range.
+The prior of a parameter is uniform over its range, along its scale. If the parameter was
+measured, its prior is a normal distribution that is cut to the range.
 `repose.calibrate.uncertainty.likelihood` defines the likelihood.
 `repose.calibrate.uncertainty.sampler` draws from the posterior.
 """
@@ -46,14 +46,15 @@ from repose.common.numbers import format_significant
 CREDIBLE_PROBABILITY = 0.95
 # Probability on each side of a credible interval.
 TAIL_PROBABILITY = (1 - CREDIBLE_PROBABILITY) / 2
-# Runs beyond the first of a sample that a correlation needs, in addition to one for
-# each response of a bench test.
+# A correlation needs one run beyond the first of a sample for each response of the bench
+# test, and this many more.
 SPARE_FREEDOM = 2
 MAX_KEPT_DRAWS = 4000
 # Convergence: Vehtari et al. 2021, Bayesian Analysis 16, 667.
 MAX_R_HAT = 1.01
 MIN_EFFECTIVE_DRAWS = 400
-# Kullback-Leibler information, in bits: half the range is worth 1 bit.
+# Limits of the Kullback-Leibler information, in bits. A uniform distribution over half the
+# range has 1 bit.
 DETERMINED_BITS = 1.0
 UNDETERMINED_BITS = 0.2
 # If an interval is wider than this share of the prior's interval, the parameter is not
@@ -76,7 +77,7 @@ class Posterior(NamedTuple):
 
 
 class Measurement(NamedTuple):
-    """The physical measurement of k targets, with all that is uncertain about it."""
+    """The physical measurement of k targets, and its uncertainty."""
 
     observed: Observation  # physical means, and their covariance S_y + S_d
     correlation: np.ndarray  # (k, k), of the measured responses
@@ -112,7 +113,7 @@ class Convergence(NamedTuple):
 
     @property
     def is_reached(self) -> bool:
-        """Whether the draws are from the posterior, and enough."""
+        """Whether the chains have converged, and there are enough draws."""
         are_alike = (self.r_hat <= MAX_R_HAT).all()
         are_enough = (self.effective_draws >= MIN_EFFECTIVE_DRAWS).all()
         return bool(are_alike and are_enough)
@@ -177,7 +178,7 @@ def _find_measured_correlation(
     runs : pandas.DataFrame
         Simulated runs.
     settings : PosteriorSettings
-        Its key `measured_correlation` is a number, or a word for the estimate.
+        Its key `measured_correlation` is a number, or a word that asks for the estimate.
 
     Returns
     -------
@@ -229,7 +230,7 @@ def infer_posterior(
     settings: PosteriorSettings,
     references: Mapping[str, pd.DataFrame],
 ) -> Posterior:
-    """Sample the posterior, and state which parameters it determines.
+    """Sample the posterior, and state which parameters the data determine.
 
     Parameters
     ----------
@@ -273,8 +274,8 @@ def infer_posterior(
         seed=settings.seed,
     )
 
-    # Describe each parameter, and predict at some of the draws. Choose them at random,
-    # because draws at regular steps in time may all belong to the same walker.
+    # Describe each parameter, and predict the responses at some of the draws. Choose these
+    # at random, because equally spaced draws may all belong to the same walker.
     table = _tabulate_parameters(space, unit, convergence, references)
     order = np.random.default_rng(settings.seed).permutation(len(unit))
     kept = unit[np.sort(order[:MAX_KEPT_DRAWS])]
@@ -378,8 +379,8 @@ def infer_from_files(
 ) -> dict[str, Any]:
     """Infer the parameters of a study from its files.
 
-    Write the posterior (posterior.csv, draws.csv, posterior.json), its information over
-    the discrepancy (discrepancy.csv) and the region that is not excluded (region.csv).
+    Write the posterior (posterior.csv, draws.csv, posterior.json), its information by size
+    of the discrepancy (discrepancy.csv), and the plausible region (region.csv).
 
     Parameters
     ----------
@@ -392,7 +393,7 @@ def infer_from_files(
     settings : PosteriorSettings
     out_dir : path
     source : object, optional
-        Named in the error about definitions: the configuration.
+        Name of the configuration, for an error about definitions.
 
     Returns
     -------
@@ -402,7 +403,7 @@ def infer_from_files(
     Raises
     ------
     InputError
-        If no parameter is free, for bad files, or for too few runs.
+        If no parameter is free, if a file is invalid, or if there are too few runs.
     """
     refuse_all_fixed(parameters)
     model = train.restore_surrogate(files.network, files.predictions, files.dataset)
@@ -436,7 +437,7 @@ def infer_from_files(
             source=files.runs,
             key="runs",
             value=str(error),
-            allowed="enough runs a sample for the correlation of the responses",
+            allowed="enough runs per sample for the correlation of the responses",
         ) from None
 
     out = Path(out_dir)
@@ -542,7 +543,7 @@ def state_determination(row: Mapping[str, Any]) -> str:
     width = f"{100 * row['width_ratio']:.0f} % of the prior's width, {bits:.2f} bits"
     if bits < UNDETERMINED_BITS:
         return f"{name} is not determined: {width}"
-    # With little information, only say in which half of the prior the parameter lies.
+    # With little information, only state in which half of the prior the parameter lies.
     if bits < DETERMINED_BITS:
         low_probability = row["below_centre"]
         high_probability = 1 - low_probability

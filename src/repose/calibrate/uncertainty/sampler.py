@@ -1,8 +1,8 @@
 """Draw from a probability density in the unit cube, and measure convergence.
 
-The draws come from emcee (Foreman-Mackey et al. 2013, PASP 125, 306). Walkers of one
-ensemble depend on each other, so several independent ensembles are drawn, and R-hat
-compares these.
+The draws come from emcee (Foreman-Mackey et al. 2013, PASP 125, 306). The walkers of an
+ensemble depend on each other. Therefore several independent ensembles are drawn, and R-hat
+compares them.
 """
 
 import math
@@ -21,16 +21,16 @@ BURN_IN_SHARE = 0.5  # share of the steps that is dropped
 N_BINS = 40
 N_PRIOR_DRAWS = 2**15
 CHUNK_SIZE = 2048  # points at which the likelihood is computed together
-# Of `_draw_starts`.
-N_POPULATION = 2048  # points
-N_MOVES = 8  # steps at each power of the density
+# Settings of `_draw_starts`.
+N_POPULATION = 2048  # number of points
+N_MOVES = 8  # number of steps at each power of the density
 MIN_EFFECTIVE_SHARE = 0.5  # effective share of the points after the power rises
 
 Density = Callable[[np.ndarray], np.ndarray]
 
 
 class Chains(NamedTuple):
-    """Draws of a density.
+    """Draws from a density.
 
     Autocorrelation times: Goodman & Weare 2010, Comm. App. Math. Comp. Sci. 5, 65.
     """
@@ -121,8 +121,8 @@ def _make_ensemble(
     """Make emcee's ensemble of walkers, with the state of a random generator."""
     import emcee
 
-    # Without the snooker move: in emcee 3.1.6 its acceptance has half the exponent, and
-    # the draws are too narrow.
+    # Leave out the snooker move. In emcee 3.1.6 the exponent in its acceptance is half of
+    # what it should be, which makes the draws too narrow.
     moves = [(emcee.moves.DEMove(), 0.5), (emcee.moves.StretchMove(), 0.5)]
     ensemble = emcee.EnsembleSampler(
         walkers, dimensions, log_density, moves=moves, vectorize=True
@@ -153,8 +153,8 @@ def _draw_starts(
     -------
     array (N_POPULATION, d)
     """
-    # Start with uniform points, which are draws from the power 0. Where a constraint is
-    # violated, the log density is -inf. Draw other points in place of such points.
+    # Start with uniform points, which are draws from the power 0. Points that violate a
+    # constraint have the log density -inf, so draw other points in their place.
     points = random.uniform(size=(N_POPULATION, dimensions))
     log_densities = log_density(points)
     while (is_excluded := np.isneginf(log_densities)).any():
@@ -187,7 +187,7 @@ def _compute_tempered_density(
 
 
 def _compute_weights(log_densities: np.ndarray, rise: float) -> np.ndarray:
-    """Compute the weights (n,) of points for a rise of the power of their density."""
+    """Compute the weights (n,) of points when the power of their density rises."""
     return np.exp(rise * (log_densities - log_densities.max()))
 
 
@@ -224,9 +224,9 @@ def _find_power_rise(log_densities: np.ndarray, most: float) -> float:
 def compute_split_r_hat(chains: np.ndarray) -> np.ndarray:
     """Compute R-hat (d,) of chains (m, n, d), each cut in two.
 
-    With the variance W within the halves of n draws, and B / n between their means,
-    R-hat is sqrt(((n - 1) / n W + B / n) / W) (Gelman et al. 2013, Bayesian Data
-    Analysis, 11.4).
+    Let W be the mean variance within the halves, each of n draws, and B / n the variance
+    of their means. Then R-hat is sqrt(((n - 1) / n W + B / n) / W) (Gelman et al. 2013,
+    Bayesian Data Analysis, 11.4).
     """
     n = chains.shape[1] // 2
     halves = np.concatenate([chains[:, :n], chains[:, -n:]])
@@ -236,18 +236,18 @@ def compute_split_r_hat(chains: np.ndarray) -> np.ndarray:
 
 
 def compute_information_bits(draws: np.ndarray, effective: float) -> float:
-    """Compute the information of one parameter's posterior over its prior, in bits.
+    """Compute how much information the posterior of a parameter adds to its prior.
 
-    It is the Kullback-Leibler divergence of a histogram, at least 0. Its expected
-    excess for m independent draws, (bins - 1) / (2 m ln 2), is subtracted (Miller 1955,
-    Note on the bias of information estimates).
+    The result, in bits, is the Kullback-Leibler divergence of a histogram. For m
+    independent draws its expected excess is (bins - 1) / (2 m ln 2), which is subtracted
+    (Miller 1955, Note on the bias of information estimates). The result is at least 0.
 
     Parameters
     ----------
     draws : array (n,)
         The prior's distribution function at the draws, from 0 to 1.
     effective : float
-        Number m of independent draws that they are worth.
+        Number m of independent draws that would be as informative.
     """
     counts, _ = np.histogram(draws, bins=N_BINS, range=(0, 1))
     return compute_bits_of_shares(counts / len(draws), effective)

@@ -1,20 +1,21 @@
-"""Effects of the parameters on the responses, computed with the surrogate.
+"""Compute the effects of the parameters on the responses, with the surrogate.
 
-There are Sobol indices and main effects. The indices use the estimators of Saltelli et
-al. 2010 (Computer Physics Communications 181, 259) on a Sobol sequence, as
-scipy.stats.sobol_indices has them. The free parameters are independent and uniform on
-their ranges, along their scales; prior knowledge of a parameter does not enter.
+The effects are Sobol indices and main effects. The indices are estimated as by Saltelli
+et al. 2010 (Computer Physics Communications 181, 259) on a Sobol sequence, with the
+function scipy.stats.sobol_indices. The free parameters are independent and uniform over
+their ranges, along their scales. Priors are ignored.
 
-Constraints make the parameters depend on each other, and then the variance has no such
-parts. With constraints the parameters are uniform over what is allowed, and two shares of
-the variance take the place of the indices: `explained`, Var(E[y | x]) / Var(y), by one
-parameter x alone, and `remaining`, E[Var(y | others)] / Var(y), once all others are known.
-Without constraints they are the first-order and the total index. Kucherenko, Klymenko and
-Shah, Sobol' indices for problems defined in non-rectangular domains, Reliability
-Engineering and System Safety 167 (2017) 218-231.
+Constraints make the parameters depend on each other, so the variance cannot be divided in
+this way. With constraints, the parameters are uniform over the allowed part of the ranges,
+and two shares of the variance take the place of the indices. `explained`,
+Var(E[y | x]) / Var(y), is what one parameter x alone explains. `remaining`,
+E[Var(y | others)] / Var(y), is what remains once all other parameters are known. Without
+constraints, the two shares are the first-order and the total index. The source is
+Kucherenko, Klymenko and Shah, Sobol' indices for problems defined in non-rectangular
+domains, Reliability Engineering and System Safety 167 (2017) 218-231.
 
-The intervals contain the error of the sampling, by bootstrap over the rows of the
-sequence. They do not contain the surrogate's own error.
+The intervals account for the error of the sampling, which is estimated by bootstrap over
+the rows of the sequence. They do not account for the error of the surrogate itself.
 """
 
 from collections.abc import Callable, Iterator
@@ -45,7 +46,7 @@ N_EFFECT_DRAWS = 2048
 ROUNDING_SHARE = 1e-12  # a constant output varies by no more than this share of it
 # Values of a parameter at which each draw of the others is evaluated, with constraints.
 N_LINE_POINTS = 32
-# A mean at a value of a parameter takes at least so many of the `N_EFFECT_DRAWS`.
+# A mean at a value of a parameter needs at least this many of the `N_EFFECT_DRAWS`.
 MIN_DRAWS = 20
 RESAMPLES_PER_BLOCK = 100
 
@@ -141,9 +142,10 @@ def compute_allowed_shares(
     """Compute shares of the variance over the allowed part of the ranges.
 
     For each parameter x, draws of the other parameters are combined with `N_LINE_POINTS`
-    values of x, so the points of a draw form a line. The allowed ones among all points
-    are uniform over the allowed part of the ranges. Their means at each value of x give
-    Var(E[y | x]), and their variances along each line give E[Var(y | others)].
+    values of x, so the points of a draw form a line. The points that are allowed are
+    uniformly distributed over the allowed part of the ranges. The means of their outputs
+    at each value of x give Var(E[y | x]), and the variances along each line give
+    E[Var(y | others)].
 
     Parameters
     ----------
@@ -282,7 +284,7 @@ def _compute_shares(output: np.ndarray, counts: np.ndarray) -> np.ndarray:
 
 
 def _require_variation(outputs: np.ndarray) -> None:
-    """Refuse outputs (outputs, n) of which one is constant."""
+    """Refuse outputs (outputs, n) if one of them is constant."""
     if not (outputs.std(axis=1) > ROUNDING_SHARE * np.abs(outputs).max(axis=1)).all():
         raise ValueError(
             "an output of the function does not vary; expected outputs that do"

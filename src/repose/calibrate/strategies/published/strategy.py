@@ -51,7 +51,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     inversion = invert(
         training.model, space, study.targets, settings.miga, support=support
     )
-    why = "the batch is simulated: the search on its surrogate answers"
+    why = "the batch is simulated, and the search on its surrogate gives the answer"
     answer = make_answer(study, training.model, inversion, data, why, settings.seeds)
     notes = {
         **answer.notes,
@@ -63,7 +63,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
 
 
 def make_design_batch(study: Study, seeds: int) -> Batch:
-    """Make the batch of the design, with a number of runs of each sample."""
+    """Make the batch of the design, in which each sample has `seeds` runs."""
     space = study.parameters
     section = study.settings.design
     unit = design.make_points_in_space(
@@ -89,6 +89,7 @@ def fit_surrogate(
     Returns
     -------
     Training
+        The fitted surrogate.
     Support
         The region that the good samples cover.
     """

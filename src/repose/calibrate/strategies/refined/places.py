@@ -1,8 +1,8 @@
 """Places for further runs: where the fit of the first runs may meet the targets.
 
 The first stage samples the whole ranges, so most of its runs are far from the targets.
-Near the targets the fit has errors, which decide which place seems to meet the targets.
-So the second stage runs the simulator at many such places, once at each. The next fit
+Near the targets the errors of the fit decide which place seems to meet the targets. The
+second stage therefore runs the simulator at many such places, once at each. The next fit
 then learns the level of the whole region, and no place is chosen because of its noise.
 """
 
@@ -19,7 +19,7 @@ from repose.calibrate.targets import Targets
 N_CANDIDATES = 32768
 # Number of points with the smallest objective (Eq. 11), whose errors are computed.
 N_NEAREST = 4096
-# Points that are predicted at once.
+# Number of points that are predicted at once.
 CHUNK_SIZE = 4096
 # Largest additional weight of a place for its nearness to the targets. It is far below
 # any probability that matters.
@@ -50,7 +50,7 @@ def draw_near_targets(
     count : int
         Number of places, at most `N_NEAREST`.
     tolerance_percent : float
-        In percent of each target.
+        The tolerance, in percent of each target.
     random : numpy.random.Generator
 
     Returns

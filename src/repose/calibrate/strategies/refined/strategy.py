@@ -1,7 +1,7 @@
 """The strategy `refined`: a design, single runs near the targets, then the answer.
 
-`repose.calibrate.strategies.refined.places` says where the second stage runs.
-docs/refinement.md says why.
+`repose.calibrate.strategies.refined.places` chooses the places of the second stage.
+docs/refinement.md explains why.
 """
 
 from dataclasses import replace
@@ -54,7 +54,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     space = study.parameters
     samples = summarise_samples(data, space, study.targets)
     # The fit uses the samples of a refinement only for training, so the test samples
-    # stay those of the design. It knows the former by a number in the column `round`.
+    # stay those of the design. A number in the column `round` marks a refinement.
     is_second_stage = _mark_second_stage(samples["sample"], study)
     samples["round"] = (
         pd.Series(1, samples.index).where(is_second_stage).astype("Int64")
@@ -67,7 +67,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     inversion = invert(
         training.model, space, study.targets, study.settings.miga, support=support
     )
-    why = "the places near the targets are simulated: the search on all runs answers"
+    why = "the places near the targets are simulated; the search on all runs answers"
     answer = make_answer(study, training.model, inversion, data, why, section.seeds)
     notes = {
         **answer.notes,
@@ -128,8 +128,8 @@ def _propose_second_stage(
         tolerance_percent=section.tolerance_percent,
         random=random,
     )
-    # `_mark_second_stage` knows these samples by their numbers, which come after those
-    # of the design.
+    # `_mark_second_stage` recognises these samples by their numbers, which come after
+    # those of the design.
     first_number = max(find_next_sample(data), study.settings.design.samples + 1)
     samples = samples_of(space, places, seeds=1, first=first_number)
     parameter_sets = samples[list(space.names)].to_numpy(float)

@@ -83,14 +83,14 @@ class ResponseSurfaceSettings(Section):
         return FEWEST_FACTORS[self.surface]
 
     def coded(self, factors: int) -> tuple["np.ndarray", float]:
-        """Design the surface of some factors.
+        """Make the design of the surface for a number of factors.
 
         Returns
         -------
         numpy.ndarray, (n, factors)
             The samples in coded units.
         float
-            Their outermost level.
+            The outermost level of these samples.
         """
         from repose.calibrate.designs.box_behnken import box_behnken
         from repose.calibrate.designs.central_composite import central_composite
@@ -102,7 +102,7 @@ class ResponseSurfaceSettings(Section):
 
 @register("response_surface")
 class ResponseSurface(Strategy[ResponseSurfaceSettings]):
-    """Screening, steepest ascent, surface, check: each a batch."""
+    """Screening, steepest ascent, surface and check, each of which is a batch."""
 
     settings = ResponseSurfaceSettings
     repeats_points = True
@@ -170,7 +170,7 @@ class ResponseSurface(Strategy[ResponseSurfaceSettings]):
             yield "centres", f"at least {fewest_centres} where surface is {design}"
 
     def pours(self, section: ResponseSurfaceSettings, free: int) -> Pours:
-        """Count the most runs of each step.
+        """Return the largest number of runs of each step.
 
         The screening may keep fewer parameters than `most_factors`.
         """

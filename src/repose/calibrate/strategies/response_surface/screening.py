@@ -1,8 +1,8 @@
 """The screening: find the parameters that matter, and the direction to the targets.
 
 A Plackett-Burman design over the whole ranges shows which parameters matter. The
-screening also has runs at the centre of the ranges, where the path of ascent begins. The
-mean of the corners is no estimate of the response there if the response is curved.
+screening also has runs at the centre of the ranges, where the path of ascent begins. If
+the response is curved, the mean of the corners does not estimate the response there.
 
 If constraints forbid a corner, a D-optimal run takes its place. If the path of ascent
 meets a constraint, it follows the constraint: each point is the nearest allowed one.
@@ -51,11 +51,11 @@ def _tabulate_effects(model: Model) -> pd.DataFrame:
 
 
 def _tabulate_statistics(model: Model) -> pd.DataFrame:
-    """Make the table of statistics, one row."""
+    """Make the table of statistics, which has a single row."""
     return pd.DataFrame([compute_statistics(model)])
 
 
-# For each kind of table the function of a model that makes it.
+# For each kind of table, the function that makes it from a model.
 TABLE_MAKERS = {
     "anova": make_anova_table,
     "effects": _tabulate_effects,
@@ -249,7 +249,7 @@ def choose_factors(models: list[Model], section: ResponseSurfaceSettings) -> lis
     `most_factors` are kept.
     """
     p_of_models = [list_effects(model).set_index("term")["p"] for model in models]
-    # A factor counts by its most significant effect. Equals stay in the usual order.
+    # Rank each factor by its most significant effect. Ties keep the usual order.
     least_p = pd.concat(p_of_models, axis=1).min(axis=1)
     ranking = least_p.reindex(models[0].factors).sort_values(kind="stable")
     n_significant = int((ranking < section.significance).sum())

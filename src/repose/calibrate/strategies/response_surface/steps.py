@@ -19,7 +19,8 @@ STEPS = ("screening", "ascent", "surface", "check")
 NUMBERS_PER_STEP = 1000
 # Prefix of a column with a parameter in coded units.
 CODED_PREFIX = "coded_"
-# Column that marks the runs that replace forbidden ones. It exists with constraints only.
+# Column that marks the runs that replace forbidden ones. Only a study with constraints has
+# it.
 NEW_RUN_COLUMN = "is_new"
 
 
@@ -58,7 +59,7 @@ def make_samples(
 
 
 def list_factors(table: pd.DataFrame) -> tuple[str, ...]:
-    """Return the parameters that a step varied, from its table of `make_samples`."""
+    """Return the parameters that a step varied, given its result of `make_samples`."""
     return tuple(
         name.removeprefix(CODED_PREFIX)
         for name in table
@@ -164,7 +165,7 @@ def move_forbidden_runs(
     order : str
         Order of the model, as for `fit_model`.
     space : ParameterSpace
-        Its constraints are named in an error.
+        The parameters, whose constraints an error names.
 
     Returns
     -------

@@ -24,9 +24,9 @@ from repose.calibrate.study import Study
 def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     """Propose the samples of the next step, or give the answer after the last step.
 
-    Each step is computed anew from the runs of the steps before. The first step without
+    Each step is computed anew from the runs of the previous steps. The first step without
     runs is proposed. The notes have the tables of all steps so far, and `why`, a sentence
-    about the last decision.
+    that explains the last decision.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def _describe_steps(
     screening_samples: pd.DataFrame,
     surface_samples: pd.DataFrame,
 ) -> tuple[str, ...]:
-    """Describe the steps to the answer, in sentences."""
+    """Describe in sentences the steps that led to the answer."""
     kept = ", ".join(list_factors(surface_samples))
     return (
         f"Screening: {section.screening_runs} runs of a Plackett-Burman design and "

@@ -29,9 +29,9 @@ from repose.calibrate.strategies.response_surface.steps import (
 from repose.calibrate.study import Study
 from repose.calibrate.targets import Targets
 
-# Probability of the intervals.
+# Probability of the intervals of predictions.
 CONFIDENCE = 0.95
-# Points of the cube that are searched for parameter sets inside the ranges.
+# Number of points of the cube among which parameter sets inside the ranges are searched.
 N_POINTS = 2048
 
 
@@ -66,8 +66,8 @@ def make_surface_samples(
 ) -> pd.DataFrame:
     """Make the samples of the surface around the best point of the path.
 
-    The outermost levels of each factor lie at a distance of `section.reach`, a share of
-    its range, from the centre. The centre is moved if a factor would leave its range.
+    The outermost levels of each factor lie `section.reach` times its range away from the
+    centre. The centre is moved if a factor would otherwise leave its range.
 
     Parameters
     ----------
@@ -90,7 +90,7 @@ def make_surface_samples(
     reach = section.reach
     coded, outermost_level = section.coded(len(factors))
 
-    # Move the centre inwards so far that the outermost levels stay in the unit cube.
+    # Move the centre inwards just enough for the outermost levels to stay in the unit cube.
     best = points.loc[points["best"], list(space.names)].to_numpy(float)
     best_unit = space.unit(best)  # (1, d)
     columns = [space.free.index(name) for name in factors]
@@ -127,7 +127,7 @@ def find_best_point(
 ) -> Optimum:
     """Find the optimum of the quadratic models inside the cube of the design.
 
-    There is one model for each target. `region` is what is allowed of the cube.
+    There is one model for each target. `region` is the allowed part of the cube.
     """
     return find_optimum(
         models,
@@ -149,12 +149,13 @@ def convert_to_unit_cube(
     table : pandas.DataFrame
         The samples of the surface.
     points : numpy.ndarray, (n, factors) or (factors,)
-        In coded units.
+        Points in coded units.
     space : ParameterSpace
 
     Returns
     -------
     numpy.ndarray, (n, d)
+        The same points in the unit cube.
     """
     return _make_conversion(table, space)(points)
 

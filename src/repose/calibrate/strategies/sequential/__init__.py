@@ -1,6 +1,7 @@
 """The strategy `sequential`: few runs, each where it is most informative.
 
-It begins with a space-filling start. Batches follow where the targets are probably met.
+It begins with samples that fill the whole ranges. The batches that follow are simulated
+where the targets are probably met.
 """
 
 from typing import TYPE_CHECKING, Annotated
@@ -89,7 +90,7 @@ class Sequential(Strategy[SequentialSettings]):
     def contradictions(
         self, section: SequentialSettings, free: int, responses: int
     ) -> Contradictions:
-        """Refuse a start without repeated runs, or beyond the budget."""
+        """Refuse a start that repeats no runs, or that exceeds the budget."""
         if section.start_samples * (section.seeds - 1) <= responses:
             yield "seeds", "at least 2: the noise comes from pours of one sample"
         if section.start_samples * section.seeds > section.most_pours:

@@ -23,28 +23,29 @@ from repose.calibrate.strategies.sequential.reach import Reach, estimate_reach
 from repose.calibrate.surrogates.support import Support
 from repose.calibrate.targets import Targets
 
-# Points over the whole ranges that are compared first.
+# Number of points all over the ranges that are compared first.
 N_CANDIDATES = 2048
 # The search continues around the N_KEPT best points, with N_AROUND new points for each.
 N_KEPT = 8
 N_AROUND = 64
-# Standard deviations of the new points about the best ones, in ranges. Each is a step of
-# the search.
+# Standard deviations of the new points about the best ones, as shares of the ranges. The
+# search has a step for each of them.
 STEP_SDS = (0.1, 0.03, 0.01)
 # Standard deviation of the points of a batch about the answer, in shares of the prior.
 BATCH_SD = 0.1
-# Probability that any point meets the targets. Below DOUBTFUL_PROBABILITY half a batch is
-# simulated where the draws of the model come nearest to the targets. Below
-# UNREACHABLE_PROBABILITY the search ends, once batches have followed the start.
+# Limits of the probability that any point meets the targets. If it is below
+# DOUBTFUL_PROBABILITY, half a batch is simulated where the draws of the model come nearest
+# to the targets. If it is below UNREACHABLE_PROBABILITY, the search ends, provided that
+# batches have followed the start.
 DOUBTFUL_PROBABILITY = 0.8
 UNREACHABLE_PROBABILITY = 0.3
-# Points with a smaller distance, in ranges, are the same.
+# Points count as the same if their distance, in ranges, is smaller than this.
 SAME_DISTANCE = 1e-9
-# Share of a range within which a point lies at its end.
+# A point lies at an end of a range if it is at most this share of the range away from it.
 END_SHARE = 1e-3
 # Seed of the search for the nearest point.
 NEAREST_SEED = 1
-# If further runs can raise the probability by less than this, the noise limits it.
+# If further runs can raise the probability by less than this, the noise is the limit.
 MIN_GAIN = 0.01
 
 Score = Callable[[np.ndarray], np.ndarray]
@@ -83,13 +84,13 @@ class Advice(NamedTuple):
         The point that meets the targets most probably. At the end it is the nearest
         point, if the targets are out of reach or no point is predicted to meet them.
     probability : float
-        That the answer meets the targets.
+        Probability that the answer meets the targets.
     mean, error : numpy.ndarray, (k,)
         Predicted mean responses of the answer, and their standard errors.
     reachable : float
         The highest probability that the remaining runs can give.
     needed : int
-        Runs at one point that the noise alone requires.
+        Number of runs at one point that the noise alone requires.
     reach : Reach
         Whether any parameter set meets the targets.
     is_nearest : bool
@@ -173,9 +174,9 @@ def advise(
     if goal.space.constraints:
         allowed = allowed[goal.space.is_allowed(allowed)]
     reachable = max(goal.estimate_reachable(model, allowed, runs_left), probability)
-    # The response may be steep at an end of a range. A model without runs there only
-    # extrapolates the slope. So the targets are not called out of reach before a run at
-    # these ends. If the ends are forbidden, no run is required (NaN).
+    # The response may be steep at an end of a range, and a model without runs there only
+    # extrapolates the slope. Therefore require a run at these ends before calling the
+    # targets out of reach. If the ends are forbidden (NaN), no run is required.
     ends = find_nearest_ends(attainable.points)
     if not goal.space.is_allowed(np.where(np.isfinite(ends), ends, answer)[None])[0]:
         ends = np.full(len(ends), np.nan)
@@ -191,7 +192,7 @@ def advise(
     )
 
     # If the targets cannot be met, the most probable point is merely the one with the
-    # largest error. Then the nearest point is the best answer.
+    # largest error, and the nearest point is the best answer.
     is_unmet = stop in ("budget", "noise") and no_point_meets(model, goal, ranking)
     is_nearest = stop == "out_of_reach" or is_unmet
     if is_nearest:
@@ -283,7 +284,7 @@ def _find_reason_to_stop(
     attainable : float
         Probability that any parameter set meets the targets.
     n_samples : int
-        Samples of a further batch that the budget allows.
+        Number of samples in a further batch that the budget allows.
     is_past_start : bool
         Whether batches have followed the start.
     is_end_simulated : bool
@@ -312,7 +313,7 @@ def find_nearest_ends(points: np.ndarray) -> np.ndarray:
     Returns
     -------
     numpy.ndarray, (d,)
-        0 or 1 for each parameter; NaN for one with fewer than half the points at an end.
+        0 or 1 for each parameter, or NaN if fewer than half the points lie at one end.
     """
     ends = np.full(points.shape[1], np.nan)
     for end in (0.0, 1.0):
@@ -385,7 +386,7 @@ def find_nearest(
     support = Support(observed.unit, low=np.zeros(d), high=np.ones(d), names=names)
 
     def score(unit: np.ndarray) -> np.ndarray:
-        """Score points (n, d). A point where samples are thin is never the best."""
+        """Score points (n, d). A point where samples are sparse is never the best."""
         mean, covariance = model.predict(unit)
         deviation = goal.expected_deviation(mean, covariance)
         is_excluded = support.is_thin(unit) | ~goal.space.is_allowed(unit)
@@ -463,17 +464,17 @@ def find_alternatives(
 
     Parameters
     ----------
-    ranking : Scored
+    ranking : ScoredPoints
         Result of `rank_points`.
     model : Kriging
     targets : Targets
     section : MigaSettings
-        Number of the points, and their distance.
+        Its keys set the number of points and their least distance.
     """
     mean = model.predict(ranking.points)[0]
     is_in_ranges = ((mean >= targets.low) & (mean <= targets.high)).all(axis=1)
     is_suitable = is_in_ranges & np.isfinite(ranking.scores)
-    # Row numbers of the suitable points, the best first.
+    # Find the row numbers of the suitable points, the best first.
     best_first = np.argsort(-ranking.scores, kind="stable")
     rows = best_first[is_suitable[best_first]]
     chosen = rows[select_separated(ranking.points[rows], section)]
@@ -516,7 +517,7 @@ def _select_sound(
 def _select_new(points: np.ndarray, simulated: np.ndarray) -> np.ndarray:
     """Select the points (n, d) that are not among the simulated ones (m, d).
 
-    Equal points are kept only once, because many draws end in the same corner.
+    Of equal points only one is kept, because many draws end in the same corner.
     """
     from scipy.spatial.distance import cdist
 

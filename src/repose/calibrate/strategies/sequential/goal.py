@@ -14,9 +14,10 @@ from repose.calibrate.probability import MIN_PROBABILITY, compute_box_probabilit
 from repose.calibrate.strategies.sequential.kriging import Kriging
 from repose.calibrate.targets import Targets
 
-# Standard deviations by which further runs may move a predicted mean to the target.
+# Number of standard deviations by which further runs may move a predicted mean towards its
+# target.
 LUCKY_SDS = 3.0
-MAX_NEEDED = 10**6  # runs; more are not counted
+MAX_NEEDED = 10**6  # largest number of runs that is counted
 # Weight of the squared distance in the score. It decides only where the probability
 # underflows.
 DISTANCE_WEIGHT = 1e-6

@@ -31,35 +31,39 @@ from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.surrogates.samples import CombinedOutputs
 
 PRIOR_FREEDOM = 20.0  # prior degrees of freedom of the pooled variance (S04)
-# Of the logarithm of a length (H24); half the logarithm of d is added to the mean.
+# Prior of the logarithm of a length (H24). Half the logarithm of d is added to the mean.
 LENGTH_LOG_MEAN = math.sqrt(2) - 3
 LENGTH_LOG_SD = math.sqrt(3)
-# Of the logarithm of a process's variance about that of the means without noise.
+# Prior standard deviation of the logarithm of a process's variance. The prior is centred on
+# the variance of the means without noise.
 VARIANCE_LOG_SD = 1.0
-MIN_SIGNAL = 0.1  # of the means' variance, where noise seems to explain all of it
-# Of Matern's covariance: twice differentiable functions. Smoother ones claim too much
-# between few samples.
+# Smallest variance without noise, as a share of the variance of the means. It is used where
+# the noise seems to explain the whole variance.
+MIN_SIGNAL = 0.1
+# Smoothness of Matern's covariance, whose functions are twice differentiable. Smoother
+# functions claim too much accuracy between few samples.
 SMOOTHNESS = 2.5
-N_DRAWS = 8  # of variance and lengths
+N_DRAWS = 8  # number of draws of variance and lengths
 DRAWS_SEED = 1
-# Prior of the factor on the variance of each draw: median, and standard deviation of
-# the logarithm. They come from campaigns for other hidden sets than those of
-# docs/sequential.md, where the draws' variances were too large as a rule.
+# Prior of the factor on the variance of each draw: median, and standard deviation of the
+# logarithm. They come from campaigns in which the draws' variances were usually too large.
+# The hidden sets of these campaigns are not those of docs/sequential.md.
 FACTOR_MEDIAN = 0.7
 FACTOR_LOG_SD = 0.4
-FACTORS = np.exp(np.linspace(-2, 2, 81))  # over which the factor is averaged
-DIFFERENCE_STEP = 1e-3  # of the logarithms, for the curvature
-# Of variance and lengths, in variances of the means and ranges of a parameter.
+FACTORS = np.exp(np.linspace(-2, 2, 81))  # values over which the factor is averaged
+DIFFERENCE_STEP = 1e-3  # step of the logarithms in the finite differences
+# Bounds of the variance, in variances of the means, and of the lengths, in ranges.
 HYPERPARAMETER_BOUNDS = (1e-3, 1e3)
-# Relative size below which noise, or a combination of the responses' noises, is
-# rounding.
+# Noise, or a combination of the responses' noises, is a rounding error if its relative size
+# is below this.
 ROUNDING_SHARE = 1e-9
 MIN_SAMPLES = 2
-# With more samples than this the work would grow with their cube. Then variance and
-# lengths come from this many of the samples, chosen at random, and are not drawn; the
-# processes are conditioned on all samples by way of CENTRES of them. For 1,200 samples
-# of four parameters with almost no noise, the predictions of 512 centres are as good as
-# those of all samples, while those of 256 have 1.7 times the error.
+# The work for an exact process grows with the cube of the number of samples. With more than
+# MAX_EXACT_SAMPLES, variance and lengths are therefore estimated from a random subset of
+# this size, and they are not drawn. The processes are conditioned on all samples by way of
+# N_CENTRES of them. For 1,200 samples of four parameters with almost no noise, the
+# predictions of 512 centres are as good as those of all samples, while those of 256 have
+# 1.7 times the error.
 MAX_EXACT_SAMPLES = 256
 N_CENTRES = 512
 SUBSET_SEED = 2
@@ -85,7 +89,7 @@ class ObservedSamples(NamedTuple):
 
     @property
     def counts(self) -> np.ndarray:
-        """Good runs of each sample, (n,)."""
+        """Number of good runs of each sample, (n,)."""
         return self.good.sum(axis=1)
 
     @property
@@ -145,7 +149,7 @@ class ObservedSamples(NamedTuple):
         residuals = self.residuals.reshape(-1, k)
         if self.freedom <= k:
             raise ValueError(
-                f"{self.freedom} pours beyond the first of a sample; "
+                f"{self.freedom} pours beyond the first of each sample; "
                 f"expected at least {k + 1}"
             )
         covariance = residuals.T @ residuals / self.freedom
@@ -166,13 +170,13 @@ class Kriging(CombinedOutputs):
     """Model of the mean responses over all parameters.
 
     The error of a sample's mean is known, not fitted (ANS10). A variance from few runs
-    is a poor estimate, so the variance of all samples moderates it (S04).
+    is a poor estimate, so it is averaged with the variance of all samples (S04).
 
-    Each process has a linear part (R06): without it a process returns to its mean in
-    the corners, where the largest and the smallest responses are. Variance and lengths
-    are uncertain with few samples. So they are drawn `N_DRAWS` times from the normal
-    approximation of their posterior, with the prior of (H24), and predictions come from
-    the mixture.
+    Each process has a linear part (R06). Without it, a process returns to its mean in
+    the corners, where the largest and the smallest responses are. With few samples,
+    variance and lengths are uncertain. They are therefore drawn `N_DRAWS` times from the
+    normal approximation of their posterior, with the prior of (H24), and predictions
+    come from the mixture.
 
     The variance of each draw is multiplied by one factor. To estimate it, each sample
     is predicted from all the others, and the factor compares these residuals with the
@@ -259,7 +263,7 @@ class Kriging(CombinedOutputs):
         return self.unmix(means.mean(axis=0)), within + between
 
     def mean(self, unit: np.ndarray) -> np.ndarray:
-        """Predict mean responses (m, k) as `predict`, in far less time."""
+        """Predict mean responses (m, k) like `predict`, but in far less time."""
         means = np.array(
             [
                 [process.mean(unit - 0.5) for process in processes]
@@ -276,9 +280,9 @@ class Kriging(CombinedOutputs):
         residuals : array (n, k)
             Residuals of the scaled combinations.
         variances : array (n, k)
-            Within the draws.
+            Variances within the draws.
         others : array (n, k)
-            Other variances: between the draws, and of the samples' errors.
+            Other variances: that between the draws, and that of the samples' errors.
         """
         means, variances = self._collect_moments(
             lambda process: process.predict_left_out()
@@ -360,9 +364,9 @@ def _estimate_mean_variances(
 ) -> np.ndarray:
     """Estimate the variances (n, k) of the samples' means in each combination (S04).
 
-    In the combinations, the columns of `mixing`, the noise has the variance 1 over all
-    samples. It has the weight of `PRIOR_FREEDOM` degrees of freedom beside those of the
-    sample itself.
+    The columns of `mixing` are the combinations. In each of them, the noise of all samples
+    has the variance 1. This value counts as much as `PRIOR_FREEDOM` degrees of freedom,
+    beside those of the sample itself.
     """
     squares = ((observed.residuals @ mixing) ** 2).sum(axis=1)
     counts = observed.counts[:, None]
@@ -492,7 +496,7 @@ def _make_sparse_process(
 ) -> list[Any]:
     """Make the most probable process of many samples.
 
-    Their number determines variance and lengths so well that these are not drawn.
+    So many samples determine variance and lengths so well that these are not drawn.
 
     Parameters
     ----------
@@ -502,7 +506,7 @@ def _make_sparse_process(
     Returns
     -------
     list of SparseProcess
-        One.
+        A single process.
     """
     from repose.calibrate.surrogates.process import SparseProcess, choose_centres
 
@@ -534,8 +538,9 @@ def _find_most_probable_kernel(
     Returns
     -------
     kernel of scikit-learn
+        The covariance with these hyperparameters.
     array (1 + d, 1 + d)
-        Second derivatives of the negative log posterior there.
+        Second derivatives of the negative log posterior at these hyperparameters.
     """
     from repose.calibrate.surrogates.process import (
         Process,
@@ -585,7 +590,7 @@ def _draw_hyperparameters(
     list of array (1 + d,)
         `N_DRAWS` of them.
     """
-    # No direction is less certain than the prior.
+    # In every direction, keep the posterior at least as certain as the prior of a length.
     eigenvalues, axes = np.linalg.eigh((curvature + curvature.T) / 2)
     root = axes / np.sqrt(np.maximum(eigenvalues, LENGTH_LOG_SD**-2))
     random = np.random.default_rng(DRAWS_SEED)

@@ -1,8 +1,8 @@
 """Estimate whether any parameter set meets the goal, and how near the nearest one is.
 
 The estimate uses random draws of possible responses. A draw is a function of the
-parameters that agrees with the runs within their errors. The best point is searched in
-each draw. So the estimate is about all parameter sets together, not about a single set.
+parameters that agrees with the runs within their errors. A search finds the best point of
+each draw, so the estimate holds for all parameter sets together, not for a single set.
 
 - (RR08) Rahimi & Recht 2008, Random features for large-scale kernel machines, NeurIPS
   20
@@ -25,27 +25,27 @@ if TYPE_CHECKING:  # scikit-learn takes half a second to load
     from repose.calibrate.surrogates.process import Process, SparseProcess
 
 N_FEATURES = 128
-N_FUNCTIONS = 128  # drawn, the same number for each set of lengths
-N_CANDIDATES = 256  # points all over the ranges, and as many corners
-N_AROUND = 16  # points around each best point of a draw
+N_FUNCTIONS = 128  # number of drawn functions, spread evenly over the sets of lengths
+N_CANDIDATES = 256  # number of points all over the ranges, and number of corners
+N_AROUND = 16  # number of points around each best point of a draw
 STEP_SDS = (0.2, 0.07, 0.02)  # standard deviations of those points, in ranges
 
 
 class Reach(NamedTuple):
     """Best possible agreement with the goal over all parameter sets."""
 
-    probability: float  # that some parameter set meets the goal
+    probability: float  # probability that some parameter set meets the goal
     nearest: float  # least F (Eq. 11) of a parameter set, mean over the draws
     error: float  # standard deviation of this F over the draws
-    points: np.ndarray  # (draws, d), where each draw comes nearest to the goal
+    points: np.ndarray  # (draws, d), the point of each draw that is nearest to the goal
 
 
 class _BestPoints(NamedTuple):
     """Result of the search for the best point in each of several draws."""
 
-    largest: np.ndarray  # (draws,), least largest deviation in tolerances
-    F: np.ndarray  # (draws,), least F
-    points: np.ndarray  # (draws, d), of the least largest deviation
+    largest: np.ndarray  # (draws,), minimum of the largest deviation, in tolerances
+    F: np.ndarray  # (draws,), minimum of F
+    points: np.ndarray  # (draws, d), where the largest deviation has its minimum
 
 
 def estimate_reach(model: Kriging, goal: Goal, random: np.random.Generator) -> Reach:
@@ -151,7 +151,7 @@ class _DrawnProcess(NamedTuple):
 class Draws:
     """Functions drawn from a set of processes.
 
-    Called with points (m, d) of the unit cube they give responses (draws, m, k).
+    A call with points (m, d) of the unit cube returns responses (draws, m, k).
 
     Parameters
     ----------

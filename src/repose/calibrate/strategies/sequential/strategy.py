@@ -150,8 +150,8 @@ def _propose_another_start(
     section = study.settings.sequential
     n_failed = len(observed.failed)
     n_good = len(observed.unit)
-    # First look for faults in the responses, but not if many samples failed. Then equal
-    # responses may be a coincidence.
+    # First look for faults in the responses. If many samples failed, skip this check,
+    # because equal responses may then be a coincidence.
     if n_good >= 2 * n_failed:
         check_responses(data, study.targets)
     has_too_few = n_good < section.start_samples
@@ -159,8 +159,8 @@ def _propose_another_start(
     if not (has_too_few and fits_budget):
         raise _make_input_error(error, data, study.targets) from None
     why = (
-        f"{n_failed} samples failed, and the other {n_good} are too few for a model: "
-        "a further start"
+        f"{n_failed} samples failed, and the other {n_good} are too few for a model, so "
+        "another start follows"
     )
     return _propose_start(study, data, notes={"why": why})
 
@@ -216,8 +216,8 @@ def give_answer(
     reasons = [why]
     if point is None:
         point = ranking.best
-        # If no point is predicted to meet the targets, the most probable point is only
-        # the most uncertain one. Then the nearest point is a better answer.
+        # If no point is predicted to meet the targets, the most probable point is merely
+        # the most uncertain one, and the nearest point is a better answer.
         if no_point_meets(model, goal, ranking):
             point = find_nearest(model, goal, observed, ranking.points)
             if not _are_ends_simulated((point, ranking.best), observed):
@@ -429,7 +429,7 @@ def _explain(advice: Advice) -> str:
     if advice.stop is None:
         return f"{len(advice.batch)} more samples are poured"
     why = STOP_SENTENCES[advice.stop]
-    # The sentence on targets out of reach says so already.
+    # The sentence about targets out of reach already says so.
     if advice.stop in ("budget", "noise") and advice.is_nearest:
         return f"{why}; {NEAREST_REMARK}"
     return why
