@@ -265,7 +265,9 @@ def test_the_pipeline_takes_constraints_and_records_them_only_where_given():
     assert (
         StudyView(study.config).parameters.constraints == study.parameters.constraints
     )
-    with pytest.raises(InputError, match=r"constraints.0 is .* 'mus' is not a parameter"):
+    with pytest.raises(
+        InputError, match=r"constraints.0 is .* 'mus' is not a parameter"
+    ):
         PipelineConfig.load(overrides={"constraints": ["mur_gg <= mus"]})
 
 

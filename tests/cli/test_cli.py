@@ -167,7 +167,7 @@ def test_check_prints_the_number_of_pours(command, tmp_path):
         "min on 2 cores",
         "time step: ok, ",
         "stiffness: ok, the pile sinks by",
-        "volume: WARNING: 500 grains hold",
+        "volume: WARNING: 500 poured grains fill",
         "reach: ",
         "funnel: centre of the ranges: angle of repose ",
         "aor_deg: WARNING: the target 60 is far outside the single runs, ",

@@ -97,7 +97,7 @@ def test_a_height_alone_asks_for_a_slope(config):
     config["funnel"]["berries"] = 50
     sentence, fits = advice.compare_volumes(config, GRAIN_M3)
     assert not fits
-    assert sentence.startswith("WARNING: 50 grains hold")
+    assert sentence.startswith("WARNING: 50 poured grains fill")
     assert sentence.endswith("; slopes of poured grains are 15 to 45 deg")
 
 

@@ -206,9 +206,9 @@ def test_what_has_no_effect_on_the_grain_is_named(study):
 def test_a_wide_spread_names_what_is_poured_and_the_volume_that_is_lost(study):
     plain = study(spheres(0.01)).settings.berry
     spread = "sizes: WARNING: the equivalent diameter scatters by 30 %"
-    alike = "; all grains are poured alike; berry.size_distribution: measured pours different ones"
+    alike = "; all poured grains have the same size; set berry.size_distribution to measured to pour different sizes"
     loss = "12 % less volume than the measured grains have on average"
-    fuller = f"; the mean axes hold {loss}, and berry.mass_g makes the body fuller by as much"
+    fuller = f"; a grain with the mean axes has {loss}, and berry.mass_g makes its body fuller to compensate"
     cases = [
         ({}, alike),
         (

@@ -1,6 +1,6 @@
-"""Give hints on the funnel of a study before any grains are poured.
+"""Advise on the funnel scene of a study before any grains are poured.
 
-The hints are about the stiffness, the volume and the number of the grains.
+The advice concerns the stiffness, the volume and the number of the grains.
 """
 
 import math
@@ -20,17 +20,17 @@ from repose.grain.particle import Particle
 # Share of its Height by which a pile of soft grains may sink. This is far less than the
 # scatter of piles.
 LARGEST_SINKING = 0.005
-# A pile of real grains sinks less than this. The softest that we know is that of fresh
-# goji berries, with 0.023.
+# Piles of real grains sink by a smaller share than this. The softest pile that we know, of
+# fresh goji berries, sinks by 0.023.
 SUSPICIOUS_SINKING = 0.05
-# Smallest and largest slope of poured grains. If a cone of all grains with the height of
-# the target has another slope, the number of grains is wrong.
+# Smallest and largest slope of poured grains. If a cone of all grains that is as high as the
+# target has a slope outside these limits, the number of grains is wrong.
 SLOPES_DEG = (15.0, 45.0)
-# Largest ratio of the volumes of a pile and of its cone, either way. A real pile differs
-# from a cone because it has a rounded top and a tail at the foot.
+# Largest ratio between the volumes of a pile and its cone, whichever is larger. A real pile
+# differs from a cone because it has a rounded top and a tail at the foot.
 VOLUME_FACTOR = 1.5
-# Hertz's law: sinking is in proportion to the modulus to the power of -2/3, so the
-# modulus is in proportion to the sinking to the power of -3/2.
+# By Hertz's law, the sinking is proportional to the modulus to the power of -2/3, so the
+# modulus is proportional to the sinking to the power of -3/2.
 MODULUS_EXPONENT = 1.5
 
 
@@ -57,15 +57,15 @@ class Softening(NamedTuple):
 
 
 class Filling(NamedTuple):
-    """The volume of the poured grains against that of the target pile.
+    """Comparison of the volume of the poured grains with that of the target pile.
 
     Attributes
     ----------
     sentence : str
-        Both volumes in words, with a WARNING if no pile of these grains can meet the
-        targets.
+        Description of both volumes, with a WARNING if no pile of these grains can meet
+        the targets.
     fits : bool
-        Whether the number of grains suits the targets.
+        Whether the number of grains is right for the targets.
     """
 
     sentence: str
@@ -78,9 +78,9 @@ def give_funnel_hints(
     particle: Particle,
     longest_step_s: Callable[[Grain], float],
 ) -> Iterator[str]:
-    """Yield hints on how the funnel's scene could be improved, each as one line.
+    """Suggest improvements of the funnel's scene, each in one line.
 
-    The hints are about the rolling law, the stiffness and volume of the grains, the
+    The suggestions concern the rolling law, the stiffness and volume of the grains, the
     funnel, and the number of grains.
 
     Parameters
@@ -92,7 +92,7 @@ def give_funnel_hints(
     particle : Particle
         The body of the mean grain.
     longest_step_s : callable
-        Returns the longest time step [s] for a given mean grain.
+        Function that returns the longest time step [s] for a given mean grain.
 
     Yields
     ------
@@ -107,8 +107,7 @@ def give_funnel_hints(
     height_mm = 1e3 * estimate_pile_height_m(config, grain)
     yield from _warn_of_blocked_outlet(config, height_mm)
 
-    # Describe the number of grains. If it does not suit the targets, name the number that
-    # does.
+    # Describe the number of grains. If it is wrong for the targets, name the right number.
     n_grains = _read_funnel_settings(config).berries
     beginning = "ok, the pile is"
     if not filling.fits:
@@ -166,7 +165,8 @@ def _describe_number_of_grains(
     angle_name : str
         Which angle of the pile is calibrated, as in the key `measure.response`.
     beginning : str
-        The first words of the line, which say whether the number suits the target pile.
+        The beginning of the line, which says whether the number is right for the target
+        pile.
 
     Returns
     -------
@@ -178,7 +178,7 @@ def _describe_number_of_grains(
     n_tabulated = min(n_grains, max(scene_size.list_tabulated_numbers()))
     tabulated_angle = scene_size.TABULATED.get(angle_name, angle_name)
 
-    # Say by how much half of the grains would change the angle.
+    # State how a smaller number of grains would change the angle.
     change_deg = scene_size.interpolate_change(
         n_tabulated, n_tabulated / 2, tabulated_angle
     ).angle_deg
@@ -189,7 +189,7 @@ def _describe_number_of_grains(
         f"{abs(change_deg):.1f} deg"
     )
 
-    # Say also how few grains would do.
+    # Also state how few grains would be enough.
     n_enough = scene_size.find_fewest_grains(n_tabulated, tabulated_angle)
     if n_enough is not None:
         text += f", {n_enough} by at most {scene_size.ANGLE_TOLERANCE_DEG:g}"
@@ -199,7 +199,7 @@ def _describe_number_of_grains(
 def _describe_stiffness(
     config: Config, grain: Grain, longest_step_s: Callable[[Grain], float]
 ) -> str:
-    """Describe how much a pile sinks, and the speed gained by softer grains.
+    """Describe how much a pile sinks, and how much faster softer grains would run.
 
     Parameters
     ----------
@@ -213,8 +213,8 @@ def _describe_stiffness(
     Returns
     -------
     str
-        One or two sentences. They begin with ok if grains cannot be softer, and with
-        WARNING if the grains are softer than real ones.
+        One or two sentences. They begin with ok if the grains should not be softer, and
+        with WARNING if they are softer than real grains.
     """
     modulus_pa = grain["shear_modulus_pa"]
     sinking, softest_pa = compute_softening(config, grain)
@@ -227,7 +227,7 @@ def _describe_stiffness(
             "which it was computed?"
         )
     if softest_pa >= modulus_pa:
-        return f"ok, {sentence}; a lower berry.shear_modulus_pa would sink it more"
+        return f"ok, {sentence}; a lower berry.shear_modulus_pa would make it sink more"
 
     # Softer grains allow a longer time step, and so a faster run.
     step_s = SceneSettings(config).simulation.time_step_s
@@ -257,10 +257,10 @@ def compute_softening(config: Config, grain: Grain) -> Softening:
     Notes
     -----
     A grain of diameter d at depth z carries the weight above its own area,
-    F = p rho g z d^2, where p is the packing. By Hertz's law two such grains approach
-    each other by (3 F / (4 E* sqrt(d/4)))^(2/3). The mean over the depth is 3/5 of the
-    approach at the bottom. Divided by d it is the share of the Height that is lost. This
-    share goes with the modulus to the power of -2/3.
+    F = p rho g z d^2, where p is the packing fraction. By Hertz's law two such grains
+    approach each other by (3 F / (4 E* sqrt(d/4)))^(2/3). The mean approach over the
+    depth is 3/5 of that at the bottom. Divided by d, this is the share of the Height that
+    is lost. It is proportional to the modulus to the power of -2/3.
     """
     diameter_m = 1e-3 * compute_diameter_mm(grain)
     gravity = SceneSettings(config).simulation.gravity_m_s2
@@ -329,12 +329,12 @@ def compare_volumes(config: Config, grain_m3: float) -> Filling:
     Returns
     -------
     Filling
-        A description of both volumes, and whether they suit each other.
+        A description of both volumes, and whether they are compatible.
     """
     n_grains = _read_funnel_settings(config).berries
     height_mm, angle_deg = _find_pile_targets(config)
     volume_m3 = n_grains * grain_m3 / PACKING
-    poured_text = f"{n_grains} grains hold {_format_volume(volume_m3)} as poured"
+    poured_text = f"{n_grains} poured grains fill {_format_volume(volume_m3)}"
 
     # The comparison depends on which of the two targets the study has.
     if height_mm is not None and angle_deg is not None:
@@ -462,7 +462,7 @@ def _count_grains_of_cone(height_mm: float, angle_deg: float, grain_m3: float) -
 
 
 def _read_funnel_settings(config: Config) -> FunnelSettings:
-    """Return the section of the funnel."""
+    """Return the settings of the funnel."""
     return SceneSettings(config).section(NAME, FunnelSettings)
 
 
@@ -475,7 +475,7 @@ def _find_pile_targets(config: Config) -> PileTargets:
 
 
 def _format_volume(volume_m3: float) -> str:
-    """Write a volume in litres, or a small one in millilitres."""
+    """Format a volume in litres, or a small one in millilitres."""
     if volume_m3 >= 1e-3:
         return f"{format_significant(1e3 * volume_m3, 3)} l"
     return f"{format_significant(1e6 * volume_m3, 3)} ml"

@@ -41,8 +41,8 @@ LARGEST_EXCESS = 0.02
 FEWEST_PILES = 3
 # Trial runs are skipped if one would take longer than this.
 LONGEST_TRIAL_S = 60.0
-# Shares of their ranges at which the trial runs have the restitutions, and all other
-# parameters.
+# For each trial run, the positions in their ranges, as shares, of the restitutions and of
+# all other parameters.
 TRIAL_SHARES = {
     "most bounce, least friction": (1.0, 0.0),
     "centre of the ranges": (0.5, 0.5),
@@ -50,10 +50,10 @@ TRIAL_SHARES = {
 }
 # All trial runs begin with the same random numbers.
 TRIAL_SEED = 1
-# A target that lies further outside the trial runs than this share of their span gets a
-# warning. Three single runs seldom include the extremes. In config/paper.yaml the trial
-# runs span 11.8 degrees and end at 30.5 degrees. There 2.5 % of all runs are steeper by
-# 0.4 spans or more.
+# A target gets a warning if it lies further outside the results of the trial runs than this
+# share of their span. So few single runs seldom include the extremes. In config/paper.yaml
+# the trial runs span 11.8 degrees and end at 30.5 degrees, and 2.5 % of all runs there are
+# steeper by at least 0.4 spans.
 LARGEST_DISTANCE_FROM_TRIALS = 0.5
 # A hint is given if the advised time step is longer than the study's by this factor.
 WORTHWHILE_RATIO = 1.5
@@ -75,9 +75,9 @@ ShowMessage = Callable[[str], AbstractContextManager[None]]
 
 
 def propose_smaller_scene(files: Iterable[str], grains: int) -> Iterator[str]:
-    """Describe how to scale down a scene with too many grains.
+    """Describe how to scale down a scene that has too many grains.
 
-    The function yields nothing if the configuration has other faults, too.
+    The function yields nothing if the configuration also has other faults.
 
     Parameters
     ----------
@@ -120,7 +120,7 @@ def describe_study(study: PipelineConfig) -> Iterator[str]:
     Parameters
     ----------
     study : PipelineConfig
-        The study, whose grain is made if it was not made before.
+        The study. Its grain is made unless this has already been done.
 
     Yields
     ------
@@ -139,7 +139,7 @@ def describe_study(study: PipelineConfig) -> Iterator[str]:
     for sentence in describe_wide_ranges(study.settings.parameters.entries):
         yield f"ranges: WARNING: {sentence}"
 
-    # Describe the time step, and the restitution that a hit has with it.
+    # Describe the time step, and the restitution of an impact that results from it.
     limit = computed.find_longest_step(config, particle, grain)
     yield describe_time_step(study.settings.simulation.time_step_s, limit)
     ranges = computed.find_ranges(config)
@@ -215,9 +215,9 @@ def _describe_grain(study: PipelineConfig) -> Iterator[str]:
 
 
 def _describe_volume(section: "GrainSettings", percent: float) -> str:
-    """Describe a particle whose volume differs by some percent from that of its mesh.
+    """Describe a particle whose volume differs by `percent` from that of its mesh.
 
-    If the user has chosen the number of spheres, the line is no warning.
+    If the user has chosen the number of spheres, the line is not a warning.
     """
     differs = f"its volume differs by {percent:+.0f} % from that of the mesh"
     if section.particle == "multisphere" and isinstance(section.spheres, int):
@@ -231,8 +231,8 @@ def _describe_volume(section: "GrainSettings", percent: float) -> str:
 def _describe_sizes(study: PipelineConfig) -> Iterator[str]:
     """Yield warnings if one mean grain cannot represent the measured grains.
 
-    The reason may be two kinds of grains, widely different sizes, or a mass that does not
-    suit the sizes.
+    The reason may be two kinds of grains, widely different sizes, or a mass that is too
+    large for the sizes.
     """
     from repose.grain import size_checks
     from repose.grain.berry_files import SIZE_COLUMNS, read_sizes
@@ -341,8 +341,8 @@ def _describe_spread(
         text += ", and is drawn from a normal distribution"
     else:
         text += (
-            "; all grains are poured alike; berry.size_distribution: measured pours "
-            "different ones"
+            "; all poured grains have the same size; set berry.size_distribution to "
+            "measured to pour different sizes"
         )
 
     # A scanned grain, and a grain of the mean volume, lose no volume.
@@ -352,8 +352,8 @@ def _describe_spread(
     )
     if section.stl is None and section.mass_g is not None:
         text += (
-            f"; the mean axes hold {loss}, and berry.mass_g makes the body fuller "
-            "by as much"
+            f"; a grain with the mean axes has {loss}, and berry.mass_g makes its body "
+            "fuller to compensate"
         )
     elif section.stl is None and not section.keeps_volume:
         text += f"; with berry.mean_size: axes the grain has {loss}"
@@ -361,7 +361,7 @@ def _describe_spread(
 
 
 def describe_time_step(step_s: float, limit: "Limit") -> str:
-    """Compare the time step with its maximum, and describe the gain of a longer one.
+    """Compare the time step with its maximum, and describe what a longer one would gain.
 
     Parameters
     ----------
@@ -411,8 +411,8 @@ def run_trials(
     study : PipelineConfig
         The study.
     grain_step_s : float
-        Time for one step of one grain [s]. It serves to skip bench tests that would take
-        longer than `LONGEST_TRIAL_S`.
+        Time for one step of one grain [s]. With it, bench tests whose trial runs would
+        take longer than `LONGEST_TRIAL_S` are recognised and skipped.
     show_message : callable
         Returns a context manager that shows a sentence during the runs.
 
@@ -424,10 +424,10 @@ def run_trials(
     parameter_sets = _choose_trial_sets(study)
     n_runs = len(parameter_sets)
     for name in study.targets.apparatus:
-        # Do not keep the user waiting for minutes.
+        # Skip a bench test that would keep the user waiting for minutes.
         expected_s = cost.estimate_run_s(study.config, name, grain_step_s)
         if expected_s > LONGEST_TRIAL_S:
-            yield f"{name}: no trial runs, as one takes about {expected_s:.0f} s"
+            yield f"{name}: no trial runs, because one takes about {expected_s:.0f} s"
             continue
 
         # Run and measure each set once, with the same seed.
@@ -456,8 +456,8 @@ def _describe_trials(
 def _choose_trial_sets(study: PipelineConfig) -> list[dict[str, float]]:
     """Return the parameters of the trial runs, in the order of `TRIAL_SHARES`.
 
-    `TRIAL_SHARES` gives the share of its range at which each free parameter lies. It has
-    one share for the restitutions and one for all other parameters, such as friction.
+    `TRIAL_SHARES` states where in its range each free parameter lies. It has one share
+    for the restitutions and one for all other parameters, such as friction.
     """
     space = study.parameters
     is_restitution = np.array([name.startswith("e_") for name in space.free])
@@ -477,7 +477,7 @@ def _choose_trial_sets(study: PipelineConfig) -> list[dict[str, float]]:
 def _warn_of_trials(
     study: PipelineConfig, test: BenchTest[Any], runs: Sequence[Mapping[str, Any]]
 ) -> Iterator[str]:
-    """Yield warnings if trial runs fail, or a target lies far outside their results.
+    """Yield warnings if trial runs fail, or if a target lies far outside their results.
 
     Parameters
     ----------
@@ -564,8 +564,8 @@ def tabulate_costs(
     for name, reason in reasons_against.items():
         yield f"{name}: {reason}"
     yield (
-        "*: the configured strategy; response_surface: at most so many; minutes: as fast "
-        "as this machine is now"
+        "*: the configured strategy; response_surface: the largest number of runs; "
+        "minutes: at the present speed of this machine"
     )
 
 
@@ -638,8 +638,7 @@ def list_studies(files: list[str]) -> str:
     Returns
     -------
     str
-        A text of several lines. It has no costs if the configuration is incomplete or
-        faulty.
+        Several lines. They have no costs if the configuration is incomplete or faulty.
 
     Raises
     ------
@@ -670,7 +669,7 @@ def list_studies(files: list[str]) -> str:
 
 
 def _describe_all_costs(study: PipelineConfig) -> dict[str, str]:
-    """Map each study of `repose run`, and each strategy, to a description of its cost."""
+    """Describe the cost of each study of `repose run`, and of each strategy, by name."""
     cost_texts = cost.describe_costs(study.config)
     for name in strategies.list_strategies_with_section():
         cost_texts[name] = _describe_strategy_cost(study, name)

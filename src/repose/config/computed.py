@@ -27,26 +27,27 @@ PIXELS_A_GRAIN = 32
 # Share of the longest time step that is used. The longest one is only an estimate.
 STEP_SHARE = 0.8
 
-# Limits at which a pile is at rest, and times, in the units of a grain
-# (`repose.bench.grain_scale`). The values are chosen so that, to two digits, they give
-# the numbers of the goji berry's study.
+# Times, and limits below which a pile is at rest, in the units of a grain
+# (`repose.bench.grain_scale`). For the goji berry, these values give the numbers of its
+# study to two digits.
 REST_ENERGY = 5.8e-6  # mean kinetic energy of a grain
-REST_MOTION = 1 / 14  # distance that a grain moves in a rest window
-REST_WINDOW = 5.3  # duration of this window
+REST_MOTION = 1 / 14  # distance that a grain moves within a rest window
+REST_WINDOW = 5.3  # duration of a rest window
 # Time from the arrival of the last grain until the pile is at rest. With the lowest
 # friction of the crops it took 13 to 27 units, for grains of 2 to 75 mm.
 REST_TIME = 40
 
 # Beverloo's law for the discharge of grains from an opening.
 BEVERLOO_FACTOR = 0.58
-# No grains flow at the edge of the opening. This is its width in diameters of a grain.
+# No grains flow near the edge of the opening. In Beverloo's law, this many grain diameters
+# are subtracted from the diameter of the opening.
 BEVERLOO_EDGE_DIAMETERS = 1.4
 
 Grain = Mapping[str, Any]  # the mean grain, as in berry.json
 
 
 class ComputedSetting(NamedTuple):
-    """A key that may be `auto`: the program can compute its value.
+    """A key that may be `auto`, because the program can compute its value.
 
     Attributes
     ----------
@@ -55,8 +56,8 @@ class ComputedSetting(NamedTuple):
     reads : tuple of str
         The sections, and keys outside sections, on which the number depends.
     compute : callable
-        Computes the number from the configuration, the mean grain and its particle. The
-        last two may be None if `needs_grain` is false.
+        Function that computes the number from the configuration, the mean grain and its
+        particle. The last two may be None if `needs_grain` is false.
     """
 
     section: str
@@ -133,8 +134,8 @@ def find_longest_step(
     ranges = find_ranges(config)
 
     # Make the parameter set that needs the shortest step. A low restitution means strong
-    # damping, which requires a short step. So use the lowest value of each parameter, in
-    # the ranges and in the published sets, which are also simulated.
+    # damping, which requires a short step. Therefore use the lowest value of each parameter
+    # in the ranges and in the published sets, which are also simulated.
     published_sets = read_parameter_sets(settings.validation.published)
     critical_set = {}
     for name in PARAMETERS:
@@ -143,7 +144,7 @@ def find_longest_step(
         critical_set[name] = min([lowest_in_range, *published_values])
 
     # Additional parameters of contact laws, such as cohesion, make contacts stiffer, which
-    # also requires a short step. So use their highest value.
+    # also requires a short step. Therefore use their highest values.
     for name in LAW_PARAMETERS:
         if name in ranges:
             _, highest_in_range = ranges[name]
@@ -243,7 +244,7 @@ def _estimate_duration_s(config: Config, grain: Grain, particle: "Particle") -> 
         flow_per_s = min(flow_per_s, discharge_per_s)
     pour_s = funnel.berries / flow_per_s
 
-    # Compute the time of its fall. Another rule refuses a negative height, so count it as
+    # Compute the time of its fall. Another rule refuses a negative height, so treat it as
     # 0 here.
     fall_m = max(funnel.funnel.inlet_height_m, 0.0)
     fall_s = math.sqrt(2 * fall_m / gravity_m_s2)
@@ -304,7 +305,7 @@ def _choose_rest_motion_mm(
 
 
 def _choose_rest_window_s(config: Config, _grain: Grain, particle: "Particle") -> float:
-    """Choose a few times in which a grain falls by half of its diameter [s]."""
+    """Choose a multiple of the time in which a grain falls by half its diameter [s]."""
     return round_to_digits(
         REST_WINDOW * _make_grain_scale(config, particle).time_s, digits=2
     )

@@ -21,8 +21,8 @@ from repose.calibrate.parameter_types import find_constraint_faults
 from repose.calibrate.strategies import obeying_strategies, strategy
 from repose.config.models import StudySettings, select_valid_sections
 
-# Rounding may put a product just below an integer: 0.7 * 90 is 62.99999. This number is
-# added before the decimals are cut off. It is larger than any such error.
+# Rounding errors may put a product just below an integer: 0.7 * 90 is 62.99999. This number
+# is added before the decimals are cut off. It is larger than any such error.
 ROUNDING_MARGIN = 1e-9
 # Pairs of a dotted key and its allowed values.
 KeyFaults = Iterator[tuple[str, str]]
@@ -37,7 +37,7 @@ class Rule(NamedTuple):
         Sections, and keys outside sections, on which the rule depends. The rule is
         applied only if none of them has a fault.
     find_faults : callable
-        Yields the dotted key and the allowed values of each fault.
+        Function that yields the dotted key and the allowed values of each fault.
     """
 
     reads: tuple[str, ...]
@@ -119,7 +119,7 @@ def find_tests_in_use(config: Mapping[str, Any]) -> list[BenchTest[Any]]:
 
 
 def _find_strategy_faults(settings: StudySettings) -> KeyFaults:
-    """Yield the faults of values with which the strategy cannot run."""
+    """Yield a fault for each value with which the strategy cannot run."""
     from repose.calibrate.strategies import cost
 
     name = settings.strategy
@@ -132,7 +132,7 @@ def _find_strategy_faults(settings: StudySettings) -> KeyFaults:
 
 
 def _find_constraint_faults(settings: StudySettings) -> KeyFaults:
-    """Yield the faults of constraints that the study cannot obey.
+    """Yield a fault for each constraint that the study cannot obey.
 
     The constraints may allow too small a part of the ranges, or the strategy may not
     support constraints.
@@ -191,14 +191,14 @@ def _count_design_samples(settings: StudySettings, part: int) -> int:
     settings : StudySettings
         The study; its sections `network` and `design` are read.
     part : int
-        0 for the training samples, 1 for those of the validation.
+        0 for the training samples, 1 for the validation samples.
     """
     n_samples = settings.network.split[part] * settings.design.samples
     return int(n_samples + ROUNDING_MARGIN)
 
 
 def _find_contact_law_faults(settings: StudySettings) -> KeyFaults:
-    """Yield faults of laws without their parameters, and of parameters without a law."""
+    """Yield a fault for a law without its parameters, or parameters without their law."""
     contact_law = settings.simulation.contact_law
     rolling_law = settings.simulation.rolling_law
     entries = settings.parameters.entries
@@ -252,7 +252,7 @@ def _find_seed_faults(settings: StudySettings) -> KeyFaults:
 def _find_target_faults(
     settings: StudySettings, config: Mapping[str, Any]
 ) -> KeyFaults:
-    """Yield faults of targets whose bench test has no section, and of repeated ones.
+    """Yield a fault for each target whose bench test has no section, or that is repeated.
 
     Parameters
     ----------

@@ -21,21 +21,22 @@ from repose.stages.published import list_sets_to_simulate
 if TYPE_CHECKING:
     from repose.bench import Scene
 
-# Times that were measured on one core of a common server: of one step of one grain, and
-# of the measurement of one view of a pile.
+# Times on one core of a common server, for one step of one grain and for the measurement of
+# one view of a pile.
 SECONDS_PER_GRAIN_STEP = 8e-8
 SECONDS_PER_VIEW = 0.01
 # Time to start the two processes of a job, which simulate and measure.
 JOB_START_S = 2.5
-# Time of a study without its runs: posterior, figures, film, report, and snakemake.
+# Time for everything in a study besides its runs: posterior, figures, film, report and
+# Snakemake.
 OTHER_WORK_S = 120.0
 
-# Simulated time of the pour that is timed. The number of its grains is chosen so that
-# grains times steps give this product, which takes about half a second on one core.
+# Simulated time of the timed pour. The number of its grains is chosen so that the product
+# of grains and steps has the second value, which takes about half a second on one core.
 TIMED_POUR_S = 1.5
 TIMED_GRAIN_STEPS = 1.0e7
 FEWEST_TIMED_GRAINS = 20
-# All grains are poured within this share of the time, so that most steps have all grains.
+# All grains are poured within this share of the time, so that all are present in most steps.
 TIMED_POURING_SHARE = 0.25
 # The pour lasts longer by the second over which the funnel measures the time of a step.
 MEASURED_END_S = 1.0
@@ -47,7 +48,7 @@ N_TIMED_POURS = 3
 
 # Disk space of a saved run for each grain, as measured.
 BYTES_PER_GRAIN = 62
-# Keys with the number of runs of a parameter set end with one of these texts.
+# Keys that set the number of runs of a parameter set end with one of these strings.
 SEED_KEY_ENDINGS = ("seeds", "checks")
 # The runs of a study. Each entry has a purpose, the number of parameter sets and the
 # number of seeds of each set. Entries for the check of an answer are `CheckRuns`.
@@ -79,8 +80,8 @@ def estimate_run_s(
     duration_s = bench(name).duration_s(SceneSettings(config))
     n_grains = count_grains(settings, name)
 
-    # While grains are poured, only half of them are present on average. So count half of
-    # this time.
+    # While grains are poured, only half of them are present on average. Therefore count
+    # half of this time.
     pouring_s = min(duration_s, n_grains / _find_pouring_rate_per_s(settings, name))
     filled_s = duration_s - 0.5 * pouring_s
     return grain_step_s * n_grains * filled_s / settings.simulation.time_step_s
@@ -100,7 +101,7 @@ def count_grains(settings: StudySettings, name: str) -> int:
 
 
 def _find_pouring_rate_per_s(settings: StudySettings, name: str) -> float:
-    """Find the number of grains poured per second; infinite if all start together."""
+    """Find the number of grains poured per second; infinite if all appear at once."""
     rate: float = getattr(settings.get_bench_section(name), "rate_per_s", math.inf)
     return rate
 
@@ -165,8 +166,8 @@ def measure_grain_step_s(
 ) -> float:
     """Measure how long one time step of one grain takes on a core of this machine.
 
-    A small pile is poured a few times, each for about half a second. The first call on
-    a machine also compiles the engine. The share of time that other programs used is
+    A small pile is poured a few times, which takes about half a second each. The first
+    call on a machine also compiles the engine. Time that other programs used is
     subtracted.
 
     Parameters
@@ -185,8 +186,8 @@ def measure_grain_step_s(
     """
     from repose.bench import Scene
 
-    # Choose the number of grains so that each pour takes about as long. Its work is the
-    # number of grains times the number of steps.
+    # Choose the number of grains so that a pour takes about the same time for every study.
+    # Its work is the number of grains times the number of steps.
     settings = select_valid_sections(config)
     n_steps = TIMED_POUR_S / settings.simulation.time_step_s
     n_grains = max(
@@ -384,8 +385,8 @@ def describe_costs(config: Config) -> dict[str, str]:
     Returns
     -------
     dict of str to str
-        A text for each study by its name: how many pours it makes, and how long they
-        take on one core.
+        For each study by its name, a description of how many pours it makes, and how
+        long they take on one core.
     """
     settings = select_valid_sections(config)
     calibration = estimate_work(config)

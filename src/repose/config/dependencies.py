@@ -30,12 +30,12 @@ from repose.config.loader import is_external
 from repose.config.models import list_file_keys, make_targets
 from repose.config.results_folder import name_run_folder
 
-# These entries are no keys of a configuration. They are computed from it.
+# The following entries are not keys of a configuration, but are computed from it.
 # Names and definitions of the targets, without their values.
 RESPONSES = "responses"
 # A hash of everything on which a measured run depends.
 SCENE = "scene"
-# The keys that say how the runs of bench tests are measured.
+# The keys that determine how the runs of bench tests are measured.
 MEASURED_BY = "measured_by"
 # The part of the section of a user's own program on which its runs depend.
 SIMULATOR = "simulator"
@@ -278,7 +278,7 @@ def select_sections(config: Config, *keys: str) -> dict[str, Any]:
     config : mapping
         A resolved configuration.
     *keys : str
-        Such as ``miga``, ``design.seed`` or `RESPONSES`.
+        Names such as ``miga``, ``design.seed`` or `RESPONSES`.
 
     Returns
     -------
@@ -287,7 +287,7 @@ def select_sections(config: Config, *keys: str) -> dict[str, Any]:
     """
     selected: dict[str, Any] = {}
     for key in keys:
-        # Some entries are no keys of a configuration, but are computed from it.
+        # Some entries are not keys of a configuration, but are computed from it.
         if key == RESPONSES:
             selected |= select_responses(config)
         elif key == SIMULATOR:
@@ -326,7 +326,7 @@ def _select_simulator_settings(config: Config) -> dict[str, Any]:
 
 
 def _select_measurement_keys(config: Config) -> dict[str, Any]:
-    """Select the keys that say how runs are measured, for all configured bench tests."""
+    """Select the keys that determine how the runs of all bench tests are measured."""
     selected: dict[str, Any] = {}
     for test in bench_tests():
         if config.get(test.name):
@@ -508,8 +508,8 @@ def find_difference(
     Returns
     -------
     Difference or None
-        The first difference, in the order of the keys. None if no difference is known: a
-        result that cannot be compared is not blamed.
+        The first difference, in the order of the keys. None if no difference is known,
+        for example because the result cannot be compared.
     """
     if record is None or not _is_comparable(config, record):
         return None
@@ -556,7 +556,7 @@ def _is_comparable(config: Config, record: Record) -> bool:
 
 
 def _find_first_difference(recorded: Any, current: Any, prefix: str = "") -> Difference:
-    """Find the first innermost key whose values differ.
+    """Find the first key whose values differ, at the deepest level.
 
     Parameters
     ----------
@@ -594,18 +594,18 @@ def _find_first_difference(recorded: Any, current: Any, prefix: str = "") -> Dif
 def _sort_keys_with_scene_last(keys: Iterable[str]) -> list[str]:
     """Sort keys in alphabetical order, with the key of the scene last.
 
-    The scene is a hash. A user learns more from the keys that it is made of.
+    The scene is a hash, so a user learns more from the keys that it combines.
     """
     return sorted(keys, key=lambda key: (key == SCENE, key))
 
 
 def _are_lists_of_one_length(one: Any, other: Any) -> bool:
-    """Tell whether two values are lists with equally many items."""
+    """Tell whether two values are lists of the same length."""
     return isinstance(one, list) and isinstance(other, list) and len(one) == len(other)
 
 
 def require_same_study(config: Config, inputs: Inputs, source: str) -> None:
-    """Raise InputError if an input of a stage is a result of other settings.
+    """Raise InputError if an input of a stage was made with other settings.
 
     Parameters
     ----------
@@ -621,8 +621,8 @@ def require_same_study(config: Config, inputs: Inputs, source: str) -> None:
         if difference is None:
             continue
 
-        # The key may name a file, of which the hashes are compared. If there is no hash,
-        # the file is missing. The user has probably called the subcommand in another
+        # The key may name a file, in which case hashes are compared. If there is no hash,
+        # the file is missing, probably because the user called the subcommand in another
         # folder.
         named_file = get_value(config, difference.key)
         if difference.current is None and isinstance(named_file, str):
@@ -675,8 +675,8 @@ def find_own_dataset(config: Config) -> Path | None:
     -------
     Path or None
         The path of dataset.csv. None if the study has no table of all its piles, if the
-        table, the piles or the grain come from other settings, or if a pile is newer than
-        the table.
+        table, the piles or the grain were made with other settings, or if a pile is newer
+        than the table.
     """
     folder = Path(config["results_dir"])
     table = folder / "dataset.csv"
@@ -690,7 +690,7 @@ def find_own_dataset(config: Config) -> Path | None:
     if lacks_records or find_outdated_files(config, files):
         return None
 
-    # The table lacks a pile that is newer than itself.
+    # A pile that is newer than the table is not in the table.
     newest_pile_s = max(path.stat().st_mtime for path in piles)
     is_complete = table.stat().st_mtime >= newest_pile_s
     return table if is_complete else None

@@ -39,7 +39,7 @@ def compute_fingerprint(config: Config) -> str:
     Parameters
     ----------
     config : mapping
-        The merged values of the files, before the check. Each `auto` is still a text.
+        The merged values of the files, before the check. Each `auto` is still a string.
     """
     contents = {}
     for path in _list_named_paths(config):
@@ -55,8 +55,8 @@ def _list_named_paths(config: Config) -> list[Any]:
     Parameters
     ----------
     config : mapping
-        The configuration, which was not checked. Where a path belongs, it may have no
-        value or a value of any type.
+        The configuration, which has not been checked. Instead of a path, it may have no
+        value, or a value of any type.
 
     Returns
     -------

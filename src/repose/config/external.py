@@ -49,7 +49,7 @@ if TYPE_CHECKING:
 
 # Sections for which the short form has other bounds than the models of `StudySettings`.
 SECTIONS_WITH_OTHER_BOUNDS = ("sequential", "posterior")
-# Keys at the top of the short form, and the keys of the same meaning in a study with our
+# Keys at the top of the short form, and the keys with the same meaning in a study with our
 # simulator.
 MOVED_KEYS = {"seeds": "funnel.seeds", "seed": "design.seed"}
 # Keys that have the same form in the file and in the resolved configuration.
@@ -138,7 +138,7 @@ class ExternalConfig(PipelineConfig):
             The merged values of the files. They have the short form, or the form of a
             study with our simulator.
         check_inputs : bool, optional
-            Whether to check also the program, its template and its files.
+            Whether to check the program, its template and its files as well.
 
         Returns
         -------
@@ -151,7 +151,7 @@ class ExternalConfig(PipelineConfig):
         """
         _require_whole_study(merged)
 
-        # Check the short form, and complete it by defaults.
+        # Check the short form, and fill in the defaults.
         short_form = convert_to_short_form(merged)
         complete = complete_configuration(
             short_form.config, short_form.origin, make_file_model()
@@ -237,7 +237,7 @@ class ExternalConfig(PipelineConfig):
         """
         study = super().study(file)
 
-        # Add what only the targets of such a study can give, each by its response.
+        # Add what only the targets of such a study can state, by name of the response.
         noise_sd = {}
         definitions = {}
         for entry in self.config["targets"]:
@@ -325,7 +325,7 @@ def convert_to_short_form(merged: loader.MergedConfig) -> loader.MergedConfig:
     Parameters
     ----------
     merged : MergedConfig
-        The values of the files, which were not checked. They are not changed.
+        The values of the files, which have not been checked. They are not changed.
 
     Returns
     -------
@@ -423,8 +423,8 @@ def _map_targets_by_name(targets: Iterable[Any]) -> dict[Any, dict[str, Any]]:
     Parameters
     ----------
     targets : iterable
-        The list as the user wrote it. A target that is no mapping is left out, because a
-        later check refuses it.
+        The list as the user wrote it. A target that is not a mapping is left out, because
+        a later check refuses it.
 
     Returns
     -------
@@ -450,7 +450,7 @@ def _map_targets_by_name(targets: Iterable[Any]) -> dict[Any, dict[str, Any]]:
 
 
 def _has_bench_test_seeds(name: object) -> bool:
-    """Tell whether a bench test sets the number of runs of a sample for a strategy."""
+    """Tell whether the bench tests set the number of runs per sample of a strategy."""
     return name in names() and strategy(str(name)).seeds_key is None
 
 
@@ -554,7 +554,7 @@ def _convert_to_resolved_form(complete: Mapping[str, Any]) -> dict[str, Any]:
     sequential["most_pours"] = sequential.pop("most_runs")
     sequential["checks"] = complete["validation"]["representative_seeds"]
     config["sequential"] = sequential
-    # A correlation of responses needs runs of one sample.
+    # A correlation between responses can only be estimated from several runs of one sample.
     correlation = "simulated" if complete["seeds"] > 1 else 0.0
     config["posterior"] = {
         "shape_study": None,

@@ -1,7 +1,7 @@
 """Compute the restitution that a simulated hit really has at the time step of a study.
 
-The damping of a contact gives the configured restitution for an infinitely small time
-step. With a few time steps for each contact the real restitution is smaller. The
+The damping of a contact gives the configured restitution only for an infinitely small time
+step. If a contact lasts only a few time steps, the real restitution is smaller. The
 difference grows as the restitution becomes lower.
 """
 
@@ -13,17 +13,17 @@ import numpy as np
 from repose.bench.parameters import PAIRS
 from repose.bench.scene import Scene, contacts_of, materials_of
 
-# Contact laws whose hit `compute_returned_restitution` follows.
+# Contact laws whose hits `compute_returned_restitution` can simulate.
 HERTZ_LAWS = ("hertz_mindlin", "hertz_mindlin_rescaled")
 # From this restitution on, the real restitution is nearly equal to the configured one.
 LOW_RESTITUTION = 0.3
 # The gap between the bodies at the start, as a share of the distance that they approach
 # in a time step. The result is averaged over these values.
 PHASES = (0.1, 0.3, 0.5, 0.7, 0.9)
-# Limit of time steps for a hit, so that the loop always ends.
+# Largest number of time steps for a hit, so that the loop always ends.
 MOST_STEPS = 100_000
-# Duration of a hit by Hertz's law without damping, times the speed of the impact and over
-# the largest overlap.
+# Duration of a hit by Hertz's law without damping, times the speed of the impact and divided
+# by the largest overlap.
 HERTZ_DURATION = 2.943
 # The largest overlap of this hit, if mass, speed and stiffness are 1.
 HERTZ_OVERLAP = (5 / 4) ** 0.4
@@ -128,8 +128,8 @@ def describe_low_restitutions(
     Yields
     ------
     str
-        One sentence about the restitutions below `LOW_RESTITUTION`. Nothing if all are
-        higher, or if the contact law is none of `HERTZ_LAWS`.
+        One sentence about the restitutions below `LOW_RESTITUTION`. Nothing is yielded if
+        all are higher, or if the contact law is not one of `HERTZ_LAWS`.
     """
     from repose.dem.time_steps import FASTEST_IMPACT_M_S
 
@@ -144,7 +144,7 @@ def describe_low_restitutions(
         if contact_s is None:
             continue
 
-        # Simulate a hit with as many time steps as a contact of the study has.
+        # Simulate a hit that takes as many time steps as a contact in the study.
         returned = compute_returned_restitution(
             restitution,
             settings.tension,

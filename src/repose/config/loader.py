@@ -20,7 +20,7 @@ from repose.common.keys import Config, Origin, get_value
 # Keys of `berry` that define a crop.
 CROP_KEYS = ("sizes", "density_kg_m3", "stl")
 COMMAND_LINE = "command line (--config)"
-# Name for the source of values that another workflow passes to this one.
+# Name of the source of values that another workflow passes to this one.
 WORKFLOW_SOURCE = "configuration"
 RESOLVED_FILE = "config.json"  # in the folder of results
 # A number with an exponent. Some readers of YAML read 1e-3 as text.
@@ -92,20 +92,21 @@ def merge_with_defaults(
     Parameters
     ----------
     files : sequence of path
-        Each overrides the ones before it.
+        The files. Each overrides the ones before it.
     overrides : mapping, optional
         Nested values that override all files. Texts among them are parsed as YAML.
 
     Returns
     -------
     MergedConfig
+        The merged values, and the file of each key.
 
     Raises
     ------
     InputError
         If a file cannot be read.
     """
-    # The files may be merged twice: alone, and over the defaults. Read each file once.
+    # The files may be merged twice, alone and over the defaults, but read each only once.
     read = _make_caching_reader()
     paths = [places.find_file(path) for path in files]
     if paths:
@@ -297,7 +298,7 @@ def _locate_values(
         )
         return value_in_file, {dotted_key: source}
 
-    # A section belongs to the last file that has it, whatever the files of its keys are.
+    # A section belongs to the last file that has it, even if its keys belong to other files.
     section_file = _find_last_file_with_section(dotted_key, config_files)
     files_by_key = {dotted_key: section_file or default_source}
     section = {}
@@ -320,7 +321,7 @@ def _find_single_value(
     Parameters
     ----------
     value : object
-        The value, which is no section.
+        The value, which is not a section.
     dotted_key, config_files, default_source
         As in `_find_in_files`.
 
@@ -424,8 +425,8 @@ def find_substitute_crop(*files: StrPath) -> Path | None:
     if has_configuration or is_resolved(*paths):
         return None
 
-    # A file beside that of the built-in crop is a variant of this crop, so the user wants
-    # this crop.
+    # A file in the folder of the built-in crop is a variant of this crop, so the user wants
+    # the built-in crop.
     for path in paths:
         if path != built_in_crop and path.parent == built_in_crop.parent:
             return None
@@ -451,8 +452,8 @@ def _defines_crop(config: Config) -> bool:
     if has_no_key:
         return False
 
-    # A density that is a text comes from the command line. It changes one number of a crop
-    # but does not define another crop.
+    # A density that is a string comes from the command line. It changes one number of a
+    # crop, but does not define another crop.
     return not isinstance(grain.get("density_kg_m3"), str)
 
 
@@ -518,7 +519,7 @@ def _resolve_named_files(config: dict[str, Any]) -> dict[str, Any]:
 
 
 def write_resolved(config: Config, path: StrPath) -> None:
-    """Write a configuration as JSON, unless the file has this content already."""
+    """Write a configuration as JSON, unless the file already has this content."""
     path = Path(path)
     text = json.dumps(config, indent=1) + "\n"
     if not path.is_file() or path.read_text(encoding="utf-8") != text:

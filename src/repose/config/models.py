@@ -92,8 +92,8 @@ HIGHEST_JSON_NUMBER = 1.0e9
 class ParametersSettings(Section):
     """The contact parameters.
 
-    A restitution is exact for a hit that lasts many time steps. With the time step of
-    `auto` the real restitution is smaller, see `repose.config.hits`.
+    A restitution is exact only for a hit that lasts many time steps. With the time step of
+    `auto`, the real restitution is smaller (`repose.config.hits`).
     """
 
     @property
@@ -248,8 +248,8 @@ class TargetSettings(Section):
             yield "value", within_limits
             return
 
-        # So must the mean with two standard errors. A scatter that goes beyond the limits is
-        # a wrong number, even if the user gave a range.
+        # So must the mean plus or minus two standard errors. A scatter beyond the limits is
+        # wrong, even if the user gave a range.
         scatter_low, scatter_high = compute_target_range(
             self.value, self.sd, self.repetitions
         )
@@ -402,7 +402,7 @@ class StudySettings(Section):
         return seeds
 
     def count_design_seeds(self, name: str) -> int:
-        """Return how many runs of a sample the strategy's design has.
+        """Return the number of runs per sample in the design of the strategy.
 
         Parameters
         ----------
@@ -454,7 +454,8 @@ def _make_cached_settings_type(
     Parameters
     ----------
     bench_tests, strategies : tuple of str
-        Names of those that are registered. `StudySettings` has the sections of some.
+        Names of those that are registered. `StudySettings` already has the sections of
+        some of them.
 
     Returns
     -------
@@ -490,7 +491,7 @@ def make_settings(
     Raises
     ------
     InputError
-        With all faults; `source` names the file in them.
+        With all faults. The messages name `source` as the file.
     """
     model = make_settings_type()
     try:

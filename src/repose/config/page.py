@@ -72,7 +72,7 @@ def update_tables(text: str) -> str:
     Returns
     -------
     str
-        The new page. All other text is as before.
+        The new page. All other text is unchanged.
     """
     tables_by_name = make_tables()
 
@@ -161,7 +161,7 @@ def _find_default(name: str, field: FieldInfo, table: Table) -> str:
     Returns
     -------
     str
-        The default in the form of a file; empty for a key without a default.
+        The default as it would appear in a file; empty for a key without a default.
     """
     if name in table.values:
         return _format_yaml_value(table.values[name])
@@ -177,7 +177,7 @@ def _shorten_allowed(allowed: str) -> str:
     if numbers:
         return f"{numbers[1]}, 2 x {numbers[1]} and so on to {numbers[2]}"
 
-    # The description of the forms of a contact parameter.
+    # This description lists the forms of a contact parameter.
     pair = allowed.replace("a pair [low, high] of numbers", "[low, high]")
     return pair.replace(
         "with low < high; or fixed; or range with scale; or prior with",
@@ -194,7 +194,7 @@ def _find_unit(key: str) -> str:
 
 
 def _format_yaml_value(value: Any) -> str:
-    """Write a default in the form of a file, as code in Markdown."""
+    """Write a default as it would appear in a file, as code in Markdown."""
     if isinstance(value, str):
         return f"`{value}`"
     return f"`{json.dumps(value)}`"

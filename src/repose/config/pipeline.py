@@ -62,8 +62,8 @@ class PipelineConfig:
         overrides : mapping, optional
             Nested values that override all files. Texts among them are parsed as YAML.
         check_inputs : bool, optional
-            Whether to check also the files that the configuration names, and whether
-            grain, bench test and time step fit together. This takes seconds. Without it
+            Whether to check the files that the configuration names as well, and whether
+            grain, bench test and time step fit together. This takes seconds. By default,
             these checks are made when the grain is needed.
 
         Returns
@@ -347,6 +347,7 @@ class PipelineConfig:
         Returns
         -------
         Scene
+            The scene, with the grain and the settings of the study.
         """
         from repose.bench import Scene
 

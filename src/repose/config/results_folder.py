@@ -44,7 +44,7 @@ RUN_TIMES_FILE = "benchmarks/calls.csv"
 FILES_WITHOUT_RECORD = (RESOLVED_FILE, RUN_TIMES_FILE)
 # Names of the wildcards in rules that stand for a number.
 NUMBER_WILDCARDS = ("sample", "job", "run", "seed", "batch")
-# A wildcard in braces, as {sample} or with its constraint {sample,\d+}.
+# A wildcard in braces, such as {sample}, or {sample,\d+} with a constraint.
 WILDCARD_PATTERN = re.compile(r"\{(\w+)(?:,(?:[^{}]|\{[^{}]*\})*)?\}")
 
 # The path of a folder, and the names of the files in it.
@@ -80,7 +80,7 @@ def list_run_records(folder: str, counts: Mapping[str, int]) -> list[str]:
 def count_records_by_folder(records: Iterable[str]) -> list[str]:
     """Count the records in each folder, for the command line of `measure_simulated`.
 
-    A command line has no room for the paths of thousands of records.
+    The paths of thousands of records would be too long for a command line.
 
     Parameters
     ----------
@@ -137,12 +137,12 @@ def require_separate_folder(results_dir: str) -> str:
 
 
 def find_folder_faults(results_dir: str) -> Contradictions:
-    """Find out whether a file prevents a path from being the folder of results.
+    """Find out whether a file stands in the way of the folder of results.
 
     Yields
     ------
     tuple of str
-        The key and its allowed values, if there is such a file. Otherwise nothing.
+        The key and its allowed values, if there is such a file.
     """
     folder = Path(results_dir)
     for path in (folder, *folder.parents):
@@ -190,7 +190,7 @@ def _make_path_pattern(path: str, wildcards: dict[str, str]) -> str:
     str
         The regular expression.
     """
-    # Texts and names of wildcards alternate, beginning with a text.
+    # The parts alternate between plain text and names of wildcards, beginning with text.
     parts = re.split(WILDCARD_PATTERN, path)
     expression = ""
     for position, part in enumerate(parts):
@@ -236,7 +236,8 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
         for path in _find_changed_results(folder, results_dir, names):
             faults[str(path)] = _describe_changed_result(path, Path(folder))
 
-    # Find what has the name of a result but is none. Other files of the user may stay.
+    # Find files that have the name of a result but are not results. Other files of the user
+    # may stay.
     foreign_files = [
         file
         for file in _find_unlisted_files(folders)
@@ -282,8 +283,8 @@ def _find_changed_results(
     folder : str
         A folder of results.
     results_dir : str
-        The top folder of the results. In this folder alone there may be other files,
-        which may be changed.
+        The top folder of the results. Only this folder may contain other files, which may
+        be changed.
     names : collection of str
         Names of results in the top folder.
 
@@ -400,8 +401,8 @@ def _walk_folder(folder: str) -> Iterator[FolderWithFiles]:
 def _find_results_without_ledger(results_dir: str, names: list[str]) -> Iterator[str]:
     """Yield the results in folders whose ledger is missing.
 
-    A copy of a folder often lacks hidden files, and so the ledger. Each result then still
-    has a record of provenance, by which it is recognised.
+    A copy of a folder often lacks hidden files, including the ledger. Each result then
+    still has a record of provenance, by which it is recognised.
 
     Parameters
     ----------
@@ -457,7 +458,7 @@ def restore_ledgers(results_dir: str, outputs: Iterable[str]) -> list[str]:
 
 
 def _describe_changed_result(path: Path, folder: Path) -> InputError:
-    """Make the fault of a result that was changed after a study wrote it.
+    """Make the error for a result that was changed after a study wrote it.
 
     Parameters
     ----------
@@ -469,7 +470,7 @@ def _describe_changed_result(path: Path, folder: Path) -> InputError:
     """
     author = "repose"
     files_to_remove = "this file, which is damaged or edited"
-    # Without its record, a run of the user's own program is made again.
+    # A run of the user's own program is made again if its record is missing.
     if path.parent != folder:
         run = path.relative_to(folder).parts[0]
         author = "its run"
@@ -484,7 +485,7 @@ def _describe_changed_result(path: Path, folder: Path) -> InputError:
 
 
 def _describe_foreign_file(path: str) -> InputError:
-    """Make the fault of a file that no study wrote, with the name of a result."""
+    """Make the error for a file that has the name of a result, but that no study wrote."""
     return InputError(
         path,
         key="file",

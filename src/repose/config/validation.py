@@ -34,7 +34,7 @@ from repose.stages.published import (
     read_stored,
 )
 
-# Sections that the mean grain follows from, and those that limit the time step.
+# Sections from which the mean grain is computed, and sections that limit the time step.
 GRAIN_SECTIONS = ("berry", "validation")
 TIME_STEP_SECTIONS = ("simulation", "wall", "parameters", "validation")
 
@@ -59,15 +59,14 @@ def find_time_step_faults(
     ------
     tuple of str
         The key of the time step and its allowed values, if the time step is too long.
-        Otherwise nothing.
     """
     settings = select_valid_sections(config)
     limit = computed.find_longest_step(config, particle, mean_grain)
     if settings.simulation.time_step_s <= limit.time_step_s:
         return
 
-    # Without a modulus in the configuration, it was computed from measured forces. Forces
-    # in a wrong unit give a wrong modulus and so a wrong time step, so show the modulus.
+    # Without a modulus in the configuration, it was computed from measured forces. Forces in
+    # a wrong unit give a wrong modulus and thus a wrong limit, so show the modulus.
     allowed = limit.allowed
     if settings.berry.shear_modulus_pa is None:
         modulus = f"{mean_grain['elastic_modulus_pa']:.2g} Pa"
@@ -116,7 +115,7 @@ class ConfigChecks:
         Parameters
         ----------
         check_inputs : bool
-            Whether to check also the named files, and whether grain, bench tests and
+            Whether to check the named files as well, and whether grain, bench tests and
             time step fit together.
 
         Raises
@@ -232,7 +231,7 @@ class ConfigChecks:
             self.faulty_keys.add(key)
 
     def _make_fault(self, key: str, value: Any, allowed: str) -> InputError:
-        """Make the fault of a dotted key; the message names the file of the user."""
+        """Make the error for a dotted key; the message names the file of the user."""
         return YamlError(
             find_file_to_edit(self.source, key), key=key, value=value, allowed=allowed
         )
@@ -253,7 +252,7 @@ class ConfigChecks:
         key : str
             The dotted key, or a section, which is marked as faulty if the call fails.
         function : callable
-            Raises an InputError for a value that it does not allow.
+            Function that raises an InputError for a value that it does not allow.
         *arguments
             The arguments of the function.
 
@@ -272,7 +271,7 @@ class ConfigChecks:
             return None
 
     def _name_users_file(self, fault: InputError, section: str) -> InputError:
-        """Name the user's file in a fault that names only a section.
+        """Add the user's file to a fault that names only a section.
 
         The functions that read a section do not know its file. A fault that names a file
         is returned unchanged.
@@ -299,7 +298,7 @@ class ConfigChecks:
         allowed = "an existing file, relative to the folder of the project"
         self._add_faults((key, allowed) for key in missing_keys)
 
-        # The contents of the files that exist may have faults, too.
+        # The contents of the existing files may also have faults.
         for key, read in self._map_keys_to_readers().items():
             if key in paths and key not in missing_keys:
                 self._call_and_collect_faults(key, read, paths[key])
@@ -319,7 +318,7 @@ class ConfigChecks:
     def _map_keys_to_readers(self) -> dict[str, Callable[[str], Any]]:
         """Map the dotted keys of named files to the functions that read these files.
 
-        Files that no check needs to read, or that another check reads, are left out.
+        Files that need not be read, or that another check reads, are left out.
         """
         from repose.calibrate.uncertainty.discrepancy import estimate_from_shape_study
         from repose.grain.berry_files import read_sizes
@@ -339,7 +338,7 @@ class ConfigChecks:
         return readers
 
     def _make_grain(self) -> None:
-        """Make the mean grain and its particle, unless they were made before.
+        """Make the mean grain and its particle, unless they already exist.
 
         They remain None if their settings have a fault. Faults in their files are added
         to the others.
@@ -427,7 +426,7 @@ class ConfigChecks:
             if self._are_faultless(test.name):
                 self._add_faults(test.misfits(SceneSettings(self.config), axes_mm))
 
-        # The angle is measured with the height of a grain, which must be that of this grain.
+        # Angles are measured with the height of a grain, which must be that of this grain.
         if self._are_faultless("measure"):
             measure = MeasureSettings.model_validate(self.config["measure"])
             self._add_faults(measure.misfits(axes_mm))

@@ -1,7 +1,7 @@
 """Prepare a run of the workflow: make its study, lock its folder, report its time.
 
-Snakemake reads the Snakefile for each of its commands, also for those that run no job.
-This makes the study and checks the folder of results, but writes nothing. A run with
+Snakemake reads the Snakefile for each of its commands, even for those that run no job.
+Reading it makes the study and checks the folder of results, but writes nothing. A run with
 jobs begins with `WorkflowRun.start`, and prints its times when it ends.
 """
 
@@ -103,8 +103,9 @@ def check_kept_results_when_planned(workflow: Any, study: PipelineConfig) -> Non
     """Make Snakemake check the results that a run keeps, as soon as the run is planned.
 
     Snakemake has its own records of settings. These may be lost, changed by ``--touch``,
-    or ignored by ``--rerun-triggers``. The check uses the records of provenance in the
-    results instead. A result of other settings ends the program with a message.
+    or ignored by ``--rerun-triggers``, so the check uses the records of provenance in the
+    results instead. A result that was made with other settings ends the program with a
+    message.
 
     This function replaces a private method of the workflow, which plans the jobs.
 
@@ -159,8 +160,8 @@ def handle_sigterm_in_thread() -> None:
     """Call Snakemake's handler of SIGTERM in a thread, so that it cannot deadlock.
 
     The handler waits for a lock (`JobScheduler.exit_gracefully`, Snakemake 9.27). Python
-    calls handlers in the main thread. This thread holds the lock while it selects jobs
-    and records finished ones, so a signal at such a moment would stop the run for ever.
+    calls handlers in the main thread, which itself holds the lock while it selects jobs
+    and records finished ones. A signal at such a moment would block the run for ever.
     Call this function after Snakemake has set its handler, for example in ``onstart``.
     It replaces the handler of this process.
     """
@@ -175,7 +176,7 @@ def handle_sigterm_in_thread() -> None:
     signal_numbers: SimpleQueue[int] = SimpleQueue()
 
     def call_handler() -> None:
-        """Call the handler for each signal in the queue; never returns."""
+        """Call the handler for each signal in the queue; never return."""
         while True:
             handler(signal_numbers.get(), None)
 
@@ -192,8 +193,8 @@ class WorkflowRun:
         The study that the run works on.
     new_fingerprint : str, optional
         The fingerprint of the configuration, if this run was the first to check it. The
-        run then stores the result of the check for later commands. None if the result is
-        stored already.
+        run then stores the result of the check for later commands. None if the result has
+        already been stored.
     """
 
     def __init__(
@@ -209,8 +210,8 @@ class WorkflowRun:
     def start(self, outputs: Iterable[str]) -> None:
         """Lock the folder of results, and write the configuration for the jobs.
 
-        The lock lasts until the process ends. At its end the process prints the times of
-        the run, after everything that Snakemake prints.
+        The lock lasts until the process ends. The process then prints the times of the
+        run, after everything that Snakemake prints.
 
         Parameters
         ----------
@@ -245,7 +246,7 @@ class WorkflowRun:
     def has_written(self, path: str) -> bool:
         """Tell whether a job of this run wrote a file.
 
-        It is False if Snakemake only changed the time of the file.
+        The answer is False if Snakemake only changed the time of the file.
         """
         has_run_jobs = bool(usage.list_processes_since(self.folder, self.start_s))
         return (
@@ -349,8 +350,8 @@ def _format_total_times(runs: Any) -> str:
 def _estimate_process_start_s() -> float:
     """Estimate when this process started, in seconds since 1970.
 
-    So far the process has only imported libraries and read the Snakefile, which needs the
-    processor all the time. So its processor time is about its age.
+    So far the process has only imported libraries and read the Snakefile, which keeps the
+    processor busy. Its processor time is therefore roughly its age.
     """
     return time.time() - time.process_time()
 
