@@ -553,7 +553,7 @@ def test_two_cards_side_by_side_tell_what_differs(config, solutions, tmp_path, c
     )
     second["tests"][0]["definition"]["name"] = "angle, secant"
     assert any(
-        "Another definition of height_mm" in line
+        "Different definitions of height_mm" in line
         for line in card_text.compare_cards(first, second).splitlines()
     )
 

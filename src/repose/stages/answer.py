@@ -23,8 +23,8 @@ from repose.common.tables import read as read_cells
 from repose.measure.settings import MeasureSettings, describe_line_of_response
 from repose.stages.parameter_sets import list_parameters
 
-# What to change in the configuration if the prediction meets the targets and the
-# simulation does not. Other strategies than these get a general advice.
+# What to change in the configuration if the prediction meets the targets but the simulation
+# does not. For all other strategies, the advice is general.
 ADVICE_BY_STRATEGY = {
     "refined": "a larger refine.pours",
     "response_surface": "another response_surface.reach or .most_factors",
@@ -61,7 +61,7 @@ def read_answer(  # noqa: PLR0913  (each describes the study of the answer)
 ) -> Result:
     """Read the answer of a finished calibration from the files of its stages.
 
-    The answer is a parameter set with the check that simulated it again.
+    The answer is a parameter set, together with the check that simulated it again.
 
     Parameters
     ----------
@@ -198,7 +198,7 @@ def _read_parameters(
     Raises
     ------
     InputError
-        If a parameter is no number, or lies outside its limits.
+        If a parameter is not a number, or lies outside its limits.
     """
     parameters = {}
     for name in list_parameters(values, parameter_names):
@@ -222,7 +222,7 @@ def _make_check(target: Target, row: Mapping[str, Any], line: str) -> Check:
     row : mapping
         The row of its response in the table of the check.
     line : str
-        Describes the line whose slope is an angle of a pile. It is empty for other
+        Description of the line whose slope is the angle of a pile. It is empty for other
         responses.
     """
     return Check.from_target(

@@ -40,8 +40,8 @@ def write_proposal(
 ) -> dict[str, Any]:
     """Let a strategy propose its next batch, and write the proposal.
 
-    The file samples.csv has the runs to make, and proposal.json the reason and, at the
-    end, the answer.
+    The file samples.csv has the runs to make. The file proposal.json has the reason for
+    them and, once the strategy has finished, the answer.
 
     Parameters
     ----------
@@ -69,7 +69,7 @@ def write_proposal(
     Raises
     ------
     InputError
-        If the runs were measured by other definitions, or are too few for the strategy.
+        If the runs were measured with other definitions, or are too few for the strategy.
     """
     for folder in folders:
         batch_definitions, path = read_definitions(Path(folder) / "dataset.csv")
@@ -103,7 +103,7 @@ def _describe_proposal(
     proposal : Batch or Answer
         What the strategy proposed.
     n_runs : int
-        Number of the runs that the strategy knew.
+        Number of runs on which the proposal is based.
     study : Study
         Parameters and targets of the study.
 

@@ -18,8 +18,8 @@ from repose.common.section import ABSENT, OneOf, Section
 from repose.grain.settings import Density, ShearModulus
 
 EXPECTED_CONTENT = "a material card"
-# Pydantic's path to a fault has steps that are no keys of the file: "[key]" for a wrong
-# key, and the type of a union that was chosen.
+# Pydantic's path to a fault has steps that are not keys of the file: "[key]" for a wrong
+# key, and the name of the type that was chosen from a union.
 PYDANTIC_STEPS = ("[key]", "float", "list", "dict")
 
 Positive = Annotated[float, Field(gt=0)]
@@ -30,7 +30,7 @@ Three = Annotated[list[Positive], Field(min_length=3, max_length=3)]
 Sphere = Annotated[list[float], Field(min_length=4, max_length=4)]
 
 # --- content --------------------------------------------------------------------------
-# A field whose default is `ABSENT` may be missing in a card, and may not be null.
+# A field whose default is `ABSENT` may be missing from a card, but must not be null.
 
 
 class Wall(Section):
@@ -42,7 +42,7 @@ class Wall(Section):
 
 
 class Grain(Wall):
-    """The grain as simulated."""
+    """The simulated grain."""
 
     mean_axes_mm: Three = Field(description="full axes, the longest first")
     measured: int = Field(ge=1, description="number of grains")
@@ -69,7 +69,7 @@ class Grain(Wall):
 
 
 class Simulation(Section):
-    """Numbers of every simulation of the study."""
+    """Numbers that are the same in every simulation of the study."""
 
     time_step_s: Positive
     gravity_m_s2: Positive
@@ -105,7 +105,7 @@ class Parameter(Section):
 
 
 class Reach(Section):
-    """Whether piles of the grains can have an angle at the targeted Height."""
+    """Whether piles of these grains can have an angle if they have the target Height."""
 
     line: str = Field(description="whose slope the angle is")
     bound_deg: float | None = Field(
@@ -131,7 +131,7 @@ class Definition(Section):
 
 
 class Line(Section):
-    """The piles of a test by another definition of the angle."""
+    """The angle of a test's piles by another definition."""
 
     line: str
     simulated: float | None
@@ -139,7 +139,7 @@ class Line(Section):
 
 
 class TestRow(Section):
-    """A response of the answer beside its target."""
+    """A response of the answer, compared with its target."""
 
     response: str
     apparatus: str
@@ -192,7 +192,7 @@ class TestRow(Section):
 
 
 class MadeBy(Section):
-    """What made the card."""
+    """The program, settings and seed that made the card."""
 
     version: str | None = Field(description="of repose")
     commit: str | None
@@ -202,7 +202,7 @@ class MadeBy(Section):
 
 
 class AnyCard(Section):
-    """What the cards of all simulators have."""
+    """The part that the cards of all simulators have in common."""
 
     card: Literal[1] = Field(description="version of this schema")
     material: Text = Field(description="label of the study")
@@ -313,7 +313,7 @@ def read_card(path: StrPath) -> dict[str, Any]:
 
 
 def check_card(card: Mapping[str, Any], source: object) -> None:
-    """Raise InputError, with all faults at once, unless the content is a card."""
+    """Raise InputError with all faults at once, unless the content is a valid card."""
     model = OtherCard if "simulator" in card else Card
     try:
         model.model_validate(card)
@@ -335,7 +335,8 @@ def translate_faults(
     source : object
         The file of the card, for the messages.
     prefix : str, optional
-        Put before the key of each error, if only a section of the card was checked.
+        Text that is put before the key of each error, if only a section of the card was
+        checked.
 
     Yields
     ------

@@ -1,4 +1,4 @@
-"""Make the material card of a study, and use it: compare it, or rebuild its grain."""
+"""Make the material card of a study, compare it with a study, or rebuild its grain."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -59,7 +59,7 @@ GRAIN_HEIGHT_KEY = "berry_height_mm"
 CONFIG_FILE = "config.json"
 # Relative difference up to which a number of a card equals one of a configuration.
 RELATIVE_TOLERANCE = 1e-6
-# The gravity in a deck, if the card is of an earlier version that does not state it.
+# The gravity in a deck, if the card is from an earlier version, which does not state it.
 DEFAULT_GRAVITY_M_S2 = 9.81
 # The configuration requires this key, but a deck does not detect rest.
 REST_ENERGY_J = 1.0e-9
@@ -268,7 +268,7 @@ def make_card(
             **describe_response(study, target.response, grain),
             **_describe_angles(settings.measure, target.name, answer_row or {}),
         }
-    # For an angle, add whether piles of these grains can have it at the targeted height.
+    # For an angle, add whether piles of these grains can have it at the target height.
     assessments = reach.assess_targets(study.config, particle, dataset_csv)
     for name, assessment in assessments.items():
         tests[name]["reach"] = assessment.record()
@@ -292,7 +292,7 @@ def make_external_card(
     posterior: "PosteriorTables | None" = None,
     answer_row: Mapping[str, Any] | None = None,
 ) -> dict[str, Any]:
-    """Make the card of a calibration whose runs another program made.
+    """Make the card of a calibration whose runs were made by another program.
 
     The configuration states in words how each response is defined.
 
@@ -332,12 +332,12 @@ def make_external_card(
 
 
 def describe_laws(settings: SimulationSettings) -> dict[str, str]:
-    """Describe the contact laws of a study, a sentence for each direction of motion.
+    """Describe the contact laws of a study, with a sentence for each direction of motion.
 
     Parameters
     ----------
     settings : SimulationSettings
-        Names of the contact law and the rolling law, and what happens at tension.
+        Names of the contact law and the rolling law, and what happens under tension.
 
     Returns
     -------
@@ -416,7 +416,7 @@ def _collect_definition_settings(
 ) -> dict[str, Any]:
     """Return the settings that define a response, by the last part of their keys.
 
-    The height of a grain may be left out in the configuration. Then it is computed from
+    The height of a grain may be missing from the configuration. It is then computed from
     the grain, and rounded.
     """
     settings = {}
@@ -469,7 +469,7 @@ def _describe_angles(
 ) -> dict[str, Any]:
     """Describe how the angle of a pile is defined, and its values by all definitions.
 
-    Each definition fits another line to the side of a pile. The angle is its slope.
+    Each definition fits a different line to the side of a pile. The angle is its slope.
 
     Parameters
     ----------
@@ -494,7 +494,7 @@ def _describe_angles(
     line = describe_line_of_response(measure, response_name)
     if not line:
         return {}
-    # Without Table 4 the row is empty. That of another simulator may lack the angles.
+    # Without Table 4 the row is empty. The row of another simulator may lack the angles.
     has_all_angles = set(MEAN_KEYS.values()) <= set(answer_row)
     if not has_all_angles:
         return {"line": line}
@@ -509,7 +509,7 @@ def _describe_angles(
 
 
 def _replace_nan(value: float) -> float | None:
-    """Replace NaN, which JSON lacks, by None."""
+    """Replace NaN, which JSON does not have, by None."""
     return None if math.isnan(value) else float(value)
 
 
@@ -552,7 +552,7 @@ def _describe_grain(
 
 
 def _round_to_six_digits(value: float) -> float:
-    """Round to six significant digits. Measurements have no more."""
+    """Round to six significant digits, which no measurement exceeds."""
     return float(f"{value:.6g}")
 
 
@@ -560,7 +560,7 @@ def _round_to_six_digits(value: float) -> float:
 
 
 def read_repose_card(card_json: StrPath) -> dict[str, Any]:
-    """Read the card of a study that repose simulated; InputError for another one."""
+    """Read the card of a study that repose simulated; InputError for any other card."""
     content = card.read_card(card_json)
     if "simulator" in content:
         raise InputError(
@@ -573,7 +573,7 @@ def read_repose_card(card_json: StrPath) -> dict[str, Any]:
 
 
 def find_configuration(card_json: StrPath) -> Path | None:
-    """Find the configuration that a run wrote beside its card; None if there is none."""
+    """Find the configuration that a run wrote next to its card; None if there is none."""
     path = Path(card_json).with_name(CONFIG_FILE)
     return path if path.is_file() else None
 
@@ -587,8 +587,8 @@ def require_same_study(
 ) -> None:
     """Refuse a card and a configuration that belong to different studies.
 
-    A card of an earlier version has no record of its settings. Its own content is
-    compared instead.
+    A card of an earlier version has no record of its settings, so its own content is
+    compared.
 
     Parameters
     ----------
@@ -829,7 +829,7 @@ def _find_laws(content: Mapping[str, Any], source: object) -> dict[str, str]:
         source,
         key="laws",
         value=content["laws"].get("normal"),
-        allowed="laws of this version; give --config, the study's own",
+        allowed="laws of this version; give the configuration of the study with --config",
     )
 
 
@@ -843,8 +843,8 @@ def rebuild_particle(
     content : mapping
         The card.
     n_spheres : int or None
-        Number of spheres with which a smooth body is filled. With None or 1 the particle
-        stays as it is on the card.
+        Number of spheres with which a smooth body is filled. With None or 1, the particle
+        remains as the card describes it.
     source : object
         The card's file, for messages.
 
@@ -894,8 +894,8 @@ def _read_particle(grain: Mapping[str, Any], source: object) -> "Particle":
                 key="grain.inertia_kg_m2",
                 value=None,
                 allowed=(
-                    "the moments of the clump, which cards of earlier versions lack; "
-                    "give --config, the study's own"
+                    "the moments of inertia of the clump, which cards of earlier versions "
+                    "lack; give the configuration of the study with --config"
                 ),
             )
         inertia_kg_m2 = np.full(3, SPHERE_INERTIA_FACTOR * mass_kg * radius_m**2)
@@ -908,7 +908,7 @@ def _read_particle(grain: Mapping[str, Any], source: object) -> "Particle":
         mass_kg=mass_kg,
         inertia_kg_m2=np.array(inertia_kg_m2),
         bounding_radius_m=float(radius_m),
-        # The distance between the particle and the mesh of a grain is not on the card.
+        # The card does not state the distance between the particle and the mesh of a grain.
         deviation_max_m=0.0,
         deviation_rms_m=0.0,
         spheres_m=spheres_m,
@@ -923,10 +923,10 @@ def _compute_enclosing_radius(
     Parameters
     ----------
     semi_axes_m : ndarray
-        Half axes (K, 3) of ellipsoids. The body is their Minkowski sum, so that its own
-        half axes are the sums of theirs.
+        Half axes (K, 3) of ellipsoids. The body is their Minkowski sum, so its own half
+        axes are the sums of theirs.
     spheres_m : ndarray
-        Centres and radii (M, 4) of the spheres of a clump. Without any, the body
+        Centres and radii (M, 4) of the spheres of a clump. If there are none, the body
         consists of the ellipsoids.
     """
     if len(spheres_m) > 0:
@@ -941,7 +941,7 @@ def _fill_with_spheres(particle: "Particle", n_spheres: int) -> "Particle":
     Parameters
     ----------
     particle : Particle
-        An ellipsoid, or a body of several.
+        An ellipsoid, or a sum of several.
     n_spheres : int
         Number of spheres in the clump.
     """

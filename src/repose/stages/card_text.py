@@ -1,4 +1,4 @@
-"""Write material cards as text: one alone, its verdict, or two side by side."""
+"""Describe material cards in text: a whole card, its verdict, or two side by side."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import fields
@@ -16,16 +16,16 @@ from repose.calibrate.answer import (
 from repose.calibrate.card import SOLUTION_RANGE, add_remark
 from repose.common.numbers import format_significant, format_with_error
 
-# Absolute correlation from which a pair of parameters is listed.
+# A pair of parameters is listed if its absolute correlation is at least this.
 STRONG_CORRELATION = 0.5
 # Keys of the grain that a comparison shows.
 COMPARED_GRAIN_KEYS = ("mean_axes_mm", "density_kg_m3", "shear_modulus_pa", "shape")
-N_COLUMNS = 3  # of a comparison: a name, and the texts of both cards
+N_COLUMNS = 3  # columns of a comparison: a name, and the value of each card
 Card = Mapping[str, Any]
 
 
 def format_verdict(card: Card) -> str:
-    """Write whether the targets are met, with the numbers, and the reason."""
+    """Describe whether the targets are met, with the numbers and the reason."""
     reason = card.get(
         "reason", "The card is of an older version, which gave no reason."
     )
@@ -58,7 +58,7 @@ def get_verdict(entry: Card) -> Verdict:
 
 
 def describe_card(card: Card) -> str:
-    """Describe a material card in text for people.
+    """Describe a material card in readable text.
 
     Parameters
     ----------
@@ -123,8 +123,8 @@ def _describe_interval_kind(card: Card) -> str:
 def _describe_subject(card: Card) -> Iterator[str]:
     """Describe what was simulated, line by line.
 
-    For a study of repose these lines are about grain, wall and contact laws. For another
-    simulator they are its name, and the probability that its means meet the targets.
+    For a study of repose, these lines describe grain, wall and contact laws. For another
+    simulator, they state its name, and the probability that its means meet the targets.
     """
     if "simulator" in card:
         yield f"simulator: {card['simulator']}"
@@ -223,7 +223,7 @@ def _format_definition(definition: Card) -> str:
 
 
 def _format_angles(definitions: Card) -> str:
-    """Write the mean angle of piles by each definition, after the line that defines it.
+    """List the mean angle of the piles by each definition, after the defining line.
 
     `definitions` has the line, the mean and its standard error by definition.
     """
@@ -235,7 +235,7 @@ def _format_angles(definitions: Card) -> str:
 
 
 def _describe_maker(made_by: Card) -> str:
-    """Describe the version, the settings and the seed that made a card."""
+    """Describe with which version, settings and seed a card was made."""
     parts = [f"made by repose {made_by['version']}"]
     for key in ("commit", "configuration", "engine", "seed"):
         if made_by[key] is not None:
@@ -258,10 +258,10 @@ def compare_cards(first: Card, second: Card) -> str:
     -------
     str
         A table of the parameters, the means and the grain. Below it is a sentence for
-        each difference of the studies, since such a difference can forbid to compare the
-        parameters.
+        each difference between the studies, because such a difference may mean that the
+        parameters must not be compared.
     """
-    # A row has a name, the texts of the first and the second card, and perhaps a note.
+    # A row has a name, the values of the first and the second card, and perhaps a note.
     rows = [["", first["material"], second["material"]]]
     for name in first["parameters"] | second["parameters"]:
         rows.append(_format_parameter_row(name, first, second))
@@ -285,9 +285,9 @@ def compare_cards(first: Card, second: Card) -> str:
 
 
 def _format_parameter_row(name: str, first: Card, second: Card) -> list[str]:
-    """Write the values of a parameter in two cards, with a note if they are far apart.
+    """Format the values of a parameter in two cards, with a note if they are far apart.
 
-    The text is `-` if a card lacks the parameter.
+    The value is `-` if a card lacks the parameter.
     """
     parameter = first["parameters"].get(name)
     other_parameter = second["parameters"].get(name)
@@ -304,8 +304,7 @@ def _format_parameter_row(name: str, first: Card, second: Card) -> list[str]:
 def _align_columns(rows: Sequence[Sequence[str]]) -> Iterator[str]:
     """Write rows in columns, line by line.
 
-    A row has `N_COLUMNS` cells. A further cell is a note, whose length does not
-    matter.
+    A row has `N_COLUMNS` cells. A further cell is a note, which needs no alignment.
     """
     widths = [max(len(row[column]) for row in rows) for column in range(N_COLUMNS)]
     for row in rows:
@@ -340,8 +339,8 @@ def _describe_differences(first: Card, second: Card) -> Iterator[str]:
             other_law = second["laws"].get(name, "none")
             if law != other_law:
                 yield (
-                    f"Another law, {name}: {law} | {other_law}. "
-                    "The same parameters would give other piles."
+                    f"Different laws, {name}: {law} | {other_law}. "
+                    "The same parameters would give different piles."
                 )
     yield from _describe_different_definitions(first, second)
     yield from _describe_different_bench_tests(first, second)
@@ -380,7 +379,7 @@ def _describe_different_definitions(first: Card, second: Card) -> Iterator[str]:
         other_name = other_definition["name"] or "not stated"
         if name != other_name:
             yield (
-                f"Another definition of {response}: {name} | {other_name}. "
+                f"Different definitions of {response}: {name} | {other_name}. "
                 "Their numbers must not be compared."
             )
         # The same definition, with other numbers in its settings.
@@ -388,7 +387,7 @@ def _describe_different_definitions(first: Card, second: Card) -> Iterator[str]:
             differences = _format_different_values(
                 definition["settings"], other_definition["settings"]
             )
-            yield f"{response} is measured with other settings: {differences}."
+            yield f"{response} is measured with different settings: {differences}."
 
 
 def _describe_different_bench_tests(first: Card, second: Card) -> Iterator[str]:
@@ -411,7 +410,7 @@ def _format_different_values(first: Card, second: Card) -> str:
 
 
 def _note_overlap(first: Card, second: Card) -> str:
-    """Write a note if the intervals of two parameters do not overlap; else nothing."""
+    """Return a note if the intervals of two parameters do not overlap; else nothing."""
     if _is_fixed(first) or _is_fixed(second):
         return ""
     if first["low"] <= second["high"] and second["low"] <= first["high"]:
@@ -481,9 +480,9 @@ def _format_settings(section: Card) -> str:
 
 
 def _format_value(value: Any) -> str:
-    """Write a value of a setting or of the grain for people.
+    """Format a value of a setting or of the grain for readers.
 
-    A number has four digits. The numbers of a list are joined by " x ", as axes are.
+    A number has four digits. The numbers of a list are joined by " x ", like axes.
     """
     if value is None:
         return "none"

@@ -30,7 +30,7 @@ from repose.stages.settings import RUN_STATUSES
 
 RUN_COLUMNS = ("seed", "status", "reason")
 STATUS_COLUMNS = ("status", "reason", "n_seeds")
-# A measured restitution may lie a little above its limit of 1.
+# A measured restitution may lie slightly above its limit of 1.
 ROUNDING_FACTOR = 1.01
 # The parameters of a sample may be rounded differently in the file of a job and in the
 # table of samples. The absolute tolerance is for values near 0.
@@ -96,7 +96,7 @@ def make_tables(
 
 
 def _drop_repeated(columns: Iterable[str]) -> list[str]:
-    """Keep the first of equal names, since a target may also be a recorded column."""
+    """Drop repeated names, because a target may also be a recorded column."""
     return list(dict.fromkeys(columns))
 
 
@@ -124,8 +124,8 @@ def count_by_status(dataset: pd.DataFrame, runs: pd.DataFrame) -> dict[str, Any]
     Returns
     -------
     dict
-        Numbers of samples and of runs, in all and by status; ``reasons``, why samples
-        are left out; and ``text``, the sentence.
+        Numbers of samples and of runs, in total and by status; ``reasons``, the reasons
+        why samples are left out; and ``text``, the sentence.
     """
     samples_by_status = dict(Counter(dataset["status"]).most_common())
     runs_by_status = dict(Counter(runs["status"]).most_common())
@@ -147,7 +147,7 @@ def count_by_status(dataset: pd.DataFrame, runs: pd.DataFrame) -> dict[str, Any]
 
 
 def describe_counts(samples: Mapping[str, int], runs: Mapping[str, int]) -> str:
-    """Describe in two sentences how many samples and runs can be used, and why not all.
+    """Describe how many samples and runs can be used, and why the others cannot.
 
     `samples` and `runs` are the numbers of samples and of runs by their status.
     """
@@ -186,7 +186,7 @@ def write_dataset(
     out : path
         Folder to write.
     prefix : str, optional
-        Before the names of the files.
+        Text that is put before the names of the files.
     parameter_names : sequence of str, optional
         Names of the parameters, if another program simulates the study. By default,
         they are the contact parameters of repose that the table has.
@@ -274,7 +274,7 @@ def read_jobs(
 
 
 def _require_all_samples(jobs: Jobs, samples: Iterable[int]) -> None:
-    """Refuse jobs among which a sample has no job in one of the bench tests."""
+    """Refuse the jobs if a sample has none in one of the bench tests."""
     for bench_test, jobs_by_sample in jobs.items():
         missing_samples = [
             int(sample) for sample in samples if sample not in jobs_by_sample
@@ -293,7 +293,7 @@ def _check_parameters(job: Job, parameters: pd.Series, path: object) -> None:
     for name, sample_value in parameters.items():
         expected = float(sample_value)
         value = job["parameters"].get(name)
-        # Treat a missing value or a text as NaN, which fails the comparison.
+        # Treat a missing value or a string as NaN, which fails the comparison.
         number = value if isinstance(value, int | float) else math.nan
         if not math.isclose(
             number,
@@ -363,7 +363,7 @@ def read_job(path: StrPath, targets: Targets) -> tuple[Job, str]:
 def _check_status(
     run: object, run_key: str, statuses: Sequence[str], path: object
 ) -> None:
-    """Refuse a run with an unknown status, or an entry of a file that is no run.
+    """Refuse a run with an unknown status, or an entry of a file that is not a run.
 
     Parameters
     ----------
@@ -386,7 +386,7 @@ def _check_status(
 def _check_seeds(runs: Sequence[Mapping[str, Any]], path: object) -> None:
     """Refuse runs without a seed, and runs with the same seed."""
     seeds = [run.get("seed") for run in runs]
-    # Compare seeds as texts, since a damaged seed may be of any type.
+    # Compare seeds as strings, because a damaged seed may be of any type.
     has_repeated_seed = len(set(map(str, seeds))) < len(seeds)
     if None in seeds or has_repeated_seed:
         raise InputError(

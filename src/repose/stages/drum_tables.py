@@ -1,6 +1,6 @@
 """Run the drum, and make the tables of all its runs.
 
-The states of the runs are kept, so a changed definition measures them again.
+The states of the runs are kept, so they can be measured again after a definition changes.
 """
 
 import time
@@ -61,7 +61,7 @@ def run_job(
         Drum, grain and parameters. The seed of the scene is replaced.
     seeds : iterable of int
     out_dir : path
-        The folder OUT.
+        The folder to write, called OUT above.
 
     Returns
     -------
@@ -122,8 +122,8 @@ def write_tables(
     InputError
         If a file is missing or was not written by `run_job`, or if a seed is repeated.
     """
-    # Contacts and material matter for a simulation only, so a measurement can do
-    # without their parameters.
+    # Only a simulation needs contacts and material, so the measurement can do without their
+    # parameters.
     scene = Scene.of(config, parameters={}, grain={}, particle=particle)
     runs: list[MeasuredRun] = []
     path_of_seed: dict[int, Path] = {}
@@ -157,8 +157,8 @@ def choose_median_run(runs: "pd.DataFrame") -> int:
     Returns
     -------
     int
-        The seed of this run. Of an even number of slips, the lower one of the middle two
-        is chosen. Without any slip, the first run is chosen.
+        The seed of this run. If the number of slips is even, the lower of the middle two
+        is chosen. If no run slipped, the first run is chosen.
     """
     slipped = runs[runs["status"] == "ok"]
     if slipped.empty:
@@ -168,7 +168,7 @@ def choose_median_run(runs: "pd.DataFrame") -> int:
 
 
 def _measure_run(record: Mapping[str, Any], path: Path, scene: Scene) -> MeasuredRun:
-    """Measure a run by the frames beside its JSON file.
+    """Measure a run from the frames in the file next to its JSON file.
 
     Parameters
     ----------
@@ -210,7 +210,7 @@ def make_tables(runs: Sequence[MeasuredRun]) -> "dict[str, pd.DataFrame]":
     Parameters
     ----------
     runs : sequence of MeasuredRun
-        The runs, each with a seed of its own.
+        The runs, all with different seeds.
 
     Returns
     -------

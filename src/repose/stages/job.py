@@ -1,9 +1,9 @@
 """Simulate, save and measure a job: all runs of one parameter set in a bench test.
 
-A job's files are NAME.pours.json (how each run ended), NAME.npz (arrays of each run,
-ARRAY_SEED), NAME_trajectory_SEED.npz (frames, if requested) and, measured, NAME.json. The
-wall time of each run is in timings/NAME.json alone, so that all other files of equal runs
-are equal.
+The files of a job are NAME.pours.json (how each run ended), NAME.npz (arrays of each run,
+named ARRAY_SEED), NAME_trajectory_SEED.npz (frames, if requested) and, once it is measured,
+NAME.json. The wall time of each run is only in timings/NAME.json, so that equal runs leave
+equal files otherwise.
 """
 
 import time
@@ -37,13 +37,13 @@ Progress = Callable[[int], AbstractContextManager[Callable[[float], object] | No
 
 
 def run_once(test: BenchTest[Any], scene: Scene) -> tuple[dict[str, Any], Run]:
-    """Run a bench test once and measure the run, without files.
+    """Run a bench test once and measure the run, without writing files.
 
     Parameters
     ----------
     test : BenchTest
     scene : Scene
-        Its seed is that of the run.
+        The scene, whose seed is that of the run.
 
     Returns
     -------
@@ -57,7 +57,7 @@ def run_once(test: BenchTest[Any], scene: Scene) -> tuple[dict[str, Any], Run]:
 
 
 def describe_job(test: BenchTest[Any], scene: Scene, name: object) -> dict[str, Any]:
-    """Describe a job for the head of each of its files.
+    """Make the description of a job with which each of its files begins.
 
     If the name consists of digits, it is the number of a sample.
 
@@ -103,11 +103,11 @@ def run_job(
     interval_s : float, optional
         Simulated time between the frames that are written; by default none are.
     progress : callable, optional
-        Shows the progress of each run, see `Progress`.
+        Function that shows the progress of each run; see `Progress`.
     keep_runs : bool, optional
-        Whether each run is also kept (`kept_runs`), and a kept run is read instead of
-        made again. A job with one more seed then makes only this run, and a job that was
-        killed continues.
+        Whether to keep each run (`kept_runs`), and to read kept runs instead of making
+        them again. A job with one more seed then makes only the run of this seed, and a
+        job that was killed continues.
 
     Returns
     -------
@@ -116,7 +116,7 @@ def run_job(
     """
     out = Path(out_dir)
     seeds = list(seeds)
-    # Refuse to replace files of other programs before minutes of simulation.
+    # Before minutes of simulation, make sure that no file of another program is replaced.
     names = [f"{name}.npz", f"{name}{POURS_ENDING}"]
     if interval_s is not None:
         names += [_name_trajectory_file(name, seed) for seed in seeds]
@@ -130,7 +130,7 @@ def run_job(
     kept_runs = KeptRuns(out, name, description) if keep_runs else None
     for seed in seeds:
         run = None
-        # Kept runs have no frames, so a run with frames is made again.
+        # Kept runs have no frames. If frames are requested, make the run again.
         if kept_runs is not None and interval_s is None:
             run = kept_runs.read(seed)
         if run is None:
@@ -180,8 +180,8 @@ def measure_job(
     out_dir : path, optional
         Folder to write. The default is the folder of the job.
     keep_runs : bool, optional
-        Whether the result is also kept in the folder `runs`, and is read from there
-        instead of measured again while it is valid (`kept_runs`).
+        Whether to keep the result in the folder `runs`, and to read it from there as
+        long as it is valid, instead of measuring again (`kept_runs`).
 
     Returns
     -------
@@ -205,7 +205,7 @@ def measure_runs(scene: Scene, path: Path) -> dict[str, Any]:
     Parameters
     ----------
     scene : Scene
-        Its settings define the responses.
+        The scene, whose settings define the responses.
     path : Path
         NAME.pours.json of the job. NAME.npz is beside it.
 
@@ -234,7 +234,7 @@ def measure_runs(scene: Scene, path: Path) -> dict[str, Any]:
     arrays_of_job = read_positions(positions_file(path))
     measured_runs = []
     for record in records:
-        # The arrays of a failed run may be incomplete, so none is required.
+        # The arrays of a failed run may be incomplete, so none of them is required.
         required_arrays = test.required_arrays if record["status"] == "ok" else ()
         arrays = select_pour(
             arrays_of_job, record["seed"], source=path, required_arrays=required_arrays

@@ -2,15 +2,15 @@
 
 Parameter sets are drawn from the posterior, and each is simulated a few times in every
 bench test of the configuration. A response that differs more between these sets than from
-run to run separates them. The variance of its true mean between the sets is tau^2. The
-mean of n repetitions has the error variance s^2 = sigma^2 / n + d^2, with the variance
-sigma^2 of a single run and the discrepancy d of the simulator. For normal variables the
-information is
+run to run can tell them apart. Let tau^2 be the variance of its true mean between the sets.
+The mean of n repetitions has the error variance s^2 = sigma^2 / n + d^2, where sigma^2 is
+the variance of a single run and d is the discrepancy of the simulator. For normal variables
+the information is
 
     bits = 1/2 log2(1 + tau^2 / s^2)
 
 (Cover & Thomas 2006, Elements of Information Theory, section 9.1). Responses share
-information, so the ranking is valid only for the first response to add. Once this
+information, so the ranking is only valid for the first response that is added. Once this
 response is a target, make the table again.
 """
 
@@ -45,9 +45,9 @@ COLUMNS = [
     "sets",
     "runs",
 ]
-# Fewest sets that must have two runs with a response.
+# Smallest number of sets that must have two runs with a response.
 FEWEST_SETS = 4
-# A correlation of 1 would give infinite information, so a larger one is set to this.
+# Largest correlation. Larger ones are set to this, because 1 would give infinite information.
 LARGEST_CORRELATION = 1 - 1e-12
 
 
@@ -124,13 +124,13 @@ def rank_responses(
             continue
         variances = variance_components(response_runs["value"], response_runs["sample"])
 
-        # The variance of the difference between a measurement and the simulator
+        # Compute the variance of the difference between a measurement and the simulator.
         discrepancy = discrepancy_percent / 100 * variances.mean
         error_variance = variances.within / repetitions + discrepancy**2
-        # A response that never varies has no scatter, and would divide by 0.
+        # Skip a response that never varies, because its scatter of 0 would be a divisor.
         if not error_variance > 0:
             continue
-        # The intraclass correlation has an interval, whose ends give those of the
+        # The ends of the interval of the intraclass correlation give those of the
         # information.
         bits, bits_low, bits_high = _compute_information(
             np.array([variances.icc, variances.icc_low, variances.icc_high]),
@@ -185,7 +185,7 @@ def _compute_information(
     """
     shares = correlations.clip(0, LARGEST_CORRELATION)
     between_variances = run_variance * shares / (1 - shares)
-    # Information of a normal variable that is measured with a normal error
+    # This is the information about a normal variable that is measured with a normal error.
     return 0.5 * np.log2(1 + between_variances / error_variance)
 
 
@@ -236,8 +236,8 @@ def write_ranking(
         The content of next.csv.
     """
     runs = _measure_responses(pours, scene, Path(out_dir))
-    # Leave out what is measured already. One measurement of a pile gives its angle by
-    # every definition.
+    # Leave out what is already measured. A measurement of a pile gives its angle by every
+    # definition.
     known_responses = set(targets.names)
     if CALIBRATED_ANGLE in known_responses:
         known_responses.update(MEAN_KEYS.values())

@@ -1,4 +1,4 @@
-"""The stage `optimism`: estimate how much too favourable the predictions are."""
+"""The stage `optimism`: estimate by how much the predictions are too favourable."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -42,8 +42,8 @@ def make_repeated_search(
     count : int
         Number of sets besides the representative one.
     support : Support, optional
-        Region of the samples, as in the search. Without it the whole box counts as
-        supported.
+        Region of the samples, as in the search. Without it, the whole ranges count as
+        covered.
 
     Returns
     -------
@@ -103,7 +103,7 @@ def write_optimism(
     surrogate = load(surrogate_json, targets.names)
     dataset = read_dataset(dataset_csv, targets, parameter_names)
     runs = read_runs(runs_csv, targets, dataset, dataset_csv)
-    # Without two runs of a sample the noise is unknown, and `pours` is None.
+    # If no sample has two runs, the noise is unknown, and `pours` is None.
     pours = Pours.collect(surrogate, dataset, runs, targets)
     if pours is None or settings.replicates == 0:
         table = pd.DataFrame(columns=list(OPTIMISM_COLUMNS))

@@ -1,6 +1,6 @@
 """Read tables of parameter sets, as the stage `design` writes them.
 
-They have a number `sample` and the parameters.
+Each row has the number of the sample in the column `sample`, and its parameters.
 """
 
 import csv
@@ -41,7 +41,7 @@ def list_parameters(
     Returns
     -------
     tuple of str
-        The names, or else the contact parameters among the columns.
+        `parameter_names`, or if it is None, the contact parameters among the columns.
     """
     return (
         parameters_among(columns) if parameter_names is None else tuple(parameter_names)
@@ -146,7 +146,7 @@ def read_sample(
     InputError
         If there is no such sample, or a value is beyond the limits of the contact law.
     """
-    # This program checked its own tables when it wrote them. Check any other table.
+    # This program checked its own tables when it wrote them, so only check other tables.
     columns = _read_unchanged_table(path)
     if columns is None:
         table = tables.read(path, (SAMPLE_COLUMN, *_describe_columns(parameter_names)))
@@ -180,8 +180,8 @@ def _read_unchanged_table(path: str | os.PathLike) -> dict[str, list] | None:
     Returns
     -------
     dict or None
-        The numbers of each column by its name. None if the table must be checked:
-        another program wrote or changed it, or it has other cells than numbers.
+        The numbers of each column by its name. None if the table must be checked, because
+        another program wrote or changed it, or because not all cells are numbers.
     """
     if not ledger.is_own_file(path):
         return None

@@ -20,14 +20,14 @@ if TYPE_CHECKING:
 # Number of the first published set. The solutions of a study are numbered from 1, and
 # their numbers stay below it.
 FIRST_PUBLISHED = 101
-# Most sets of each of the two tables: their sample numbers are 101 to 999.
+# Largest number of sets in each of the two tables. Their sample numbers are 101 to 999.
 MOST_SETS = 449
-# Beside the published solutions: sets of other works, with their source and wall.
+# Table next to the published solutions, with sets from other works, their source and wall.
 OTHER_SETS_FILE = "others.csv"
-# Hashes of what the runs of a set depend on.
+# Names of the hashes of everything on which the runs of a set depend.
 HASH_NAMES = ("engine", "scene")
 SOLUTION_COLUMN = Column("solution", str, once=True)
-# A hash of digits alone is text, too.
+# A hash may consist of digits only, but is still text.
 HASH_COLUMNS = tuple(Column(name, str) for name in HASH_NAMES)
 STORED_COLUMNS: tuple[str | Column, ...] = (
     "sample",
@@ -153,8 +153,8 @@ def list_sets_to_simulate(
     if not rows:
         return []
     columns = rows[0].keys()
-    # Without a parameter of the study, a set cannot be simulated. Without a response of
-    # the targets, its simulation cannot be compared with anything.
+    # A set that lacks a parameter of the study cannot be simulated. If the table has no
+    # response of the targets, the simulation cannot be compared with anything.
     has_parameters = set(parameter_names) <= columns
     if not has_parameters or not find_published_responses(columns, responses):
         return []
@@ -241,10 +241,7 @@ def read_parameter_sets(path: StrPath | None) -> list[dict[str, float]]:
 def find_published_responses(
     columns: Iterable[str], responses: Iterable[Response]
 ) -> tuple[Response, ...]:
-    """Find the responses of a published table.
-
-    Predicted and simulated values of each are among its columns.
-    """
+    """Find the responses whose predicted and simulated values are in a published table."""
     table_columns = set(columns)
     return tuple(
         response

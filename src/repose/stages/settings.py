@@ -1,4 +1,4 @@
-"""Settings of stages: the sections `validation` and `simulator`, numbers of `next`."""
+"""Settings of stages: the sections `validation` and `simulator`, and numbers for `next`."""
 
 from typing import Annotated
 
@@ -17,7 +17,7 @@ from repose.measure.conventions import DIRECTIONS, UNITS
 
 # Number of parameter sets that the study `next` draws from the posterior.
 N_PLAUSIBLE_SETS = 16
-# Runs of each in each bench test: the fewest that show the scatter.
+# Number of runs of each set in each bench test. Fewer would not show the scatter.
 N_SEEDS_OF_PLAUSIBLE_SET = 2
 
 
@@ -53,7 +53,7 @@ class ValidationSettings(Section):
     )
 
 
-# How a run of a program of the user's own may end.
+# Statuses with which a run of the user's own program may end.
 RUN_STATUSES = (
     "ok",
     "exit_status",
@@ -80,7 +80,7 @@ Argument = Annotated[str, Field(min_length=1, max_length=4000)]
 
 
 class ParticlesSettings(Section):
-    """A file of particles that a run leaves: its pile is measured."""
+    """A file with the particles of a run, whose pile is measured."""
 
     file: FileName = Field(
         description="dump, VTK, CSV or text of Yade with the particles"
@@ -138,7 +138,7 @@ class SimulatorSettings(Section):
     )
 
     def contradictions(self) -> Contradictions:
-        """Refuse an empty command, and runs that leave nothing that is read."""
+        """Refuse an empty command, and runs that leave no file to read."""
         if not self.command:
             yield "command", COMMAND_FORM
         if self.output is None and self.particles is None:
@@ -146,7 +146,7 @@ class SimulatorSettings(Section):
 
     @property
     def files_by_key(self) -> dict[str, str]:
-        """The files of a run from which its responses are taken, by their keys here."""
+        """The files of a run that have its responses, by the keys of this section."""
         files = {}
         if self.output is not None:
             files["output"] = self.output
@@ -156,5 +156,5 @@ class SimulatorSettings(Section):
 
     @property
     def files_read(self) -> tuple[str, ...]:
-        """The files of a run from which its responses are taken."""
+        """The files of a run that have its responses."""
         return tuple(self.files_by_key.values())

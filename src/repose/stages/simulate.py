@@ -1,10 +1,10 @@
-"""Run a program of the user's own: write its deck, call it, and keep what it leaves.
+"""Run the user's own program: write its deck, call it, and keep the files that it leaves.
 
 Each run has a folder SAMPLE/RUN with its deck, its parameters, what the program printed
-(`PRINTED_FILE`) and the files that are read or kept. SAMPLE/RUN.json is the record of
-the run, and it is written last. A run that fails is a result with a status and a reason.
-The ledger of SAMPLE lists the output files of a good run, so that a later change of them
-is found.
+(`PRINTED_FILE`) and the files that are read or kept. SAMPLE/RUN.json is the record of the
+run, and is written last. A run that fails is also a result, with a status and a reason.
+The ledger of SAMPLE lists the output files of a good run, so that later changes to them
+are noticed.
 """
 
 import json
@@ -44,12 +44,12 @@ SMALLEST_PRIME_SEED = 10_007
 TEMPLATE_ENDINGS = (".j2", ".jinja", ".jinja2")
 # LAMMPS takes no seed above 900 million.
 HIGHEST_SEED = 899_999_999
-# A program has this time to end after SIGTERM [s].
+# Time that a program has to end after SIGTERM [s].
 STOP_TIME_S = 10.0
 # What error messages expect of the program and of a named file.
 EXPECTED_PROGRAM = "a program on PATH, or the path of one that may be run"
 EXPECTED_FILE = "a file that is there"
-# Characters of a program's last line that the reason of a failed run quotes.
+# Largest number of characters that the reason of a failed run quotes from the last line.
 MAX_REASON_LENGTH = 200
 
 
@@ -66,11 +66,11 @@ class Ending(NamedTuple):
 def _make_environment() -> Environment:
     """Make the environment of Jinja2 for the templates of decks.
 
-    A name without a value is an error. The sandbox refuses a loop that would never end.
-    A template cannot load another file, since a run is made again only if its own
-    template has changed.
+    A name without a value is an error. The sandbox refuses a loop that would never end. A
+    template cannot load another file, because a run is only made again if its own template
+    has changed.
     """
-    # Special characters are not escaped, since a deck is not HTML.
+    # Do not escape special characters, because a deck is not HTML.
     environment = SandboxedEnvironment(
         undefined=StrictUndefined, keep_trailing_newline=True, loader=DictLoader({})
     )
@@ -79,7 +79,7 @@ def _make_environment() -> Environment:
 
 
 def find_prime(seed: int) -> int:
-    """Find the first prime number from a seed on, but at least `SMALLEST_PRIME_SEED`."""
+    """Find the smallest prime that is at least the seed and `SMALLEST_PRIME_SEED`."""
     candidate = max(seed, SMALLEST_PRIME_SEED)
     while any(candidate % factor == 0 for factor in range(2, isqrt(candidate) + 1)):
         candidate += 1
@@ -101,7 +101,7 @@ def fill_template(text: str, values: Mapping[str, Any], source: object) -> str:
     Raises
     ------
     InputError
-        If the text is no template, uses a name without a value, or has an expression
+        If the text is not a template, uses a name without a value, or has an expression
         that fails. The error names `source` and the line.
     """
     try:
@@ -137,7 +137,7 @@ def find_template_names(text: str, source: object) -> set[str]:
     Raises
     ------
     InputError
-        If the text is no template, or if it includes another file.
+        If the text is not a template, or if it includes another file.
     """
     try:
         template = _make_environment().parse(text)
@@ -163,7 +163,7 @@ def read_template(path: StrPath) -> str:
     Raises
     ------
     InputError
-        If the file is no text in UTF-8.
+        If the file is not text in UTF-8.
     """
     try:
         return Path(path).read_text(encoding="utf-8")
@@ -174,7 +174,7 @@ def read_template(path: StrPath) -> str:
 
 
 def deck_name(template: StrPath) -> str:
-    """Return the name of a deck, which is that of its template without an ending as `.j2`."""
+    """Return the name of a deck: that of its template without an ending such as `.j2`."""
     path = Path(template)
     return path.stem if path.suffix in TEMPLATE_ENDINGS else path.name
 
@@ -207,9 +207,9 @@ def check_simulator(
     ----------
     settings : SimulatorSettings
     parameters : mapping
-        A value for each name. Template and command are filled with it on trial.
+        A value for each name. As a test, template and command are filled with them.
     targets : sequence of str
-        Their names in the study.
+        Names of the targets in the study.
     source : str
         File of the configuration, for the messages.
     fixed_names : collection of str, optional
@@ -291,7 +291,7 @@ def _find_reserved_names(
 def _find_unknown_targets(
     settings: SimulatorSettings, targets: Iterable[str], source: str
 ) -> Iterator[InputError]:
-    """Find targets whose response no file of a run gives.
+    """Find targets whose response is in no file of a run.
 
     A table of responses may have any column. Without this table, all responses come from
     the pile of particles.
@@ -320,7 +320,7 @@ def _find_equal_file_names(
     Yields
     ------
     YamlError
-        For two inputs of the same name, and for an output with the name of an input.
+        For two inputs with the same name, and for an output with the name of an input.
     """
     for name in _find_repeated_names(settings):
         yield YamlError(
@@ -412,7 +412,7 @@ def find_used_names(settings: SimulatorSettings) -> set[str]:
 
 
 def _read_templates(settings: SimulatorSettings, source: str) -> dict[str, str]:
-    """Return the texts of command and template, by the place that messages name."""
+    """Return the content of command and template, by the place that messages name."""
     texts = {f"{source}, simulator.command": "\n".join(settings.command)}
     if settings.template is not None:
         texts[settings.template] = read_template(settings.template)
@@ -422,9 +422,9 @@ def _read_templates(settings: SimulatorSettings, source: str) -> dict[str, str]:
 def _try_to_fill(
     text: str, parameters: Mapping[str, float], place: str
 ) -> Iterator[InputError]:
-    """Fill a template on trial, and yield the fault if this fails.
+    """Fill a template as a test, and yield the fault if this fails.
 
-    `place` says where the text is, for the message. All numbers of the run are 1.
+    `place` states where the text is, for the message. All numbers of the run are 1.
     """
     try:
         fill_template(text, {**parameters, **dict.fromkeys(RUN_VARIABLES, 1)}, place)
@@ -453,7 +453,7 @@ def _find_repeated_names(settings: SimulatorSettings) -> list[str]:
 
 
 def list_pile_responses() -> tuple[str, ...]:
-    """List the responses that a file of particles gives."""
+    """List the responses that can be measured from a file of particles."""
     from repose.measure.definitions import MEAN_KEYS
 
     return ("aor_deg", "height_mm", *MEAN_KEYS.values())
@@ -533,7 +533,7 @@ def run_once(
 def _collect_inputs(
     settings: SimulatorSettings, values: Mapping[str, Any]
 ) -> dict[str, Any]:
-    """Collect all that a run depends on.
+    """Collect everything that a run depends on.
 
     Parameters
     ----------
@@ -595,7 +595,7 @@ def _find_finished_run(
     inputs : mapping
         Result of `_collect_inputs`.
     settings : SimulatorSettings
-        Names the files that must be there.
+        The simulator, which names the files that must exist.
 
     Returns
     -------
@@ -624,7 +624,7 @@ def find_file_fault(folder: Path, name: str) -> InputError | None:
     Returns
     -------
     InputError or None
-        The fault. Its message tells what to remove so that the run is made again. None
+        The fault. Its message states what to remove so that the run is made again. None
         if the file is as the run left it.
     """
     path = folder / name
@@ -677,7 +677,7 @@ def _run_in_folder(
         How the run ended.
     """
     work_folder = folder.with_name(f"{folder.name}.part")
-    # An interrupted run may have left a folder of the temporary name.
+    # An interrupted run may have left a folder with the temporary name.
     shutil.rmtree(work_folder, ignore_errors=True)
     work_folder.mkdir(parents=True)
     _write_inputs(settings, inputs, work_folder)
@@ -691,11 +691,11 @@ def _run_in_folder(
 
     _remove_unlisted_files(work_folder, settings)
     if ending.status == OK:
-        # The hash of its inputs lets a later call use this run again. A failed run gets
-        # none, because the user may repair the cause.
+        # With the hash of its inputs, a later call can use this run again. A failed run
+        # gets no hash, because the user may repair the cause.
         input_hash = json.dumps(_hash_inputs(inputs))
         (work_folder / INPUT_HASH_FILE).write_text(input_hash, encoding="utf-8")
-        # The ledger shows later whether a file that is read has changed since the run.
+        # The ledger later shows whether a file that is read has changed since the run.
         for name in settings.files_read:
             final_name = f"{folder.name}/{name}"
             ledger.list_file_below(folder.parent, final_name, source=work_folder / name)
@@ -733,7 +733,7 @@ def _write_inputs(
 
 
 def _check_outputs(settings: SimulatorSettings, work_folder: Path) -> Ending:
-    """Check whether a program that ended well has written every file that is read.
+    """Check whether a program that ended normally has written every file that is read.
 
     Returns
     -------
@@ -811,14 +811,14 @@ def _call_program(
 
 @contextmanager
 def _exit_on_sigterm() -> Iterator[None]:
-    """Let the signal SIGTERM raise SystemExit within this context.
+    """Make the signal SIGTERM raise SystemExit within this context.
 
-    By default the signal would end this process at once, and leave the called program
+    By default, the signal would end this process at once and leave the called program
     running. The previous handler is restored at the end.
     """
 
     def raise_exit(number: int, frame: FrameType | None) -> None:
-        # The exit status by which a shell reports this signal.
+        # This is the exit status with which a shell reports this signal.
         raise SystemExit(128 + number)
 
     previous_handler = signal.signal(signal.SIGTERM, raise_exit)
@@ -871,13 +871,13 @@ def _remove_unlisted_files(work_folder: Path, settings: SimulatorSettings) -> No
     work_folder : Path
         Folder of the run.
     settings : SimulatorSettings
-        Lists the files that are read or kept.
+        The simulator, which lists the files that are read or kept.
     """
     kept_names = {PARAMETERS_FILE, PRINTED_FILE, *settings.files_read, *settings.keep}
     if settings.template is not None:
         kept_names.add(deck_name(settings.template))
-    # In reverse order, the content of a folder comes before the folder, which may be
-    # empty then.
+    # In reverse order, the content of a folder comes before the folder itself, which may
+    # then be empty.
     for path in sorted(work_folder.rglob("*"), reverse=True):
         if path.is_dir() and not path.is_symlink():
             if not any(path.iterdir()):

@@ -1,7 +1,7 @@
-"""Read the responses of runs that a program of the user's own made.
+"""Read the responses of runs that the user's own program made.
 
-They come from the table that a run leaves, or from its particles. The pile of the
-particles is measured like that of a photograph.
+The responses come from the table that a run leaves, or from its particles. The pile of
+the particles is measured like that of a photograph.
 """
 
 import math
@@ -34,7 +34,8 @@ def list_record_files(entries: Iterable[str]) -> dict[Path, list[Path]]:
     Parameters
     ----------
     entries : iterable of str
-        An entry FOLDER=COUNT has the folder of a sample and the number of its runs.
+        Entries of the form FOLDER=COUNT, with the folder of a sample and the number of its
+        runs.
 
     Returns
     -------
@@ -119,7 +120,7 @@ def read_responses(
     responses: Sequence[str],
     measure: "MeasureSettings | None",
 ) -> tuple[Ending, dict[str, float | None]]:
-    """Read the responses of a run that ended well.
+    """Read the responses of a run that ended normally.
 
     The run counts as failed if a response cannot be read.
 
@@ -128,7 +129,7 @@ def read_responses(
     folder : Path
         Folder of the run, with the files that it left.
     settings : SimulatorSettings
-        Which of these files have the responses.
+        The simulator, which states which of these files have the responses.
     responses : sequence of str
         Names of the targets.
     measure : MeasureSettings or None
@@ -169,7 +170,7 @@ def read_responses(
 def _judge_contents(
     contents: dict[str, Any], responses: Sequence[str]
 ) -> tuple[Ending, dict[str, float | None]]:
-    """Judge a run by what it left, and take its responses.
+    """Judge a run by what it left, and return its responses.
 
     Parameters
     ----------
@@ -183,7 +184,7 @@ def _judge_contents(
     Ending, dict
         As in `read_responses`.
     """
-    # A table of runs has the same rules, so judge the run as a table with one row.
+    # A table of runs follows the same rules, so judge the run as a table with one row.
     cells, _ = make_cells(contents, responses)
     outcome = judge_runs({name: [cell] for name, cell in cells.items()}, responses)
     status = outcome.statuses[0]
@@ -200,7 +201,7 @@ def _judge_contents(
 
 
 def _shorten(text: object) -> str:
-    """Write a text in one line of at most `MAX_REASON_LENGTH` characters."""
+    """Shorten a text to one line of at most `MAX_REASON_LENGTH` characters."""
     return " ".join(str(text).split())[:MAX_REASON_LENGTH]
 
 
@@ -217,8 +218,8 @@ def read_response_table(path: Path) -> dict[str, Any]:
     if path.suffix.lower() == ".json":
         return read_json(path, what="responses by name")
 
-    # The caller checks the cells. Here they may be of any kind, so none of the columns
-    # counts as a column of numbers.
+    # The caller checks the cells. Here they may be of any kind, so no column is treated as
+    # a column of numbers.
     table = tables.read(
         path,
         columns=(),
@@ -241,7 +242,7 @@ def measure_pile(
     Returns
     -------
     dict
-        The responses of the pile by name. One that cannot be measured is None.
+        The responses of the pile by name. A response that cannot be measured is None.
 
     Raises
     ------

@@ -1,7 +1,7 @@
 """Read the tables of a study, and check that they are complete and consistent.
 
-The columns alone do not show that a table was truncated, or that it belongs to another
-study. Therefore the rows are checked, too.
+The columns alone do not show whether a table was truncated, or belongs to another study.
+Therefore the rows are checked as well.
 """
 
 from collections.abc import Sequence
@@ -16,8 +16,8 @@ from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 from repose.common.files import StrPath, read_table
 
-# Largest difference between a stored mean, or standard error, and that of its runs. The
-# difference is relative, and absolute for values below 1.
+# Largest difference between a stored mean or standard error and the value that follows from
+# its runs. The difference is relative, or absolute for values below 1.
 TOLERANCE = 1e-6
 
 
@@ -157,7 +157,7 @@ def find_answer(table: pd.DataFrame, source: object) -> pd.Series:
 def _check_run_counts(
     runs: pd.DataFrame, dataset: pd.DataFrame, runs_csv: object, dataset_csv: object
 ) -> None:
-    """Refuse the runs if the number of good ones of a sample is not its `n_seeds`."""
+    """Refuse the runs if a sample does not have `n_seeds` good ones."""
     good_runs = runs[runs["status"] == "ok"]
     counts = good_runs.groupby("sample").size()
     for sample, n_seeds in zip(dataset["sample"], dataset["n_seeds"], strict=True):
@@ -228,7 +228,7 @@ def _require_equal(
         The quantity of each sample, from its runs and from the table of samples. Both
         have the samples as index.
     quantity, response : str
-        What is compared, for the message.
+        Names of the quantity and the response, for the message.
     runs_csv, dataset_csv : path
         The tables, for the message.
     """
@@ -290,7 +290,7 @@ def _refuse_repeated_rows(
 
 
 class _ExpectedRows(NamedTuple):
-    """The number of rows that a table should have, and where this number is from."""
+    """The number of rows that a table should have, and the source of this number."""
 
     number: int | None  # None if it is unknown
     source: str

@@ -1,9 +1,9 @@
 """Choose solutions that are simulated again, and compare them with the measurement.
 
 The tables are Table 4 of the paper (section 4.2.1), the comparison with the physical
-measurement, and the published solutions in this engine. Errors are relative, in percent,
-as in Table 4: |predicted - simulated| / simulated, and for the representative solution
-|simulated - physical| / physical.
+measurement, and the published solutions as this engine simulates them. As in Table 4,
+errors are relative and in percent: |predicted - simulated| / simulated, and for the
+representative solution |simulated - physical| / physical.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -41,7 +41,7 @@ from repose.stages.tables import find_answer
 SELECTION_COLUMNS = ("solution", "role")
 # Columns of text in a table of published sets, some of which it may lack.
 PUBLISHED_TEXT_COLUMNS = ("solution", "source", "wall")
-# Kinds of values of a publication, which occur in the names of its columns.
+# Kinds of values in a publication, which are parts of the names of its columns.
 PUBLISHED_KINDS = ("predicted", "simulated", "measured")
 # Tables of parameter sets, which get a column of warnings.
 TABLES_WITH_WARNINGS = ("table4", "published")
@@ -110,12 +110,12 @@ def _find_farthest(positions: np.ndarray, selected: list[int]) -> int:
     Returns
     -------
     int
-        Row number of the point, which is not selected yet.
+        Row number of the point, which has not been selected yet.
     """
     # Distance of each point (rows) from each selected one (columns).
     distances = np.linalg.norm(positions[:, None] - positions[selected], axis=2)
     nearest_distance = distances.min(axis=1)
-    # No distance is negative, so a selected point is never found again.
+    # Distances are never negative, so a distance of -1 excludes the selected points.
     nearest_distance[selected] = -1.0
     return int(nearest_distance.argmax())
 
@@ -296,8 +296,8 @@ def describe_calibrated_lines(
     Returns
     -------
     str
-        Each line once. If no response is such an angle, the line of the angle of
-        repose.
+        Each line once. If no response is such an angle, the result is the line of the
+        angle of repose.
     """
     lines = []
     for response in responses:
@@ -357,9 +357,11 @@ def compare_with_measurement(
 def add_probabilities(
     table: pd.DataFrame, runs: RunsByBench, targets: Targets
 ) -> pd.DataFrame:
-    """Add the probabilities that all means are inside, and within 1 % and 2 %.
+    """Add the probabilities that all means meet the targets.
 
-    `table` is that of `compare_with_measurement`, and `runs` are those of its solution.
+    The columns are for means within some percent of the aims (`WITHIN_COLUMNS`), and for
+    means inside the ranges. `table` is the result of `compare_with_measurement`, and
+    `runs` are the runs of its solution.
     """
     probabilities = {}
     for percent, column in WITHIN_COLUMNS.items():
@@ -476,7 +478,7 @@ def write_comparison(
         measure=measure,
         parameter_names=parameter_names,
     )
-    # The caller has compared the published sets already.
+    # The caller has already compared the published sets.
     if published is not None:
         tables["published"] = published
 
@@ -508,7 +510,7 @@ def _add_warnings(
 def _read_numbered_sets(
     published_csv: StrPath, parameter_names: Iterable[str]
 ) -> pd.DataFrame:
-    """Read the published sets, and number them from `FIRST_PUBLISHED` on."""
+    """Read the published sets, and number them, starting at `FIRST_PUBLISHED`."""
     sets = read_sets(published_csv, parameter_names)
     return sets.assign(sample=range(FIRST_PUBLISHED, FIRST_PUBLISHED + len(sets)))
 
@@ -570,8 +572,8 @@ def write_published_sets(
     for column, new_name in _rename_published_responses(sets).items():
         table[new_name] = sets[column]
 
-    # Store the angle by every definition, since studies may calibrate different ones.
-    # The general name of the calibrated angle would not tell which one it is.
+    # Store the angle by every definition, because studies may calibrate different ones.
+    # The general name of the calibrated angle would not show which one it is.
     response_names = dict.fromkeys((*targets.names, "height_mm", *MEAN_KEYS.values()))
     response_names.pop(CALIBRATED_ANGLE, None)
     for name in response_names:

@@ -1,6 +1,6 @@
 """Compile the engine before the first run of a study.
 
-Of jobs that start together, only one would compile while the others wait.
+If several jobs started together, only one would compile, and the others would wait.
 """
 
 import multiprocessing
@@ -13,9 +13,9 @@ from repose.calibrate.targets import Targets
 def warm_up(scene: Scene, cores: int = 1) -> float:
     """Compile the kernels of every bench test of the targets.
 
-    A kernel is compiled when it is first called, which a single time step with one grain
-    does. The kernels of the contacts with walls take nearly half of the time. If there
-    is a second core, another process compiles these at the same time.
+    A kernel is compiled when it is first called, so a single time step with one grain is
+    enough. The kernels of the contacts with walls take nearly half of the time. If there
+    is a second core, another process compiles them at the same time.
 
     Parameters
     ----------
@@ -27,7 +27,7 @@ def warm_up(scene: Scene, cores: int = 1) -> float:
     Returns
     -------
     float
-        The time that this took [s].
+        Time that the compilation took [s].
     """
     start_s = time.perf_counter()
     names = Targets.of(scene.settings.config["targets"]).apparatus
