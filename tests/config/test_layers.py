@@ -40,7 +40,7 @@ def test_numbers_may_be_written_in_any_way(tmp_path, text):
         ("heap:\n  seeds: [3\n", "valid YAML"),
         ("- 3\n", "keys with values"),
         (None, "file is 'No such file"),
-        ("heap:\n\tseeds: 3\n", "line 2 .*expected blanks in place of the tab"),
+        ("heap:\n\tseeds: 3\n", "line 2 .*expected spaces in place of the tab"),
         ("", "content is 'empty'"),
         (
             "# mine\nlabel lentil\n\nberry:\n  sizes: a.csv\n",

@@ -632,7 +632,7 @@ def test_a_study_of_another_simulator_is_told_as_such_and_nothing_else_of_it():
     ("text", "message"),
     [
         (r'sizes: "C:\Users\x.csv"', "line 1 is .*expected a path in single quotes"),
-        ("small_run: \ttrue", "line 1 is .*; expected blanks in place of the tab"),
+        ("small_run: \ttrue", "line 1 is .*; expected spaces in place of the tab"),
     ],
 )
 def test_a_path_in_double_quotes_and_a_tab_are_told_with_what_to_write(text, message):

@@ -158,7 +158,7 @@ def test_a_bad_value_ends_in_one_message_before_any_work(project, arguments, mes
             b"label: pea # gr\xfcn\n",
             "file is 'not text'; expected a YAML or JSON file in ",
         ),
-        (b"label: pea\n\tseed: 1\n", "expected blanks in place of the tab"),
+        (b"label: pea\n\tseed: 1\n", "expected spaces in place of the tab"),
         (b"", "content is 'empty'; expected keys with values"),
         (b"- label\n", "content is ['label']; expected keys with values"),
     ],

@@ -2,8 +2,8 @@
 
 A subcommand is a function that is registered together with its options. The other
 modules of this package define the subcommands. A subcommand passes files and settings to
-other packages of `repose`. It imports these packages inside the function, so that help
-and parsing stay fast.
+other packages of `repose`. It imports these packages inside its function, so that printing
+the help and parsing options stay fast.
 """
 
 import argparse
@@ -21,7 +21,7 @@ from typing import Any
 
 from repose import __version__
 
-# These imports register all subcommands, in the order in which they are listed.
+# These imports register all subcommands, which are listed in this order.
 from repose.cli import new, docs, checking, run, exporting, inputs, pouring, measuring  # noqa: F401, isort: skip
 from repose.cli import calibration, cards, strategies, own_simulator, uncertainty  # noqa: F401, isort: skip
 from repose.cli import pictures, services, simulating  # noqa: F401, isort: skip
@@ -46,7 +46,7 @@ USER_SUBCOMMANDS = tuple(name for names in SUBCOMMAND_GROUPS.values() for name i
 STAGES = tuple(name for name in SUBCOMMANDS if name not in USER_SUBCOMMANDS)
 STAGE = "stage"
 HELP = "help"
-# Control characters except tab and new line.
+# Control characters except tab and newline.
 CONTROL_CHARACTERS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 # Libraries that only some subcommands need.
 OPTIONAL_LIBRARIES = (
@@ -67,14 +67,13 @@ def main(words: Sequence[str] | None = None) -> int:
     Parameters
     ----------
     words : sequence of str, optional
-        The words after the name of the program. The default is those of the command
-        line.
+        The words after the name of the program; by default those of the command line.
 
     Returns
     -------
     int
         Exit status: 0 for success and 2 for faulty input. The subcommand `card check`
-        returns 3 if a target is not met, and 4 if its runs do not decide this.
+        returns 3 if a target is not met, and 4 if there are too few runs to decide.
     """
     _prepare_streams()
     words = list(sys.argv[1:] if words is None else words)
@@ -119,13 +118,13 @@ def main(words: Sequence[str] | None = None) -> int:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except (InputError, OSError) as error:
-        # An OSError, for example of a full disk, names the file and the reason.
+        # An OSError, for example because of a full disk, names the file and the reason.
         print_fault(error)
         return BAD_INPUT
 
 
 def _prepare_streams() -> None:
-    """Make printing safe if a stream is closed, or cannot write a character.
+    """Make printing safe even if a stream is closed or cannot write a character.
 
     The function replaces closed streams in `sys`, and changes the encoding errors of
     stdout.
@@ -182,7 +181,7 @@ def _check_threads() -> None:
 class EscapingStream:
     """A stream that writes control characters as backslash escapes.
 
-    A user's text may contain such characters, which would control the terminal.
+    Text from a user may contain such characters, which would control the terminal.
     """
 
     def __init__(self, stream: Any) -> None:
@@ -192,7 +191,7 @@ class EscapingStream:
         return getattr(self.stream, name)
 
     def write(self, text: str) -> int:
-        """Write a text with its control characters escaped."""
+        """Write text with its control characters escaped."""
         self.stream.write(CONTROL_CHARACTERS.sub(_escape, text))
         return len(text)
 
@@ -256,9 +255,9 @@ def _attach_dashed_choices(words: list[str]) -> list[str]:
 
 @functools.cache
 def make_parser() -> argparse.ArgumentParser:
-    """Make the parser of all subcommands, and of the stages below the subcommand `stage`.
+    """Make the parser of all subcommands, and of all stages under the subcommand `stage`.
 
-    The help of the program lists only the subcommands that are enough for a study.
+    The help of the program lists only the subcommands that a study needs.
     """
     main_parser = argparse.ArgumentParser(
         prog=PROGRAM,
@@ -400,7 +399,7 @@ def _suggest_command(name: str, known: Sequence[str]) -> str | None:
 
 
 def _match_case(word: str, known: Sequence[str]) -> str:
-    """Return a word in lower case if this is a known name; else return it unchanged."""
+    """Return a word in lower case if that is a known name; else return it unchanged."""
     return word.lower() if word.lower() in known else word
 
 
@@ -439,7 +438,7 @@ def _list_subcommands(group_titles: Iterable[str]) -> str:
 
 
 def _format_entry(name: str) -> str:
-    """Write a subcommand and the beginning of its summary, in lines of 80 columns."""
+    """Format a subcommand and the beginning of its summary, in lines of 80 columns."""
     clause = SUBCOMMANDS[name].summary.partition(";")[0].removesuffix(".")
     # The summary follows the name on the same line, so begin it with a small letter.
     summary = clause[:1].lower() + clause[1:]

@@ -112,9 +112,7 @@ def miga(args: argparse.Namespace, study: PipelineConfig) -> None:
 
 @subcommand(NETWORK, DATASET, RUNS, out="results/miga")
 def optimism(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """Compute how much too favourable the predictions are expected to be.
-
-    They are the predictions of the search.
+    """Estimate by how much the predictions of the search are too favourable.
 
     Examples
     --------
@@ -179,7 +177,7 @@ def published_solutions(args: argparse.Namespace, study: PipelineConfig) -> None
 def published_sets(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Collect the runs of the published parameter sets in one table.
 
-    The table also has what was published of their piles.
+    The table also has the published values of their piles.
 
     Examples
     --------
@@ -190,8 +188,8 @@ def published_sets(args: argparse.Namespace, study: PipelineConfig) -> None:
     from repose.measure.saved_pours import POURS_ENDING
     from repose.stages import validate
 
-    # Refuse runs and measurements that another engine or scene has made. The runs that
-    # NAME.json measures are described in NAME.pours.json beside it.
+    # Refuse runs and measurements that were made with another engine or scene. The runs
+    # measured in NAME.json are described in NAME.pours.json next to it.
     measurements = [Path(job) for job in args.jobs]
     runs = [path.with_suffix(POURS_ENDING) for path in measurements]
     outdated_files = dependencies.find_outdated_files(
@@ -205,8 +203,8 @@ def published_sets(args: argparse.Namespace, study: PipelineConfig) -> None:
             allowed=f"runs by this engine as {args.config} asks for",
         )
 
-    # Each row says which engine and scene have simulated it. Other studies use the table
-    # only if their engine and their scene are the same.
+    # Each row states with which engine and scene it was simulated. Other studies use the
+    # table only if their engine and scene are the same.
     record = provenance.get_current_record() or {}
     simulator = {
         "engine": record.get("engine"),
@@ -229,7 +227,7 @@ def _require_published_table(args: argparse.Namespace, study: PipelineConfig) ->
     Parameters
     ----------
     args : argparse.Namespace
-        The options; the message names their configuration.
+        The options. The message names the configuration in them.
     study : PipelineConfig
         The study.
 
@@ -329,7 +327,7 @@ def _find_support(args: argparse.Namespace, study: PipelineConfig) -> "Support |
     Returns
     -------
     Support or None
-        The region. Solutions outside it get a warning. None without --dataset.
+        The region, outside which solutions get a warning. None without --dataset.
 
     Raises
     ------

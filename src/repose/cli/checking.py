@@ -37,8 +37,8 @@ CONFIG_FILES = CONFIG.with_changes(
 def _load_with_scene_advice(args: argparse.Namespace) -> PipelineConfig:
     """Load the study of --config, and check the files that it names.
 
-    If the only fault of the study is that it has too many grains, the function prints a
-    smaller scene for the same pile. Then it raises the InputError again.
+    If the only fault of the study is that it has too many grains, the function describes
+    a smaller scene for the same pile before it raises the InputError again.
     """
     try:
         return load_study(args, check_inputs=True)
@@ -65,7 +65,7 @@ def _find_refused_number_of_grains(error: InputError) -> int | None:
     has_several_faults = isinstance(error, InputErrors)
     if has_several_faults or error.key != "funnel.berries":
         return None
-    # A value that is no number is another mistake, for which no scene can be proposed.
+    # A value that is not a number is another mistake, for which no scene can be proposed.
     return error.value if isinstance(error.value, int) else None
 
 
@@ -206,7 +206,7 @@ def _print_computed_settings(files: list[str], study: PipelineConfig) -> None:
         text = format_significant(value) if isinstance(value, float) else str(value)
         numbers.append(f"{setting.key} {text}")
     if numbers:
-        print(f"computed, since they are auto or missing: {', '.join(numbers)}")
+        print(f"computed, because they are auto or missing: {', '.join(numbers)}")
 
 
 def _print_lines(lines: Iterable[str]) -> None:
@@ -337,8 +337,8 @@ def _print_probabilities(result: "Plan") -> None:
     if result.success is None:
         differences = ", ".join(result.differences)
         print(
-            f"success: its probability is known for {result.campaigns}; this study has "
-            f"another case ({differences})"
+            f"success: its probability is known for {result.campaigns}; this study is "
+            f"different ({differences})"
         )
         return
     print(
@@ -362,7 +362,7 @@ def _print_probabilities(result: "Plan") -> None:
 def _measure_grain_step_s(study: PipelineConfig) -> float:
     """Measure the time for one step of one grain on this machine [s].
 
-    The first time this takes a minute or two, for which a message is shown.
+    The first call takes a minute or two, during which a message is shown.
     """
     from repose.config import cost
 
@@ -378,13 +378,13 @@ def _measure_grain_step_s(study: PipelineConfig) -> float:
 def show_elapsed_seconds(sentence: str) -> Iterator[None]:
     """Show a sentence on stderr while a block of code runs.
 
-    On a terminal a thread appends the elapsed seconds and updates them. Elsewhere, as in
-    a log, the sentence is printed once.
+    On a terminal, a thread appends the elapsed seconds and keeps them up to date.
+    Elsewhere, as in a log, the sentence is printed once.
 
     Parameters
     ----------
     sentence : str
-        What the block does.
+        A description of what the block does.
     """
     if not sys.stderr.isatty():
         print(sentence, file=sys.stderr, flush=True)

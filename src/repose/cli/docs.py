@@ -1,4 +1,4 @@
-"""The subcommand that shows the documentation, whose pages come with the program."""
+"""The subcommand that shows the documentation, whose pages are part of the program."""
 
 import argparse
 import sys
@@ -78,7 +78,7 @@ def find_pages() -> dict[str, Path]:
 
 
 def read_title(path: Path) -> str:
-    """Return the first heading of a page; an empty text if it has none."""
+    """Return the first heading of a page; an empty string if it has none."""
     for line in path.read_text(encoding="utf-8").splitlines():
         if line.startswith("# "):
             return line.removeprefix("# ")

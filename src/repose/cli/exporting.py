@@ -1,4 +1,4 @@
-"""The subcommand that writes the answer as input of other simulation programs."""
+"""The subcommand that writes the answer as input for other simulation programs."""
 
 import argparse
 import copy
@@ -162,8 +162,8 @@ def _check_numbers(args: argparse.Namespace) -> None:
 def _load_study_beside_card(args: argparse.Namespace) -> PipelineConfig | None:
     """Load the study in the folder of a card.
 
-    The card may have been moved to a place where the files of its study are missing. As
-    the card alone is enough for an export, faults of the study are only printed.
+    The card may have been moved to a place where the files of its study are missing. The
+    card alone is enough for an export, so faults of the study are only printed.
 
     Parameters
     ----------
@@ -190,7 +190,7 @@ def _load_study_beside_card(args: argparse.Namespace) -> PipelineConfig | None:
         args.config = None
         first_line, *_ = str(error).splitlines()
         print(
-            f"repose: note: {first_line}; the card alone makes the deck",
+            f"repose: note: {first_line}; the deck is made from the card alone",
             file=sys.stderr,
         )
         return None
@@ -200,7 +200,7 @@ def _load_study_beside_card(args: argparse.Namespace) -> PipelineConfig | None:
 def _choose_parameter_values(
     args: argparse.Namespace, study: PipelineConfig | None, card: Card | None
 ) -> dict[str, float]:
-    """Read the parameters from the card, or without one from the options.
+    """Read the parameters from the card, or if there is none, from the options.
 
     Parameters
     ----------
@@ -261,9 +261,9 @@ def _choose_number_of_spheres(
     Returns
     -------
     int or None
-        If it is 1, the grain becomes a sphere of the same volume. If it is more, the
-        grain becomes a clump of this number of spheres. If it is None, the particle is a
-        clump or a sphere already and is not changed.
+        If it is 1, the grain becomes a sphere of the same volume. If it is larger, the
+        grain becomes a clump of this many spheres. If it is None, the particle is already
+        a clump or a sphere, and is not changed.
     """
     from repose.export.job import is_sphere
 
@@ -291,7 +291,7 @@ def _choose_export_source(
     Returns
     -------
     _ExportSource
-        The configuration and the grain, which becomes spheres.
+        The configuration, and the grain converted to spheres.
 
     Raises
     ------
@@ -371,7 +371,7 @@ def _replace_particle_by_clump(
     study : PipelineConfig
         The study, which is not changed.
     n_spheres : int
-        Spheres of the clump, at least 2.
+        Number of spheres in the clump, at least 2.
     source : str
         File of the study, for messages.
 

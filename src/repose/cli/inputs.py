@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def _load_study_of_grain(args: argparse.Namespace) -> PipelineConfig | None:
-    """Load the study; return None if a mesh is built, which needs no study."""
+    """Load the study; return None if only a mesh is built, which needs no study."""
     return None if args.axes or args.stl else load_study(args)
 
 
@@ -107,7 +107,7 @@ def _build_mesh(args: argparse.Namespace) -> None:
     density = args.density
     if density is None:
         density = load_study(args).settings.berry.density_kg_m3
-    # A shape is the fuller, the larger its number is.
+    # The larger its number, the fuller is a shape.
     mesh, shape_number = mesh_from_axes.make_grain_mesh(
         args.axes,
         args.mass_g,
@@ -121,7 +121,7 @@ def _build_mesh(args: argparse.Namespace) -> None:
     assert isinstance(stl, bytes)
     write_bytes(args.stl, stl)
 
-    # Print the share of the shape in the box around it, and its profile.
+    # Print which share of its bounding box the shape fills, and its profile.
     box_mm3 = math.prod(args.axes)
     inner_exponent, outer_exponent = mesh_from_axes.compute_profile_exponents(
         shape_number
@@ -160,7 +160,7 @@ def shape(args: argparse.Namespace, study: PipelineConfig) -> None:
 def design(args: argparse.Namespace, study: "PipelineConfig | Study") -> None:
     """Make the Latin hypercube design of the parameters.
 
-    They are the contact parameters, or those of your own simulator.
+    These are the contact parameters, or the parameters of your own simulator.
 
     Examples
     --------
@@ -174,7 +174,7 @@ def design(args: argparse.Namespace, study: "PipelineConfig | Study") -> None:
         _print_allowed_share(study.parameters)
         return
 
-    # For a simulator of the user's own it is a table of runs, some with the same sample.
+    # For the user's own simulator, it is a table of runs, some of which share a sample.
     table = study.ask()
     path = Path(args.out) / "samples.csv"
     write_table(path, table)
@@ -184,7 +184,7 @@ def design(args: argparse.Namespace, study: "PipelineConfig | Study") -> None:
 
 
 def _print_allowed_share(space: "ParameterSpace") -> None:
-    """Print which share of the ranges the constraints allow; nothing without any."""
+    """Print which share of the ranges the constraints allow, if there are any."""
     if space.constraints:
         rules = ", ".join(constraint.text for constraint in space.constraints)
         print(

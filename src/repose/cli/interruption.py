@@ -1,4 +1,4 @@
-"""End `repose run` in order after a signal: Ctrl-C, a cluster's limit, a closed terminal.
+"""End `repose run` cleanly after Ctrl-C, a cluster's time limit or a closed terminal.
 
 After SIGTERM Snakemake waits for its jobs, and it does not handle SIGHUP. With this module
 both signals act like Ctrl-C: finished results are kept, and running jobs are ended.
@@ -19,10 +19,10 @@ if TYPE_CHECKING:
 END_BYTE = b"\0"
 # Interval at which this module searches for jobs that started after the signal.
 SEARCH_INTERVAL_S = 0.5
-# A job that still runs after this time gets the signal again. A process loses its signals
-# while it becomes another program.
+# A job that still runs after this time gets the signal again, because a process loses its
+# signals while it becomes another program.
 REPEAT_AFTER_S = 3.0
-# A thread that was about to start when the signal came begins within this time.
+# A thread that was about to start when the signal arrived begins within this time.
 THREAD_START_LIMIT_S = 5.0
 
 
@@ -44,7 +44,7 @@ class Interruption:
     def __enter__(self) -> Self:
         """Handle the signals, and start the thread that forwards SIGTERM and SIGHUP."""
         self._earlier_threads = set(threading.enumerate())
-        # A process under nohup ignores SIGHUP, and must go on ignoring it.
+        # A process under nohup ignores SIGHUP, and must continue to ignore it.
         self._forwarded_signals = [
             number
             for number in (signal.SIGTERM, signal.SIGHUP)
@@ -52,7 +52,7 @@ class Interruption:
         ]
 
         # Replace the handlers, and remember the earlier ones. The new handler of a
-        # forwarded signal does nothing, because the thread below sees the signal, too.
+        # forwarded signal does nothing, because the thread below also sees the signal.
         earlier_handler = signal.signal(signal.SIGINT, self._handle_interrupt)
         self._earlier_handlers = {signal.SIGINT: earlier_handler}
         for number in self._forwarded_signals:
@@ -113,8 +113,8 @@ class Interruption:
         if self.signal_number is None:
             self.signal_number = number
         self._end_jobs()
-        # Go on searching for jobs. A library may catch the exception, and Snakemake may be
-        # about to start another job.
+        # Continue to search for jobs, because a library may catch the exception, and
+        # Snakemake may be about to start another job.
         threading.Thread(target=self._end_new_jobs, daemon=True).start()
         raise KeyboardInterrupt
 
@@ -127,12 +127,12 @@ class Interruption:
         """Wait for the threads of the run, while another thread ends the jobs they start.
 
         Snakemake runs each job in a thread and waits for these threads. If the exception
-        comes while Snakemake starts a thread, it does not know this thread and ends
-        without it. Python itself would wait for the thread at the end of the program, when
-        nothing interrupts its job any more.
+        is raised while Snakemake starts a thread, it does not know this thread and does
+        not wait for it. Python itself would wait for the thread at the end of the program,
+        when nothing interrupts its job any more.
         """
-        # A thread that has not begun at the limit will never begin, because the exception
-        # came before the system had made it.
+        # A thread that has not begun by the time limit will never begin, because the
+        # exception was raised before the system had created it.
         limit = time.monotonic() + THREAD_START_LIMIT_S
         while any(
             thread.is_alive() or time.monotonic() < limit

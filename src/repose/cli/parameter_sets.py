@@ -183,7 +183,7 @@ def _read_parameters_of_sample(
     Raises
     ------
     InputError
-        If the table has a column that is no parameter of the study.
+        If the table has a column that is not a parameter of the study.
     """
     values = read_sample(samples, sample)
     for name, value in values.items():
@@ -209,6 +209,7 @@ def read_seeds(seeds: list[int] | None) -> list[int]:
     Returns
     -------
     list of int
+        The seeds.
 
     Raises
     ------
@@ -236,7 +237,7 @@ def choose_seeds(
     Parameters
     ----------
     args : argparse.Namespace
-        The options. Either --seed lists the seeds, or --seeds says how many are drawn.
+        The options. Either --seed lists the seeds, or --seeds states how many are drawn.
         They are drawn as in a study, from the stream of --purpose and for the sample of
         --sample.
     study_seed : int
@@ -251,7 +252,7 @@ def choose_seeds(
     Raises
     ------
     InputError
-        If the options exclude each other, or a number is not allowed.
+        If options contradict each other, or a number is not allowed.
     """
     if args.seeds is None:
         return read_seeds(args.seed)
@@ -262,7 +263,7 @@ def choose_seeds(
             value=args.seeds,
             allowed=f"from 1 to {MOST_SEEDS}, without --seed",
         )
-    # Without a sample the seeds are those of number 0, which no sample has.
+    # Without a sample, draw the seeds for number 0, which no sample has.
     sample = args.sample or 0
     return streams.draw_run_seeds(
         study_seed, args.purpose, number=sample, count=args.seeds, apparatus=apparatus

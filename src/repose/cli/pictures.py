@@ -52,7 +52,7 @@ def film(args: argparse.Namespace, study: PipelineConfig) -> None:
     particle = Particle.load(args.particle)
     frames = SMALL_FILM_FRAMES if settings.small_run else FILM_FRAMES
 
-    # A drum turns, a pour falls between walls at rest.
+    # The walls of a drum turn, whereas those of a pour are at rest.
     if args.drum:
         animation.animate_drum(
             args.trajectory,
@@ -90,7 +90,7 @@ def film(args: argparse.Namespace, study: PipelineConfig) -> None:
     out="report.html",
 )
 def report(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """Write the report of a study, one page for a browser.
+    """Write the report of a study as a page for a browser.
 
     Examples
     --------

@@ -57,7 +57,7 @@ MEASURE = Option(
 def warm_up(args: argparse.Namespace, study: PipelineConfig) -> None:
     """Compile the engine for a study's particle.
 
-    Runs that start together then need not compile it each.
+    Runs that start together then need not each compile it.
 
     Examples
     --------
@@ -98,7 +98,7 @@ def pour(args: argparse.Namespace, study: PipelineConfig) -> None:
 def _measure_and_store(
     args: argparse.Namespace, study: PipelineConfig, scene: "Scene", pours: Path
 ) -> None:
-    """Measure saved runs and store the result, unless it is stored already.
+    """Measure saved runs and store the result, unless it has already been stored.
 
     The record of the result names the stage measure_runs, which can then use the result.
 
@@ -164,7 +164,7 @@ def _print_runs(runs: Iterable[Mapping[str, Any]], template: str) -> None:
     runs : iterable of mapping
         The runs.
     template : str
-        The summary of the bench test, a text with places for the numbers of a run.
+        The summary of the bench test: text with placeholders for the numbers of a run.
     """
     for run in runs:
         print(describe_run(run, template))
@@ -249,7 +249,7 @@ def _check_interval(interval_s: float | None, step_s: float, duration_s: float) 
     Parameters
     ----------
     interval_s : float or None
-        This time [s], from --trajectory; None if no trajectory is written.
+        The time [s] that --trajectory gives; None if no trajectory is written.
     step_s, duration_s : float
         Time step and duration of the run, which are the limits [s].
     """
@@ -268,8 +268,8 @@ def _choose_file_name(sample: int | None, apparatus: str) -> str:
     Parameters
     ----------
     sample : int or None
-        The number of the sample, which becomes the name. None if the parameters come from
-        no table. The bench test then gives the name.
+        The number of the sample, which becomes the name. If it is None, because the
+        parameters do not come from a table, the bench test gives the name.
     apparatus : str
         Name of the bench test.
     """
@@ -303,7 +303,7 @@ def _list_pours_files(args: argparse.Namespace) -> list[Path]:
     runs="measured",
 )
 def measure_runs(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """Measure the saved runs of any bench test, without running it again.
+    """Measure saved runs of any bench test, without running it again.
 
     Examples
     --------

@@ -37,8 +37,9 @@ class Option:
     recorded : bool, optional
         Whether the record of a result lists the files that the option names.
     find_files : callable, optional
-        Finds the files that the option names, given all parsed options. It is needed only
-        if the values of the option are not simply the paths of these files.
+        Function that finds the files that the option names, given all parsed options. It
+        is only needed if the values of the option are not simply the paths of these
+        files.
     **keywords
         Arguments of `argparse.ArgumentParser.add_argument`.
     """
@@ -87,8 +88,8 @@ class Option:
         Returns
         -------
         list of Path
-            Any text counts as a path, and may also be a default. The list is empty if the
-            option has no value, or if its value is a number or a switch.
+            The paths. Any string counts as a path, even a default. The list is empty if
+            the option has no value, or if its value is a number or a switch.
         """
         if self.find_files is not None:
             return list(self.find_files(args))
@@ -112,8 +113,8 @@ CONFIG = Option(
 class NoteGivenOption(argparse.Action):
     """An option that adds its name to the set ``namespace.given``.
 
-    A subcommand can then tell an option that the user gave from a default. If an option
-    is repeated, the last value is used.
+    A subcommand can then distinguish an option that the user gave from a default. If an
+    option is repeated, the last value is used.
     """
 
     def __call__(
@@ -152,7 +153,8 @@ class Subcommand(NamedTuple):
     options : tuple of Option
         The options, including --config and --out.
     study : callable or None
-        Makes the study from the parsed options. None if the subcommand needs no study.
+        Function that makes the study from the parsed options. None if the subcommand
+        needs no study.
     forwards_words : bool
         Whether unknown options and further words are accepted. They are put into
         ``args.rest``.
@@ -201,14 +203,15 @@ class Subcommand(NamedTuple):
         Parameters
         ----------
         subparsers
-            Result of `argparse.ArgumentParser.add_subparsers`. It is changed.
+            Result of `argparse.ArgumentParser.add_subparsers`, to which the parser is
+            added.
         """
         description = " ".join(self.description.split())
         parser = subparsers.add_parser(
             self.name,
             description=textwrap.fill(description, HELP_COLUMNS),
             epilog=f"example: {self.example}",
-            # The default formatter would wrap the example, which breaks the command.
+            # The default formatter would break the command of the example into lines.
             formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         parser.set_defaults(subcommand=self.name)
@@ -236,7 +239,7 @@ def load_study(args: argparse.Namespace, check_inputs: bool = False) -> Pipeline
     args : argparse.Namespace
         The parsed options.
     check_inputs : bool, optional
-        Whether to check also the files that the configuration names.
+        Whether to check the files that the configuration names as well.
     """
     return PipelineConfig.load(*list_config_files(args), check_inputs=check_inputs)
 
@@ -268,8 +271,8 @@ def subcommand(
         True for the usual option --config, an option that replaces it, or False for a
         subcommand without a study.
     study : callable or None, optional
-        Makes the study from the parsed options. The decorated function gets the study as
-        its second argument.
+        Function that makes the study from the parsed options. The decorated function gets
+        the study as its second argument.
     **fields
         Further fields of `Subcommand`: `forwards_words` and `runs`.
 

@@ -25,7 +25,7 @@ LIST_KEYWORDS: dict[str, Any] = {
     "recorded": False,
 }
 FILES_HELP = "each over the one before it; one of the program's own needs no copy"
-# A program that a signal ended has this exit status plus the number of the signal.
+# If a signal ends a program, its exit status is this number plus that of the signal.
 SIGNAL_STATUS = 128
 DRY_RUN_WORDS = {"-n", "--dry-run", "--dryrun"}
 # The options of `run` that snakemake also has. The last one takes exactly one value, see
@@ -110,7 +110,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check_number(option: str, text: str | None, word: str) -> None:
-    """Refuse a number of cores or jobs that is no whole number from 1.
+    """Refuse a number of cores or jobs that is not a whole number from 1.
 
     With 0 snakemake would wait for ever.
 
@@ -198,7 +198,7 @@ def _check_configuration_options(args: argparse.Namespace) -> None:
                 allowed=f"a section with its keys, as in '{_nest_in_section(key, value)}'",
             )
 
-    # Snakemake would take the last value of a key that is given twice.
+    # If a key were given twice, Snakemake would silently take the last value.
     keys = [entry.partition("=")[0] for entry in args.config]
     for key in keys:
         if keys.count(key) > 1:
@@ -211,9 +211,9 @@ def _check_configuration_options(args: argparse.Namespace) -> None:
 
 
 def _nest_in_section(key: str, value: str) -> str:
-    """Write a value of a dotted key in the form that snakemake accepts.
+    """Write a dotted key and its value in the form that snakemake accepts.
 
-    This is the section with nested braces, such as ``miga={stop: {rounds: 5}}``.
+    This form is the section with nested braces, such as ``miga={stop: {rounds: 5}}``.
     """
     section, *inner = key.split(".")
     for name in reversed(inner):
@@ -335,7 +335,7 @@ def build_snakemake_arguments(args: argparse.Namespace) -> list[str]:
     Parameters
     ----------
     args : argparse.Namespace
-        The options. `rest` has the words that are no options of `run`: the targets, and
+        The options. `rest` has the words that are not options of `run`: the targets, and
         further options of snakemake.
 
     Returns
@@ -391,7 +391,7 @@ def call_snakemake(main: Callable[[list[str]], object], arguments: list[str]) ->
         try:
             main(arguments)
         except KeyboardInterrupt:
-            # `interruption` has the signal.
+            # The signal is in `interruption`.
             pass
         except SystemExit as end:
             status = end.code if isinstance(end.code, int) else 1

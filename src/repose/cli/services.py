@@ -45,7 +45,7 @@ def bench(args: argparse.Namespace, study: PipelineConfig) -> None:
 def provenance(args: argparse.Namespace) -> None:
     """Print the provenance of a result.
 
-    It consists of stage, settings, engine, origin, seed, versions and processor.
+    It consists of the stage, settings, engine, origin, seed, versions and processor.
 
     Examples
     --------
@@ -69,7 +69,7 @@ def provenance(args: argparse.Namespace) -> None:
             allowed="a result that a subcommand of repose wrote",
         )
 
-    # Print the record as it is, or its values in a column.
+    # Print the record as JSON, or its values in a column.
     if args.json:
         print(json.dumps(record, indent=1))
         return

@@ -19,9 +19,9 @@ STRATEGY = Option("strategy", help="name of the strategy", recorded=False)
     out=f"{DEFAULT_FOLDER}/batch_0",
 )
 def propose(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """List the samples that a strategy simulates next, and say why.
+    """List the samples that a strategy simulates next, and explain why.
 
-    These follow the batches so far, or belong to the answer of the strategy.
+    They follow from the batches so far, or check the answer of the strategy.
 
     Examples
     --------

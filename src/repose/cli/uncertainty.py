@@ -93,9 +93,9 @@ def sensitivity(args: argparse.Namespace, study: PipelineConfig) -> None:
     out="results/next/samples.csv",
 )
 def plausible(args: argparse.Namespace, study: PipelineConfig) -> None:
-    """Choose parameter sets of the posterior for the subcommand next.
+    """Choose parameter sets from the posterior for the subcommand next.
 
-    They are to be run in all bench tests.
+    The sets are then simulated in all bench tests.
 
     Examples
     --------

@@ -1,1 +1,1 @@
-"""What every room shares: errors, files, tables of users, sections of the configuration, records of results."""
+"""Code that all rooms share: errors, files, tables, sections of settings, and records."""

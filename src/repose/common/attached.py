@@ -1,8 +1,8 @@
 """Write and read the record of provenance in a result, by type of file.
 
-A JSON file has it under the key ``provenance``, an .npz file as an array of this name,
-a PNG as a text of this name. Every other file has it in a sidecar,
-FILE.provenance.json.
+A JSON file has the record under the key ``provenance``, an .npz file as an array of this
+name, and a PNG as a text entry of this name. The record of any other file is in a second
+file next to it, the sidecar FILE.provenance.json.
 """
 
 import errno
@@ -19,8 +19,8 @@ RECORD_KEY = "provenance"
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"  # the first bytes of a PNG
 SIDECAR_SUFFIX = ".provenance.json"
 REQUIRED_ENTRIES = {"verb", "origin", "settings"}
-# What the libraries raise for a missing or damaged file. A damaged archive may seem to
-# have a password or an unknown compression, for which zipfile raises a RuntimeError.
+# Errors that the libraries raise for a missing or damaged file. A damaged archive may seem
+# to have a password or an unknown compression, for which zipfile raises a RuntimeError.
 READ_ERRORS = (
     OSError,
     EOFError,
@@ -71,7 +71,7 @@ def add_to_png(content: bytes, record: Mapping[str, Any]) -> bytes:
     output = io.BytesIO()
     with Image.open(io.BytesIO(content)) as picture:
         assert isinstance(picture, PngImageFile)
-        # Pillow drops the texts of the original unless they are handed over again.
+        # Pillow drops the text entries of the original unless they are passed again.
         for key, text in picture.text.items():
             texts.add_text(key, text)
         texts.add_text(RECORD_KEY, json.dumps(record))
@@ -85,7 +85,7 @@ def read_record(path: str | PathLike) -> dict[str, Any] | None:
     Parameters
     ----------
     path : path
-        A file of any type. Its suffix decides where its record is.
+        A file of any type. Its suffix determines where its record is.
 
     Returns
     -------
@@ -105,12 +105,12 @@ def read_record(path: str | PathLike) -> dict[str, Any] | None:
 
 
 def _read_sidecar(path: Path) -> Any:
-    """Read the record in the file beside a file."""
+    """Read the record in the sidecar of a file."""
     return json.loads(Path(f"{path}{SIDECAR_SUFFIX}").read_text(encoding="utf-8"))
 
 
 def _read_json(path: Path) -> Any:
-    """Read the record in a JSON file; None if the file holds no mapping."""
+    """Read the record in a JSON file; None if the file does not contain a mapping."""
     content = json.loads(path.read_text(encoding="utf-8"))
     return content.get(RECORD_KEY) if isinstance(content, dict) else None
 

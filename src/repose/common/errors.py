@@ -16,7 +16,7 @@ MOST_REPORTED = 30
 
 
 class YamlError(InputError):
-    """A fault of a YAML file, whose message writes null, true and false as YAML does."""
+    """A fault of a YAML file, whose message shows null, true and false as in YAML."""
 
     def __str__(self) -> str:
         """Write the message: the file, the key, its value, and the allowed values."""
@@ -31,7 +31,8 @@ class InputErrors(InputError):
     Parameters
     ----------
     faults : list of InputError
-        At least one. `source`, `key`, `value` and `allowed` are those of the first.
+        At least one fault. The attributes `source`, `key`, `value` and `allowed` are those
+        of the first one.
     """
 
     def __init__(self, faults: list[InputError]) -> None:
@@ -49,7 +50,7 @@ class InputErrors(InputError):
 
 
 class NoFlankError(ValueError):
-    """The picture or the pile has no flank to measure; `reason` says why."""
+    """The picture or the pile has no flank to measure, for the given `reason`."""
 
     def __init__(self, reason: str) -> None:
         self.reason = reason
@@ -103,7 +104,7 @@ def print_fault(fault: object) -> None:
 
 @contextmanager
 def exit_on_fault() -> Iterator[None]:
-    """End the program with one message if the block raises a fault of the input.
+    """End the program with a message if the block raises a fault of the input.
 
     The message and the exit status are those of a subcommand.
     """
@@ -125,15 +126,15 @@ def _format_yaml(value: object) -> str:
     Returns
     -------
     str
-        The value as text. A long list, a list of lists and a mapping are shortened, and
-        written as Python writes them.
+        The value as text. Long lists, lists of lists and mappings are shortened, and
+        written as in Python.
     """
     if value is None:
         return "null"
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, list) and not _is_nested(value):
-        # Each item has at least one character, so more items are too long anyway.
+        # Each item has at least one character, so any more items would not fit anyway.
         items = [_format_yaml(item) for item in value[:MOST_SHOWN]]
         text = f"[{', '.join(items)}]"
         if len(text) <= MOST_SHOWN:

@@ -49,14 +49,14 @@ class _Error(NamedTuple):
     Attributes
     ----------
     type : str
-        Pydantic's name of the kind of error, such as ``missing``.
+        Pydantic's name for the kind of error, such as ``missing``.
     path : list of str
-        The keys that lead to the faulty value. For a key that does not exist they lead
+        The keys that lead to the faulty value. For a key that does not exist, they lead
         to the section around it.
     unknown : object
         The key that does not exist; None for any other error.
     context : mapping
-        Further details by pydantic.
+        Further details from pydantic.
     """
 
     type: str
@@ -91,7 +91,7 @@ def find_faults(config: Any, source: str | Origin, model: Model) -> CheckResult:
 
 
 def convert_whole_numbers(config: Any, model: Model) -> Any:
-    """Replace numbers such as 3.0 by 3 wherever a key must be an integer.
+    """Replace numbers such as 3.0 by integers wherever a key must be an integer.
 
     R, MATLAB and many JSON writers store whole numbers as 3.0.
 
@@ -186,7 +186,7 @@ def _list_validation_errors(config: Any, model: Model) -> list[ErrorDetails]:
 
 
 def is_valid_value(key: str, value: Any, model: Model) -> bool:
-    """Tell whether a key at the top of a configuration may have a value."""
+    """Tell whether a value is allowed for a key at the top of a configuration."""
     return all(error.path != [key] for error in _find_errors({key: value}, model))
 
 
@@ -221,9 +221,9 @@ def describe_schema(schema: Mapping[str, Any]) -> str:
     Returns
     -------
     str
-        Such as ``a number from 0 to 1``. A message writes it after "expected".
+        A phrase such as ``a number from 0 to 1``, which follows "expected" in a message.
     """
-    # A key with `section.Allowed` in its type brings its own description.
+    # A key with `section.Allowed` in its type has its own description.
     if "allowed" in schema:
         return schema["allowed"]
 
@@ -253,7 +253,7 @@ def _describe_type(schema: Mapping[str, Any]) -> str:
     Returns
     -------
     str
-        Such as ``an integer from 1 to 100``.
+        A phrase such as ``an integer from 1 to 100``.
     """
     name = TYPE_NAMES[schema["type"]]
     if "exclusiveMinimum" in schema:
@@ -270,7 +270,7 @@ def _describe_type(schema: Mapping[str, Any]) -> str:
 
 
 def _format_bound(number: float) -> str:
-    """Write a bound for a message: an integer in full, other numbers to six digits."""
+    """Format a bound for a message: an integer in full, other numbers to six digits."""
     return str(number) if isinstance(number, int) else f"{number:g}"
 
 
@@ -443,7 +443,7 @@ def _guess_key(unknown: str, known: Sequence[str]) -> str | None:
 def _describe_missing_key(
     error: _Error, source: str | Origin, model: Model
 ) -> InputError:
-    """Make the fault of a key that the user's file lacks."""
+    """Make the fault for a key that the user's file lacks."""
     key = ".".join(error.path)
     allowed_values = describe_schema(find_schema(error.path, model))
     return YamlError(
@@ -457,7 +457,7 @@ def _describe_missing_key(
 def _describe_invalid_value(
     error: _Error, config: Any, source: str | Origin, model: Model
 ) -> InputError:
-    """Make the fault of a value that its key does not allow."""
+    """Make the fault for a value that its key does not allow."""
     key = ".".join(error.path)
     # An error without a key concerns the whole configuration, which may be a list.
     allowed_values = "keys with values"
@@ -472,8 +472,8 @@ def _describe_invalid_value(
 def _find_ranges_without_numbers(errors: list[_Error]) -> set[str]:
     """Find the ranges of targets that are missing because another number is wrong.
 
-    If the user gives no range, it is computed from the other numbers of its target.
-    Where one of these numbers is wrong, only this number is reported.
+    If the user gives no range, it is computed from the other numbers of its target. If one
+    of these numbers is wrong, only this number is reported.
 
     Returns
     -------
@@ -495,7 +495,7 @@ def _describe_unknown_key(
     known: Sequence[str],
     guess: str | None,
 ) -> InputError:
-    """Make the fault of a key that does not exist.
+    """Make the fault for a key that does not exist.
 
     Parameters
     ----------
@@ -521,7 +521,8 @@ def _describe_unknown_key(
     if guess is not None:
         hint = f"did you mean {guess}?"
 
-    # Find the value by the key's text: pydantic reports keys such as null or 1.5 as text.
+    # Find the value by the key as text, because pydantic reports keys such as null or 1.5
+    # as text.
     section = follow_path(config, error.path)
     values = {str(name): value for name, value in section.items()}
     value = values[unknown_name]
@@ -536,7 +537,7 @@ def _describe_unknown_key(
 def _make_contradiction_faults(
     error: _Error, config: Any, source: str | Origin
 ) -> Iterator[InputError]:
-    """Make the faults of values that are valid alone but contradict each other.
+    """Make the faults for values that are valid alone but contradict each other.
 
     The validator of the section has put pairs of a key and its allowed values into the
     context of the error (`repose.common.section.refuse`). The key "" stands for the

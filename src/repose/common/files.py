@@ -1,7 +1,7 @@
 """Read and write files, with one reader and one writer for each type.
 
-A writer replaces a file atomically, so that a file is never half written, and adds the
-record of provenance of the current stage. It replaces only files that this program wrote
+A writer replaces a file atomically, so that no file is ever half written, and adds the
+record of provenance of the current stage. It only replaces files that this program wrote
 (`repose.common.ledger`). A reader reports every fault of a file as an `InputError`, and
 leaves out the record of provenance.
 """
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 StrPath = str | os.PathLike
-# The type that the value of a key must have, or several such types.
+# Type that the value of a key must have, or several allowed types.
 Kind = type | tuple[type, ...]
 # Column that only a record of runs has: the number of the proposal to which a run belongs.
 TURN_COLUMN = "turn"
@@ -58,8 +58,8 @@ def convert_to_path(name: str, path: Any) -> Path:
     is_path = isinstance(path, StrPath) and bool(str(path))
     if not is_path:
         raise InputError("study", key=name, value=path, allowed="the path of a file")
-    # Ask the system whether it allows such a path. A file that is missing or protected is
-    # reported later, when it is read or written.
+    # Ask the system whether it allows such a path. A missing or protected file is reported
+    # later, when it is read or written.
     try:
         os.stat(path)
     except (FileNotFoundError, NotADirectoryError, PermissionError):
@@ -76,15 +76,15 @@ def convert_to_path(name: str, path: Any) -> Path:
 
 
 def write_text(path: StrPath, text: str) -> None:
-    """Write a text as UTF-8."""
+    """Write text as UTF-8."""
     write_bytes(path, text.encode())
 
 
 def write_bytes(path: StrPath, content: bytes) -> None:
     """Write bytes, with the record of provenance of the current stage if there is one.
 
-    The record goes into a PNG itself. For any other file it is written into a second
-    file beside it, the sidecar.
+    In a PNG, the record is part of the file itself. For any other file, it is written into
+    a second file next to it, the sidecar.
 
     Parameters
     ----------
@@ -122,7 +122,7 @@ def format_json(content: Any, indent: int = 1) -> str:
     content : object
         Mappings, lists and plain values. Numbers and arrays of numpy become plain ones.
     indent : int, optional
-        Number of blanks before each entry of the outermost mapping.
+        Number of spaces before each entry of the outermost mapping.
 
     Returns
     -------
@@ -165,7 +165,7 @@ def write_table(
     Raises
     ------
     InputError
-        If the file is a record of runs and the table is not. The results in the
+        If the file is a record of runs and the table is not, because the results in the
         record would be lost.
     """
     if TURN_COLUMN not in table and _is_record_of_runs(path):
@@ -279,7 +279,7 @@ def read_json(
     Raises
     ------
     InputError
-        If the file cannot be read, is no mapping, lacks a key or has one twice, or holds
+        If the file cannot be read, is not a mapping, lacks a key or has one twice, or has
         a value of another type.
     """
     try:
@@ -319,7 +319,7 @@ def _make_unique_mapping(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _describe_kind(kind: Kind) -> str:
-    """Describe the type of a value as the beginning of a message, as ``a number in``."""
+    """Describe a type for the beginning of a message, such as ``a number in``."""
     kinds = kind if isinstance(kind, tuple) else (kind,)
     names = [KIND_NAMES[one] for one in kinds if one in KIND_NAMES]
     return f"{' or '.join(names)} in" if names else "a key of"
@@ -366,7 +366,7 @@ def read_npz(
                 name: store[name] for name in store.files if name != attached.RECORD_KEY
             }
     except InputError:
-        # The next clause would catch it, because it is a ValueError.
+        # Raise it again, because the next clause would catch it as a ValueError.
         raise
     except unreadable as error:
         raise InputError(path, key="arrays", value=str(error), allowed=what) from error

@@ -19,9 +19,9 @@ class Origin:
     Parameters
     ----------
     files_by_key : mapping of str to str
-        The file of each dotted key that a file has.
+        The file of each dotted key that is in a file.
     default_file : str
-        The file of a key that no file has.
+        The file to name for a key that is in no file.
     method_file : str
         The file of the method, which users do not edit.
     """
@@ -87,7 +87,7 @@ def follow_path(config: Any, path: Iterable[int | str], default: Any = None) -> 
         The steps: names of keys, which may contain dots, and positions in lists, as
         integers or as strings of digits.
     default : object
-        Returned if there is no value at the end of the path.
+        Result if there is no value at the end of the path.
 
     Returns
     -------
@@ -110,7 +110,7 @@ def follow_path(config: Any, path: Iterable[int | str], default: Any = None) -> 
 
 
 def get_value(config: Any, key: str, default: Any = None) -> Any:
-    """Return the value of a dotted key, or a default where there is none.
+    """Return the value of a dotted key, or a default if there is none.
 
     An empty key stands for the whole configuration.
     """

@@ -1,4 +1,4 @@
-"""List the files that this program wrote in a folder: only these are replaced.
+"""List the files that this program wrote in a folder, because only these are replaced.
 
 Each folder has a ledger, the file `.repose`. The ledger has a line for each file that
 this program wrote there, with the SHA-256 of the content. A file that a user put there,
@@ -19,7 +19,7 @@ from repose.dem.io.whole import write_whole as write_atomically
 
 LEDGER = ".repose"
 ENTRY_PATTERN = re.compile(r"([0-9a-f]{64})  (.+)")
-# The part of a line that a full disk may have left.
+# The beginning of a line, of which a full disk may have cut off the end.
 CUT_OFF_PATTERN = re.compile(r"[0-9a-f]{0,64}|[0-9a-f]{64} .*")
 REPLACEABLE_FILES = "a new name, or a file that repose wrote and nobody changed since"
 # Do not follow a link, and do not convert line ends. Windows has only the second flag,
@@ -37,7 +37,7 @@ def write_listed_file(
     path : path
         The file.
     write : callable
-        Called with the open file, to which it writes bytes.
+        Function that writes bytes to the open file, its argument.
 
     Raises
     ------
@@ -71,7 +71,7 @@ def check_replaceable(path: str | os.PathLike) -> None:
     ------
     InputError
         If the path is a folder, a link, a device, or a file that this program did not
-        write or that was changed. Also if the ledger cannot list such a name.
+        write or that was changed, or if the ledger cannot list such a name.
     """
     path = Path(path)
     if path.name in ("", "..", LEDGER) or not path.name.isprintable():
@@ -210,7 +210,7 @@ def _append_entry(folder: Path, name: str, digest: str) -> None:
         return
     with open_descriptor(folder / LEDGER, os.O_APPEND) as handle:
         # Use a single write, so that lines of different jobs do not mix. Begin with a
-        # new line, because a full disk may have cut off the line before.
+        # newline, because a full disk may have cut off the previous line.
         os.write(handle, os.fsencode(f"\n{digest}  {name}\n"))
 
 
@@ -236,6 +236,6 @@ def open_descriptor(path: str | os.PathLike, flag: int) -> Iterator[int]:
 
 
 def _hash_file(path: str | os.PathLike) -> str:
-    """Hash a file's content by SHA-256."""
+    """Hash the content of a file with SHA-256."""
     with open(path, "rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

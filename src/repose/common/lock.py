@@ -23,7 +23,7 @@ from repose.common.ledger import open_descriptor
 # of the files that its jobs lock.
 WORKFLOW_LOCK = ".lock"
 JOB_LOCK_PREFIX = ".job-"
-# Numbers of the errors that a file system without locks gives.
+# Numbers of the errors that a file system without locks reports.
 NO_LOCK_ERRORS = (errno.ENOSYS, errno.ENOLCK, errno.EOPNOTSUPP)
 
 HeldLock = AbstractContextManager[object]
@@ -67,7 +67,7 @@ def lock_folder(folder: str | os.PathLike) -> HeldLock:
         )
     _wait_for_jobs(folder)
 
-    # Tell the next workflow who holds the lock.
+    # Write into the file which process holds the lock, for the message of another workflow.
     with open_descriptor(path, os.O_TRUNC) as handle:
         os.write(handle, f"process {os.getpid()} on {platform.node()}".encode())
     return lock
@@ -79,7 +79,8 @@ def _wait_for_jobs(folder: Path) -> None:
     Parameters
     ----------
     folder : Path
-        The folder of results. If one of its jobs still runs, a line on stderr says so.
+        The folder of results. If one of its jobs is still running, a line on stderr says
+        so.
     """
     locked_paths = []
     for path in sorted(folder.glob(f"{JOB_LOCK_PREFIX}*")):

@@ -1,8 +1,8 @@
-"""Write numbers for people."""
+"""Format numbers for readers."""
 
 import math
 
-# Numbers from this size on, and numbers below the smallest, are written with an exponent.
+# Numbers of at least the first size or below the second one are written with an exponent.
 LARGEST_PLAIN = 1e5
 SMALLEST_PLAIN = 1e-4
 # Significant digits of a standard error, which is itself uncertain, and of a number.
@@ -22,7 +22,7 @@ def format_significant(value: float, digits: int = 4, sign: str = "") -> str:
     digits : int, optional
         The largest number of significant digits, from 1 to 4.
     sign : str, optional
-        ``+`` to write the sign of a positive number, too.
+        ``+`` to write the sign of a positive number as well.
     """
     text = f"{value:{sign}.{digits}g}"
     # Format g writes 270 with two digits as 2.7e+02.
@@ -32,7 +32,7 @@ def format_significant(value: float, digits: int = 4, sign: str = "") -> str:
 
 
 def format_with_error(mean: float, error: float | None, sign: str = "") -> str:
-    """Write a mean with its standard error, if it is known, as in ``65.98 +- 0.30``.
+    """Write a mean with its standard error if that is known, as in ``65.98 +- 0.30``.
 
     The error has two significant digits. The mean has as many decimals as the error,
     but at most four significant digits.
@@ -44,7 +44,7 @@ def format_with_error(mean: float, error: float | None, sign: str = "") -> str:
     error : float or None
         The standard error, in the unit of the mean.
     sign : str, optional
-        ``+`` to write the sign of a positive mean, too.
+        ``+`` to write the sign of a positive mean as well.
 
     Returns
     -------

@@ -1,6 +1,6 @@
-"""Find the files of the program that are not Python.
+"""Find the files of the program that are not Python code.
 
-These are the workflow, the default configurations, measured and published tables.
+These are the workflow, the default configurations, and measured and published tables.
 """
 
 import os

@@ -1,8 +1,8 @@
 """Record the origin of a result, and write it with the result.
 
-A stage is one verb with its settings and the files that it reads. While it runs, the
-writers of `repose.common.files` put its record into every file. A user's own program
-has no stage, so its files have no record. docs/howto.md explains the entries.
+A stage is one subcommand with its settings and the files that it reads. While it runs, the
+writers of `repose.common.files` put its record into every file. A user's own program is
+not a stage, so its files have no record. docs/howto.md explains the entries.
 """
 
 import hashlib
@@ -31,7 +31,7 @@ Inputs = Iterable[tuple[Path, Record | None]]  # files with their records
 # Packages whose code computes a run: the simulator, the grains and the bench tests.
 ENGINE_ROOMS = ("dem", "grain", "bench")
 CPU_INFO = Path("/proc/cpuinfo")
-COMMIT_FILE = "commit.txt"  # beside the program's other data; a build writes it
+COMMIT_FILE = "commit.txt"  # among the program's data files; a build writes it
 # These environment variables make numba and numpy behave as on another type of processor.
 # Results then differ in their last bits.
 FORCED_TYPES = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "OPENBLAS_CORETYPE")
@@ -39,20 +39,21 @@ FORCED_TYPES = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES", "OPENBLAS_CORETYPE")
 
 @dataclass
 class _Stage:
-    """The stage that runs.
+    """The stage that is running.
 
     Attributes
     ----------
     heading : dict
-        The first entries of its record: the subcommand, and what else names the stage.
+        The first entries of its record: the subcommand, and other names that identify the
+        stage.
     inputs : list of (Path, mapping or None)
         Its input files with their records. A file may have none.
     settings_of : callable
-        Selects the settings that it reads, as in `stage`.
+        Function that selects the settings that it reads; see `record_stage`.
     simulates : bool
         Whether its results are runs of the engine.
     check : callable or None
-        Refuses files of another study, as in `stage`.
+        Function that refuses files of another study; see `record_stage`.
     config : mapping or None
         The whole configuration; None until `note_config` is called.
     record : dict or None
@@ -90,18 +91,19 @@ def record_stage(
     paths : iterable of Path
         The input files of the stage.
     settings_of : callable
-        Selects the settings that the stage reads, given a configuration and the name of
-        a bench test. The name is None for results that are no runs.
+        Function that selects the settings that the stage reads, given a configuration and
+        the name of a bench test. The name is None if the results are not runs.
     apparatus : str, optional
         The bench test of the runs. The default is that of the input files.
     runs : {"", "made", "measured"}
         Whether the results are runs that the stage simulates ("made"), runs that it
-        measures ("measured"), or no runs ("").
+        measures ("measured"), or not runs ("").
     strategy : str, optional
         The strategy whose batches the stage serves.
     check : callable, optional
-        Called as soon as the configuration is known, with the configuration and the input
-        files with their records. It should raise InputError for a file of another study.
+        Function that is called as soon as the configuration is known, with the
+        configuration and the input files with their records. It should raise InputError
+        for a file of another study.
 
     Raises
     ------
@@ -127,7 +129,7 @@ def record_stage(
         simulates=runs == "made",
         check=check,
     )
-    # One stage may run within another, which is the current one again afterwards.
+    # A stage may run inside another one, which is the current stage again afterwards.
     token = _current_stage.set(new_stage)
     try:
         yield
@@ -149,12 +151,12 @@ def note_config(config: Config) -> None:
     Raises
     ------
     InputError
-        If its input files are results of another study.
+        If input files of the stage are results of another study.
     """
     current_stage = _current_stage.get()
     if current_stage is None:
         return
-    # Check only the first configuration. A stage may later use a changed one.
+    # Only check the first configuration, because a stage may later use a changed one.
     if current_stage.config is None and current_stage.check is not None:
         current_stage.check(config, current_stage.inputs)
     current_stage.config = config
@@ -188,8 +190,8 @@ def _make_record(current_stage: _Stage) -> dict[str, Any]:
     dict
         The entries of the record.
     """
-    # Simulated runs come from the present engine. Other results take the engine from the
-    # records of their input files.
+    # Simulated runs come from the current engine. The engine of other results is that in
+    # the records of their input files.
     if current_stage.simulates:
         engine = engine_hash()
     else:
@@ -223,7 +225,7 @@ def _make_record(current_stage: _Stage) -> dict[str, Any]:
 
 
 def convert_to_recorded_form(settings: Any) -> Any:
-    """Convert settings to the form that JSON gives them, with lists in place of tuples."""
+    """Convert settings to their form in JSON, which has lists in place of tuples."""
     return json.loads(json.dumps(settings))
 
 
@@ -249,7 +251,7 @@ def refuse_mixture(inputs: Inputs) -> None:
     Raises
     ------
     InputError
-        For the first file that does not match a file before it.
+        For the first file that does not match an earlier one.
     """
     # Keep the first engine with its file, and the first origin with its file for each
     # group of runs.
@@ -302,7 +304,7 @@ def _require_same(
     first : (str, Path)
         The value in the first record, and the file of this record.
     requirement : str
-        What all files must be, for the message.
+        Description of what all files must be, for the message.
     """
     expected, source = first
     if value != expected:

@@ -13,16 +13,16 @@ import yaml
 from repose.common.attached import require_plain_file
 from repose.common.errors import InputError
 
-# A valid line without indentation: a key with a colon, an empty line, or a line that
-# begins with a sign of YAML, such as that of a comment, a list or a text in quotes.
+# A valid line without indentation: a key with a colon, an empty line, or a line that begins
+# with a special character of YAML, as comments, lists and quoted texts do.
 KEY_AT_MARGIN = re.compile(r".+:(\s|$)|[\s#\[\]{}\"'%?!&*:|>-]|\.\.\.|$")
 # A number in the usual form. YAML 1.1 also reads 010 as 8, 1:30 as 90, 1_0 as 10 and
 # 0x10 as 16, which few users expect.
 PLAIN_NUMBER = re.compile(
     r"[-+]?(0|[1-9]\d*)?(\.\d*)?([eE][-+]?\d+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)"
 )
-# Limit for all values together, once aliases are replaced by what they stand for. The
-# configuration paper.yaml has about 5,000 characters.
+# Largest number of characters of all values, once aliases are replaced by the values that
+# they stand for. The configuration paper.yaml has about 5,000 characters.
 MOST_CHARACTERS = 200_000
 # The tag of the key <<, which copies the keys of another mapping.
 MERGE_TAG = "tag:yaml.org,2002:merge"
@@ -89,7 +89,7 @@ class StrictLoader(yaml.SafeLoader):
         Raises
         ------
         InputError
-            If the key is true, false, a date, a list or a mapping. The message names its
+            If the key is true, false, a date, a list or a mapping. The message names the
             line.
         """
         key = self.construct_object(node, deep=deep)
@@ -106,7 +106,7 @@ class StrictLoader(yaml.SafeLoader):
         return key
 
     def describe_line(self, node: yaml.Node) -> str:
-        """Describe where a node is, by its file and its line."""
+        """Describe where a node is, with its file and line."""
         return f"{self.name}, line {node.start_mark.line + 1}"
 
     def construct_number(self, node: yaml.ScalarNode) -> int | float:
@@ -216,7 +216,7 @@ def _parse_cached(text: str, name: str) -> Any:
     except yaml.MarkedYAMLError as error:
         raise _describe_syntax_error(error, text, name) from None
     except yaml.YAMLError as error:
-        # The error has no line. It is, for example, that of an invalid byte.
+        # Some errors have no line, for example that of an invalid byte.
         one_line = " ".join(str(error).split())
         raise InputError(
             name, key="content", value=one_line, allowed="valid YAML"
@@ -289,7 +289,7 @@ def _describe_syntax_error(
     line_number = error.problem_mark.line + 1 if error.problem_mark else 0
     problem = error.problem or ""
 
-    # The parser reports a missing colon at a later line. Search all lines up to that one.
+    # The parser reports a missing colon at a later line, so search all lines up to that one.
     line_without_colon = _find_line_without_colon(text.splitlines()[:line_number])
     if line_without_colon is not None:
         number, line_text = line_without_colon
@@ -303,7 +303,7 @@ def _describe_syntax_error(
     if "escape" in problem:
         allowed = r"a path in single quotes, as in 'C:\data\sizes.csv'"
     elif r"'\t'" in problem:
-        allowed = "blanks in place of the tab"
+        allowed = "spaces in place of the tab"
     else:
         allowed = "valid YAML (indent by spaces, no tabs)"
     return InputError(
@@ -328,8 +328,8 @@ def _find_line_without_colon(lines: Sequence[str]) -> tuple[int, str] | None:
     for number, text in enumerate(lines, start=1):
         if KEY_AT_MARGIN.match(text):
             continue
-        # The line may continue a text or list of several lines. It is then valid, and the
-        # lines before it are an incomplete document.
+        # The line may continue a text or list that spans several lines. It is then valid,
+        # and the lines before it are an incomplete document.
         lines_before = "\n".join(lines[: number - 1])
         return (number, text) if _is_complete_document(lines_before) else None
     return None
@@ -362,7 +362,7 @@ def _count_characters(node: yaml.Node, counts: dict[int, int]) -> int:
     # An alias of this value was counted before.
     if id(node) in counts:
         return counts[id(node)]
-    # Inside the value, an alias of the value itself counts as 0.
+    # Inside the value, let an alias of the value itself count as 0.
     counts[id(node)] = 0
     if isinstance(node, yaml.ScalarNode):
         n_characters = 1 + len(node.value)

@@ -1,15 +1,15 @@
 """Define the base class of a configuration's section, a model with typed fields.
 
-A section is a subclass of `Section` with one field a key::
+A section is a subclass of `Section` with one field per key::
 
     class Drop(Section):
         seeds: int = Field(ge=1, le=100, description="runs of each sample")
         height_mm: float = Field(ge=1, le=1000, description="height of the fall")
 
-The `description` is the meaning of the key. The message about a bad value states the
-allowed values: type and bounds of the field, or the words of `Allowed`. The tables of
-config/README.md are also made from the fields (`repose.config.page`). The source of a
-value is given in ``json_schema_extra={"source": ...}``.
+The `description` explains the key. The message about a bad value states the allowed
+values, which are the type and the bounds of the field, or the words of `Allowed`. The
+tables of config/README.md are also made from the fields (`repose.config.page`). The source
+of a value is given in ``json_schema_extra={"source": ...}``.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -28,7 +28,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError, core_schema
 
 AUTO: Final = "auto"
-# Default of a key that a file may leave out but not set to null.
+# Default of a key that may be missing from a file but must not be null.
 ABSENT: Any = None
 # Default of a key of the type `OrAuto`: its number is computed from other keys.
 OF_OTHERS: Any = AUTO
@@ -51,7 +51,7 @@ else:
 Contradictions = Iterator[tuple[str, str]]
 CONTRADICTION = "contradiction"
 
-# Paths without braces, which Snakemake reads as wildcards, and control characters.
+# Paths without control characters, and without braces, which Snakemake reads as wildcards.
 _NO_BRACES = r"^[^{}\x00-\x1f\x7f]+$"
 # Marks the types of keys that name a file.
 FILE: Final = object()
@@ -59,7 +59,7 @@ FILE: Final = object()
 
 @dataclass(frozen=True)
 class Allowed:
-    """Words for the allowed values of a key, where type and bounds do not describe them.
+    """Words for the allowed values of a key, if type and bounds do not describe them.
 
     It is written ``Annotated[str, Field(pattern=...), Allowed("a colour")]``.
     """
@@ -120,12 +120,12 @@ class Section(BaseModel):
 
 
 def refuse(contradictions: Iterable[tuple[str, str]]) -> None:
-    """Raise the error by which a validator reports contradictions, if there are any.
+    """Raise the error with which a validator reports contradictions, if there are any.
 
     Parameters
     ----------
     contradictions : iterable of (str, str)
-        For each contradiction a key and its allowed values. The key "" stands for the
+        For each contradiction, a key and its allowed values. The key "" stands for the
         whole section.
 
     Raises
@@ -142,9 +142,9 @@ def refuse(contradictions: Iterable[tuple[str, str]]) -> None:
 class OneOf:
     """The type of a key whose value is a name from a registry.
 
-    It is written ``Annotated[str, OneOf(names)]``. The function `names` is called when
-    the first configuration is checked. The module of a section need not import the
-    registry for it.
+    It is written ``Annotated[str, OneOf(names)]``. The function `names` is only called
+    when the first configuration is checked, so the module of a section need not import
+    the registry.
     """
 
     def __init__(self, names: Callable[[], Iterable[str]]) -> None:
@@ -158,7 +158,7 @@ class OneOf:
 
 
 def _require_rising(numbers: Sequence[float]) -> Sequence[float]:
-    """Return the numbers unchanged; raise ValueError unless each exceeds the last."""
+    """Return the numbers unchanged; raise ValueError unless each exceeds the previous."""
     if not all(low < high for low, high in pairwise(numbers)):
         raise ValueError("the numbers do not rise")
     return numbers

@@ -17,8 +17,9 @@ from typing import Any
 
 from repose.common.places import PACKAGE
 
-# Modules and packages that compute no number. They read and write files, report faults,
-# or choose what runs. An edit of them runs no rule again; a developer can force it.
+# Modules and packages that do not compute any numbers. They read and write files, report
+# faults, or choose what runs. Editing them makes no rule run again, unless a developer
+# forces it.
 WITHOUT_NUMBERS = (
     "repose",
     "repose.cli",
@@ -31,13 +32,13 @@ SUMMARY_FORMAT = b"3"
 DATA_SUFFIXES = (".csv", ".json", ".mplstyle", ".html", ".js", ".css", ".yaml")
 # Largest number of stored summaries of files: enough for a few versions of the package.
 MOST_SUMMARIES = 1500
-# Arguments that only explain something: pydantic's `Field` explains a key, `Drawn` a
-# figure.
+# Arguments that only explain something: those of pydantic's `Field` explain a key, those of
+# `Drawn` a figure.
 EXPLAINING_ARGUMENTS = {
     "Field": ("description", "json_schema_extra"),
     "Drawn": ("title", "caption"),
 }
-# Keys of the summaries that are not stored yet.
+# Keys of the summaries that have not been stored yet.
 _new_keys: list[str] = []
 
 
@@ -81,7 +82,7 @@ def find_dependencies(*modules: str) -> frozenset[str]:
     Parameters
     ----------
     *modules : str
-        As for `code_hash`.
+        Dotted names below `repose`, as for `code_hash`.
 
     Returns
     -------
@@ -92,7 +93,7 @@ def find_dependencies(*modules: str) -> frozenset[str]:
         name for name in _expand_packages(modules) if not computes_nothing(name)
     }
     found_modules: set[str] = set()
-    # In each round follow the imports of the modules that the last round has found.
+    # In each round, follow the imports of the modules that the previous round found.
     while new_modules:
         found_modules |= new_modules
         needed_modules = set().union(*map(_find_needed_modules, new_modules))
@@ -170,9 +171,9 @@ def _find_needed_modules(module: str) -> frozenset[str]:
 def _find_imported_modules(module: str) -> set[str]:
     """Find the modules of `repose` that a module imports when it runs.
 
-    Imports inside functions count, but not those for type checkers only. An import from
-    a package counts for the package, and for the imported name if that is a module. A
-    module that imports others by computed names, as a table of laws does, depends on
+    Imports inside functions count, but imports only for type checkers do not. An import
+    from a package counts for the package, and for the imported name if that is a module.
+    A module that imports others by computed names, as a table of laws does, depends on
     its whole package.
 
     Parameters
@@ -194,7 +195,7 @@ def _find_imported_modules(module: str) -> set[str]:
     if summary["imports_by_name"]:
         names.update(_list_modules_of(package))
 
-    # Leave out other libraries, and imported names that are no modules.
+    # Leave out other libraries, and imported names that are not modules.
     return names & _map_modules_to_files().keys()
 
 
@@ -222,7 +223,7 @@ class _NumbersOnly(ast.NodeTransformer):
     """Remove from a syntax tree what cannot change a number."""
 
     def visit_Expr(self, node: ast.Expr) -> ast.AST | None:
-        """Drop docstrings and other statements that are only a text."""
+        """Drop docstrings and other statements that consist only of a string."""
         is_text = isinstance(node.value, ast.Constant) and isinstance(
             node.value.value, str
         )
@@ -266,7 +267,7 @@ def _hash_module(module: str) -> str:
     Returns
     -------
     str
-        Hashes, separated by blanks: first that of the code, then those of the data files
+        Hashes, separated by spaces: first that of the code, then those of the data files
         in alphabetical order.
     """
     file = _find_file(module)
@@ -325,7 +326,7 @@ def _parse_and_summarise(content: bytes) -> dict[str, Any]:
     imports = _list_imports(tree)
     imports_by_name = any(map(_is_import_by_name, _walk_runtime_nodes(tree)))
 
-    # Hash the code last, since the visitor changes the tree.
+    # Hash the code last, because the visitor changes the tree.
     code = ast.dump(_NumbersOnly().visit(tree))
     return {
         "code": hashlib.sha256(code.encode()).hexdigest(),
@@ -408,7 +409,7 @@ def store_new_summaries() -> None:
     try:
         path = _find_store()
         path.parent.mkdir(parents=True, exist_ok=True)
-        # Write another file and rename it, because other processes may be reading.
+        # Write a new file and rename it, because other processes may be reading the old one.
         new_path = path.with_name(f"{path.name}.{os.getpid()}.part")
         # New summaries are added at the end, so the last ones are the newest.
         newest = dict(list(_load_stored_summaries().items())[-MOST_SUMMARIES:])

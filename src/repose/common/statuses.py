@@ -1,15 +1,15 @@
 """Describe in words why a run failed.
 
-The column ``status`` of a table of runs has a code for the reason, such as
-``not_at_rest``. Messages for people have a clause of `FAILURE_CLAUSES` in place of the
-code. docs/files.md lists both.
+The column ``status`` in a table of runs has a code for the reason, such as
+``not_at_rest``. Messages have a clause from `FAILURE_CLAUSES` in place of the code.
+docs/files.md lists both.
 """
 
 import re
 from collections.abc import Mapping
 
-# A clause for each status except ``ok``. The first ones belong to our bench tests, the
-# last ones to runs of other programs.
+# A clause for each status except ``ok``. The first clauses are for our bench tests, the last
+# ones for runs of other programs.
 FAILURE_CLAUSES = {
     "not_at_rest": "the grains still moved when they should have been at rest",
     "jammed": "grains got stuck on their way out",
@@ -36,7 +36,7 @@ _COUNTED_RUNS = re.compile(r"\b(\d+ (?:of \d+ )?runs) (\w+)")
 
 
 def describe_status(status: str) -> str:
-    """Describe a status by its clause; quote a status that only the user knows."""
+    """Return the clause that describes a status; quote a status of the user's own."""
     return FAILURE_CLAUSES.get(status, f"their status is '{status}'")
 
 
@@ -63,10 +63,10 @@ def describe_failures(counts: Mapping[str, int], verb: str) -> str:
 
 
 def replace_statuses(reason: str) -> str:
-    """Replace the statuses in a cell of the column `reason` by their clauses."""
+    """Replace each status in a cell of the column `reason` by the clause for it."""
 
     def write_clause(match: re.Match[str]) -> str:
-        """Write the number of runs with the clause; leave an unknown word unchanged."""
+        """Return the number of runs and the clause; leave an unknown status unchanged."""
         runs, status = match.groups()
         if status not in FAILURE_CLAUSES:
             return match[0]

@@ -1,7 +1,7 @@
 """Find a row at the end of a measured table that sums up the rows above it.
 
-Spreadsheets have means and the like below the measurements, with labels in any language.
-Such a row is known by its numbers.
+Spreadsheets often have means and the like below the measurements, with labels in any
+language. Such a row is therefore recognised by its numbers.
 """
 
 import math
@@ -11,15 +11,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-# A row is compared with the statistics of at least this number of rows above it, ...
+# A row is compared with the statistics of the rows above it only if there are at least this
+# many of these rows, and at least this many columns to compare.
 FEWEST_ROWS_ABOVE = 3
-# ... in at least this number of columns, ...
 FEWEST_COLUMNS = 3
-# ... whose standard deviation is at least this number of units of the last digit. In a
-# coarser column an ordinary row may equal the rounded mean by chance.
+# The standard deviation of a compared column must be at least this many units of the last
+# digit. In a coarser column, an ordinary row may equal the rounded mean by chance.
 FEWEST_UNITS_OF_SCATTER = 5.0
-# Largest difference between a statistic and its printed value: half a unit of the last
-# digit with some room, and an error of the sum of the numbers, as a share of their size.
+# Largest difference between a statistic and its printed value. It is slightly more than half
+# a unit of the last digit, plus the error of the sum of the numbers, as a share of their
+# size.
 ROUNDING_UNITS = 0.501
 SUM_ERROR_SHARE = 1e-12
 STATISTICS: dict[str, Callable[[np.ndarray], float]] = {
@@ -31,7 +32,7 @@ STATISTICS: dict[str, Callable[[np.ndarray], float]] = {
 
 
 class SummaryRow(NamedTuple):
-    """A row that sums up the rows above."""
+    """A row that sums up the rows above it."""
 
     row: int
     statistic: str
@@ -52,11 +53,12 @@ def find_summary_row(columns: Mapping[str, Sequence[str]]) -> SummaryRow | None:
 
     Notes
     -----
-    A summary row equals one statistic in every column that is compared, to all the digits
-    that it prints. A row that repeats a row above it is not a summary. Columns with few
-    different values are not compared. They belong to the design of an experiment, where
-    the centre equals the mean and the corners equal the extremes. Parameters of repeated
-    runs have few different values, too, but many among their different sets.
+    A summary row equals the same statistic in every column that is compared, to all the
+    digits that it prints. A row that repeats an earlier row is not a summary. Columns with
+    few different values are not compared, because they belong to the design of an
+    experiment, whose centre equals the mean and whose corners equal the extremes. The
+    parameters of repeated runs also have few different values, but many if each parameter
+    set is counted once.
     """
     # Read the cells as an array (rows, columns) of numbers.
     cells_of_columns = list(columns.values())
@@ -155,12 +157,12 @@ def _find_compared_columns(
     is_measured = 2 * different_counts > counts
     measured_columns = np.flatnonzero(scatters & is_measured)
 
-    # Repeated runs of a set repeat its parameters. Count these among the different sets.
+    # Repeated runs of a set repeat its parameters, so count each set only once.
     n_sets = len({values.tobytes() for values in rows_above[:, ~is_measured]})
     differs_between_sets = (different_counts >= FEWEST_ROWS_ABOVE) & (
         2 * different_counts > n_sets
     )
-    # The centre of a design is its mean by intention.
+    # The centre of a design equals its mean on purpose.
     is_centre = np.array(
         [
             scatter
@@ -172,7 +174,7 @@ def _find_compared_columns(
     is_parameter = scatters & ~is_measured & differs_between_sets & ~is_centre
     parameter_columns = np.flatnonzero(is_parameter)
 
-    # A further run of an earlier set has the parameters of that set. They say nothing.
+    # A further run of an earlier set repeats its parameters, which therefore say nothing.
     is_same = rows_above[:, parameter_columns] == row[parameter_columns]
     if is_same.all(axis=1).any():
         return measured_columns.tolist()
@@ -180,7 +182,7 @@ def _find_compared_columns(
 
 
 def _compute_middle(column: np.ndarray) -> float:
-    """Return the middle between the smallest and the largest number of a column."""
+    """Return the midpoint between the smallest and the largest number of a column."""
     return float(np.nanmin(column) + np.nanmax(column)) / 2
 
 

@@ -43,7 +43,7 @@ class CellFault(NamedTuple):
     value : object
         The value of the cell, as the message shows it.
     allowed : str
-        Describes the allowed values.
+        Description of the allowed values.
     """
 
     row: int
@@ -57,11 +57,11 @@ COMMENT_SIGN = "#"
 UNNAMED = "the column without a name"
 UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 SEPARATORS = ",;\t"
-# The first line of a table of Excel may say what separates the cells.
+# In a table from Excel, the first line may state the character that separates the cells.
 SEPARATOR_LINE_PATTERN = re.compile(r'"?sep=."?', re.IGNORECASE)
 BLANKS_PATTERN = r"\s+"  # separates cells if the header has none of `SEPARATORS`
-# Columns that are not read are described in messages: at most so many of them, and each
-# by at most so many of its values.
+# A message describes the columns that are not read: at most this many of them, each with at
+# most this many of its values.
 MOST_DESCRIBED_COLUMNS = 30
 MOST_SHOWN_VALUES = 5
 # If an extreme of measured numbers occurs at least this often, it may mark failed runs.
@@ -70,7 +70,7 @@ NUMBER_PATTERN = re.compile(
     r"\s*[+-]?((\d+\.?\d*|\.\d+)(e[+-]?\d+)?|nan|inf(inity)?)\s*",
     re.ASCII | re.IGNORECASE,
 )
-# NaN as the standard of C lets programs print it, such as -nan or nan(ind).
+# NaN in the forms in which programs in C may print it, such as -nan or nan(ind).
 NAN_PATTERN = re.compile(r"[+-]?nan(\(\w*\))?", re.ASCII | re.IGNORECASE)
 FIRST_DIGIT_PATTERN = re.compile(r"[+-]?[.,]?\d")
 WHOLE_NUMBER_PATTERN = re.compile(r"\d+", re.ASCII)
@@ -89,7 +89,7 @@ class Column:
     Parameters
     ----------
     name : str
-        Name in the header, in any form (`match_column_names`).
+        Name in the header, which may differ in form (`match_column_names`).
     kind : type
         ``float``, ``int``, ``bool`` or ``str``; ``object`` for a column whose cells are
         not checked.
@@ -104,8 +104,8 @@ class Column:
     needed : bool
         Whether the table must have the column.
     words : str
-        Description of the allowed values, for messages. It is needed only where the kind
-        and the bounds do not describe them.
+        Description of the allowed values, for messages. It is only needed if the kind and
+        the bounds do not describe them.
     """
 
     name: str
@@ -232,7 +232,7 @@ class Table:
         import pandas as pd
 
         table = pd.read_csv(io.StringIO(self.text.to_csv(index=False)))
-        # Restore columns of text, because pandas takes a text such as NA for an empty cell.
+        # Restore columns of text, because pandas reads text such as NA as an empty cell.
         for name in self.text_columns & set(self.text):
             table[name] = self.text[name].tolist()
         return table
@@ -244,8 +244,8 @@ def parse_number(value: object) -> float:
     Raises
     ------
     ValueError
-        For other forms that Python would accept, such as ``1_0``, True, or digits of
-        other scripts.
+        If the value has another form, even one that Python accepts, such as ``1_0``, True,
+        or digits of other scripts.
     """
     if isinstance(value, bool | np.bool_):
         raise ValueError(f"{value!r} is not a number")
@@ -276,7 +276,7 @@ def holds_measurements(cells: Iterable[str]) -> bool:
 def _numbers_the_rows(cells: Iterable[str]) -> bool:
     """Tell whether a column seems to number the rows.
 
-    More than half of its cells are then filled, all of them with different integers.
+    In such a column, more than half of the cells are filled, all with different integers.
     """
     cells = list(cells)
     filled = [cell for cell in cells if cell]
@@ -306,9 +306,9 @@ def read(
     what : str
         What the file should be, for messages.
     is_number_column : callable
-        Tells from the cells of an undeclared column whether it holds numbers. If it does,
-        each of its cells must be a number. A cell may also be empty, unless the column
-        numbers the rows.
+        Function that tells from the cells of an undeclared column whether it holds
+        numbers. If it does, each of its cells must be a number. A cell may also be empty,
+        unless the column numbers the rows.
     optional : iterable of str
         Names of other columns that the table may have.
     find_unused_rows : callable, optional
@@ -371,7 +371,8 @@ def _convert_and_check(
     declared : mapping of str to Column
         The declared columns by name. The table may lack some of them.
     is_number_column : callable
-        Tells from the cells of an undeclared column whether it holds numbers.
+        Function that tells from the cells of an undeclared column whether it holds
+        numbers.
     unused_rows : collection of int
         Rows that cannot sum up the others.
 
@@ -400,7 +401,7 @@ def _convert_and_check(
 def _describe_undeclared_column(
     name: str, cells: "pd.Series", is_number_column: Callable[[Iterable[str]], bool]
 ) -> Column:
-    """Make a declaration by which an undeclared column can be checked.
+    """Make a declaration with which an undeclared column can be checked.
 
     Parameters
     ----------
@@ -409,7 +410,7 @@ def _describe_undeclared_column(
     cells : pandas.Series
         Its cells as text.
     is_number_column : callable
-        Tells from the cells whether the column holds numbers.
+        Function that tells from the cells whether the column holds numbers.
 
     Returns
     -------
@@ -557,12 +558,12 @@ def describe_columns(columns: Mapping[str, Sequence[Any]]) -> list[str]:
     Parameters
     ----------
     columns : mapping of str to sequence
-        Values or texts by column, such as a data frame or `Table.values`.
+        Values or strings by column, such as a data frame or `Table.values`.
 
     Returns
     -------
     list of str
-        Such as ``long_mm: 20 numbers, mean 21.14, from 19.8 to 23.1``.
+        Lines such as ``long_mm: 20 numbers, mean 21.14, from 19.8 to 23.1``.
     """
     lines = []
     for name, cells in columns.items():
@@ -571,7 +572,7 @@ def describe_columns(columns: Mapping[str, Sequence[Any]]) -> list[str]:
         if not texts or not all(NUMBER_PATTERN.fullmatch(text) for text in texts):
             continue
         numbers = np.array([float(text) for text in texts])
-        # An infinite response marks a failed run, as an empty cell does.
+        # Like an empty cell, an infinite response marks a failed run.
         numbers = numbers[np.isfinite(numbers)]
         if not len(numbers):
             continue
@@ -610,8 +611,8 @@ def describe_unread(
     columns : mapping of str to sequence
         The cells by column.
     hint_if_few : str
-        Text to append for a column with few different values. Such a column may say
-        which runs failed.
+        Text to append for a column with few different values. Such a column may show which
+        runs failed.
 
     Returns
     -------
@@ -652,8 +653,8 @@ def _list_frequent_values(counts: "Counter[str]") -> str:
     Returns
     -------
     str
-        Such as ``'True' 12 times, 'False' once``. At most `MOST_SHOWN_VALUES` values are
-        listed, and the others are counted.
+        A list such as ``'True' 12 times, 'False' once``. At most `MOST_SHOWN_VALUES` values
+        are listed, and the others are counted.
     """
     texts = []
     for value, count in counts.most_common(MOST_SHOWN_VALUES):
@@ -709,7 +710,7 @@ def read_sheet(
     _require_complete_last_row(path, lines[-1], separator, len(names))
     cells = header_and_cells.iloc[1:].reset_index(drop=True)
     cells = _name_columns(path, cells, names)
-    # A file with commas between its columns cannot have decimal commas, too.
+    # A file with commas between its columns cannot have decimal commas as well.
     if separator in (";", "\t"):
         cells = _replace_decimal_commas(path, cells)
     return Table(path, cells, comments)
@@ -769,14 +770,14 @@ def _require_header(
 
 
 def _count_known_names(line: str, known: Collection[str]) -> int:
-    """Count how many of some names, which are normalised, are cells of a line."""
+    """Count how many of the known names, which are normalised, are cells of a line."""
     return len({normalise_name(cell) for cell in _split_line(line)}.intersection(known))
 
 
 def _split_line(line: str) -> list[str]:
     """Split a line into cells without blanks and quotes around them.
 
-    Separators within quotes separate cells, too.
+    Separators inside quotes also separate cells.
     """
     separator = _find_separator(line)
     cells = line.split(None if separator == BLANKS_PATTERN else separator)
@@ -786,7 +787,7 @@ def _split_line(line: str) -> list[str]:
 def _name_columns(
     path: StrPath, cells: "pd.DataFrame", names: Sequence[str]
 ) -> "pd.DataFrame":
-    """Give the columns of a table their names, without empty columns that have no name.
+    """Name the columns of a table, and leave out empty columns without a name.
 
     Parameters
     ----------
@@ -881,7 +882,7 @@ def read_text_rows(
     Raises
     ------
     InputError
-        If the file is not a text, or lacks a column that is needed.
+        If the file is not text, or lacks a column that is needed.
     """
     header, *rows = _split_rows(path, what)
     declared = list(columns)
@@ -953,7 +954,7 @@ def _require_complete_last_row(
     InputError
         If the last row has fewer cells than the header.
     """
-    # The last line may be the last line of a quoted cell that has several lines.
+    # The last line may be the end of a quoted cell that spans several lines.
     is_within_quotes = last_line.count('"') % 2 == 1
     # Several blanks may separate two cells, so these cells cannot be counted here.
     is_blank_separated = len(separator) > 1
@@ -1023,7 +1024,7 @@ def _read_header(lines: Iterable[str]) -> str:
 
 
 def _find_separator(header: str) -> str:
-    """Find out from the header of a table what separates its cells.
+    """Find out from the header of a table which character separates its cells.
 
     Returns
     -------
@@ -1053,7 +1054,7 @@ def _split_cells(path: StrPath, text: str, separator: str, what: str) -> "pd.Dat
     Returns
     -------
     pandas.DataFrame
-        The cells as texts without blanks around them. Row 0 is the header, the columns
+        The cells as strings without blanks around them. Row 0 is the header, the columns
         are numbered, and rows without content are left out.
 
     Raises
@@ -1260,7 +1261,7 @@ def _find_repeated_values(name: str, values: Sequence[Any]) -> list[Fault]:
                 row,
                 column=name,
                 value=value,
-                allowed=f"each {name} once; row {first_row + 1} has it, too",
+                allowed=f"each {name} once; row {first_row + 1} also has it",
             )
             faults.append(fault)
     return faults
@@ -1282,7 +1283,7 @@ def _format_invalid_cell(column: Column, cell: Any) -> Any:
 
 
 def _explain_form(column: Column, cell: Any) -> str:
-    """Explain how to write a number, where a text begins with a digit but is no number.
+    """Explain how to write a number, for text that begins with a digit but is no number.
 
     Parameters
     ----------
@@ -1305,7 +1306,7 @@ def _explain_form(column: Column, cell: Any) -> str:
 
 
 def is_missing(cell: Any) -> bool:
-    """Tell whether a cell is empty: an empty text, None, or NaN."""
+    """Tell whether a cell is empty: an empty string, None, or NaN."""
     if isinstance(cell, str):
         text = cell.strip()
         return not text or NAN_PATTERN.fullmatch(text) is not None

@@ -1,12 +1,12 @@
-"""Compute the range of a target where the user gives no range."""
+"""Compute the range of a target for which the user gives no range."""
 
 import math
 
 # Smallest distance of a limit from the value, as a share of the value.
 LEAST_RELATIVE_RANGE = 0.01
-# Number of standard errors between the mean and each limit. With only one standard error
-# the range would contain the true mean with a probability of 58 % after three
-# repetitions, and of 66 % after ten.
+# Number of standard errors between the mean and each limit. With only one standard error,
+# the range would contain the true mean with a probability of 58 % after three repetitions,
+# and of 66 % after ten.
 STANDARD_ERRORS = 2
 
 
@@ -27,8 +27,8 @@ def compute_target_range(
     Returns
     -------
     tuple of float
-        The lower and the upper limit. Each is two standard errors from the mean, or 1 %
-        of the mean if that is more.
+        The lower and the upper limit. Their distance from the mean is `STANDARD_ERRORS`
+        standard errors, but at least `LEAST_RELATIVE_RANGE` of the mean.
     """
     standard_error = sd / math.sqrt(repetitions)
     half_range = max(

@@ -1,7 +1,7 @@
 """Record the processor time of each process of a study's jobs, and add it up.
 
-Snakemake reads the processor time of a job only from time to time, so its benchmark of a
-long job may lack the last half minute.
+Snakemake reads the processor time of a job only at intervals, so its benchmark of a long
+job may lack the last half minute.
 """
 
 import csv
@@ -23,8 +23,8 @@ BENCHMARKS = "benchmarks"
 # Columns of snakemake's benchmarks: the duration of a run, and its processor time [s]
 DURATION_COLUMN = "s"
 CPU_TIME_COLUMN = "cpu_time"
-# File times are coarse, so a process may seem to end before its job began. This is the
-# largest such difference [s].
+# File times are coarse, so a process may seem to have ended before its job began. This is
+# the largest such difference [s].
 CLOCK_TOLERANCE_S = 1.0
 
 
@@ -42,8 +42,8 @@ class Process(NamedTuple):
     host : str
         Name of its machine.
     ancestors : str
-        Numbers of the process that started it, of the one that started this, and so on,
-        separated by blanks.
+        Numbers of the process that started it, of the process that started that one, and
+        so on, separated by spaces.
     """
 
     ended_s: float
@@ -63,8 +63,8 @@ def _sum_time_of_ended_children_s() -> float:
     return used.ru_utime + used.ru_stime
 
 
-# A shell may have run other commands before it became this process. This is their
-# processor time [s].
+# Processor time of other commands [s], which a shell may have run before it became this
+# process.
 EARLIER_CHILDREN_S = _sum_time_of_ended_children_s()
 
 
@@ -151,7 +151,7 @@ def list_processes_since(folder: str | os.PathLike, start_s: float) -> list[Proc
 def correct_benchmarks(folder: str | os.PathLike, processes: Iterable[Process]) -> None:
     """Correct the processor time in the benchmarks that snakemake has written.
 
-    Snakemake reads the processor time only from time to time, so its number is too small.
+    Snakemake reads the processor time only at intervals, so its number is too small.
 
     Parameters
     ----------

@@ -342,8 +342,8 @@ class StudySettings(Section):
         description="marks figures and tables as results of a small run",
     )
     results_dir: ResultsFolder = Field(
-        description="folder of all results; a file of yours in the place of a result "
-        "stops a run",
+        description="folder for all results, outside the project's own folders; a run "
+        "stops rather than replace a file of yours",
     )
     photograph: PathOrNull = Field(
         description="picture of the physical pile, PNG or JPEG, for the report",

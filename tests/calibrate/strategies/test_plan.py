@@ -198,7 +198,7 @@ def test_the_configured_strategy_is_in_the_table_and_no_pour_is_timed_before_the
     )
     (success,) = [line for line in before if line.startswith("success: ")]
     assert case in success
-    assert ("another case" in success) == (strategy != "sequential")
+    assert ("this study is different" in success) == (strategy != "sequential")
     assert any("±" in line for line in before) == (strategy == "sequential")
 
 
