@@ -492,8 +492,8 @@ class Result:
     labels : mapping
         Meaning of each parameter, by name.
     near_bounds : tuple of str
-        A clause for each parameter that lies at most one standard error away from a bound
-        of its range (`repose.calibrate.bounds`).
+        A clause for each parameter that lies at most one standard error away from a
+        bound of its range (`repose.calibrate.bounds`).
     """
 
     label: str
@@ -625,6 +625,7 @@ def format_verdict_line(
     Parameters
     ----------
     verdict : Verdict
+        The verdict on the targets.
     checks : iterable of Check
         One for each target.
     reason : str

@@ -1,10 +1,10 @@
 """Find the parameters of an answer that lie within one standard error of a bound.
 
-Each response gives one estimate of the standard error of a parameter: the standard error
-of the predicted response at the answer, divided by the slope of the response along the
-parameter. The smallest estimate is used. If it exceeds a certain share of the range, the
-parameter hardly changes any response, and its distance from a bound has no meaning.
-Distances and errors are measured along the scale of the parameter.
+Each response gives one estimate of the standard error of a parameter: the standard
+error of the predicted response at the answer, divided by the slope of the response
+along the parameter. The smallest estimate is used. If it exceeds a certain share of the
+range, the parameter hardly changes any response, and its distance from a bound has no
+meaning. Distances and errors are measured along the scale of the parameter.
 """
 
 import math
@@ -38,6 +38,7 @@ def find_near_bounds(
     answer : mapping
         The answer: the value of each parameter by name.
     space : ParameterSpace
+        The parameters of the study.
 
     Returns
     -------
@@ -104,9 +105,11 @@ def _compute_slopes(
     Parameters
     ----------
     surrogate : Predictor
+        The surrogate.
     point : ndarray (1, d)
         Values of all parameters, also of the fixed ones.
     space : ParameterSpace
+        The parameters of the study.
     name : str
         The free parameter.
 
@@ -146,6 +149,7 @@ def _describe_parameter(
     Parameters
     ----------
     name : str
+        Name of the parameter.
     value, bound : float
         The parameter in the answer, and the bound.
     standard_error : float
@@ -177,6 +181,7 @@ def _compute_change(
     Parameters
     ----------
     surrogate : Predictor
+        The surrogate.
     point : numpy.ndarray, (1, p)
         The answer.
     column : int

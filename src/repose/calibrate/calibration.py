@@ -53,6 +53,7 @@ class Calibration(NamedTuple):
     Attributes
     ----------
     study : Study
+        The study.
     runs : pandas.DataFrame
         All runs.
     samples : pandas.DataFrame
@@ -64,6 +65,7 @@ class Calibration(NamedTuple):
     solutions : pandas.DataFrame
         The answer, then other parameter sets predicted inside all ranges.
     posterior : Posterior
+        The posterior of the parameters.
     summary : dict
         The answer in plain values, as in ``summary.json``.
     """
@@ -362,7 +364,9 @@ def _summarise_answer(
     Parameters
     ----------
     study : Study
+        The study.
     answer : Answer
+        The answer.
     feasible : bool
         Whether the answer is predicted inside all ranges.
     message : str
@@ -451,6 +455,7 @@ def _average_samples(study: Study, runs: pd.DataFrame) -> pd.DataFrame:
     Parameters
     ----------
     study : Study
+        The study.
     runs : pandas.DataFrame
         All runs, with `sample`, `status`, parameters and responses.
 
@@ -483,6 +488,7 @@ def _describe_steps(
     Parameters
     ----------
     study : Study
+        The study.
     runs : pandas.DataFrame
         All runs.
     n_samples : int
@@ -490,6 +496,7 @@ def _describe_steps(
     model : Predictor
         The model that predicts the responses.
     answer : Answer
+        The answer.
     warning : str or None
         Warning about the noise of the runs.
     """

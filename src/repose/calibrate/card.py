@@ -124,6 +124,7 @@ def _describe_parameter(
     interval : pair
         Ends of its interval, which need not contain the answer.
     space : ParameterSpace
+        The parameters of the study.
     labels : mapping
         Meanings of parameters by name. A parameter without one has its name as meaning.
     """
@@ -149,6 +150,7 @@ def _correlate_parameters(
     parameter_sets : pandas.DataFrame
         A column for each parameter.
     space : ParameterSpace
+        The parameters of the study.
 
     Returns
     -------
@@ -178,6 +180,7 @@ def find_intervals(
     Parameters
     ----------
     space : ParameterSpace
+        The parameters of the study.
     solutions : pandas.DataFrame
         All parameter sets that were found.
     posterior : pair of pandas.DataFrame or None
@@ -221,6 +224,7 @@ def widen_to_value(
     Parameters
     ----------
     space : ParameterSpace
+        The parameters of the study.
     name : str
         Name of the parameter.
     value : float

@@ -33,6 +33,7 @@ def compute_target_probabilities(
     runs : mapping
         Runs of a parameter set by bench test.
     targets : Targets
+        The targets of the study.
     percent : float, optional
         Tolerance in percent of the aims; by default the ranges of the targets are used.
 

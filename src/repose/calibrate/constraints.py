@@ -37,6 +37,7 @@ class Constraint(NamedTuple):
     text : str
         As the user wrote it.
     smaller, larger : Term
+        The two sides of the inequality.
     """
 
     text: str

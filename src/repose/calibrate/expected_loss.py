@@ -56,6 +56,7 @@ def compute_expected_loss(
     X : numpy.ndarray, (n, d)
         Parameter sets.
     targets : Targets
+        The targets of the study.
 
     Returns
     -------
@@ -85,6 +86,7 @@ def minimise_expected_loss(
     space : ParameterSpace
         Ranges, priors and constraints of the parameters.
     targets : Targets
+        The targets of the study.
 
     Returns
     -------
@@ -212,6 +214,7 @@ def assess_by_errors(
     parameters : mapping
         The parameter set by name.
     targets : Targets
+        The targets of the study.
     names : sequence of str
         Names of the inputs, if the surrogate does not name them itself.
 

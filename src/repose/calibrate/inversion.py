@@ -68,10 +68,13 @@ def invert(
     Parameters
     ----------
     model : Surrogate
+        The surrogate.
     space : ParameterSpace
         The ranges that are searched.
     targets : Targets
+        The targets of the study.
     settings : MigaSettings
+        The section `miga`.
     support : Support, optional
         Region of the samples; sets beyond it get a warning.
 
@@ -170,8 +173,11 @@ def _search_parameters(
     respond : callable
         Function of points (n, d) in [-1, 1] that returns responses (n, k).
     space : ParameterSpace
+        The parameters of the study.
     targets : Targets
+        The targets of the study.
     settings : MigaSettings
+        The section `miga`.
     preference : Preference or None
         The cost of the priors.
     support : Support or None
@@ -315,6 +321,7 @@ def restrict_to_free_parameters(
     Parameters
     ----------
     surrogate : Surrogate
+        The surrogate.
     space : ParameterSpace
         Its fixed parameters keep their values.
 
@@ -354,6 +361,7 @@ def make_interval_table(solutions: pd.DataFrame, space: ParameterSpace) -> pd.Da
     solutions : pandas.DataFrame
         A row for each parameter set.
     space : ParameterSpace
+        The parameters of the study.
 
     Returns
     -------
@@ -389,6 +397,7 @@ def describe_result(
     responses : numpy.ndarray, (k,)
         Predicted responses of the representative.
     targets : Targets
+        The targets of the study.
     n_feasible : int
         Number of feasible solutions.
     distance : float
@@ -435,8 +444,11 @@ def _make_summary(
     table : pandas.DataFrame
         The solutions, the representative one first.
     space : ParameterSpace
+        The parameters of the study.
     targets : Targets
+        The targets of the study.
     settings : MigaSettings
+        The section `miga`.
     counts : mapping
         Numbers of points by the keys of the summary, such as `n_solutions`.
 
@@ -485,6 +497,7 @@ def _find_missing_simulation(
     table : pandas.DataFrame
         The solutions, the representative one first.
     space : ParameterSpace
+        The parameters of the study.
     support : Support or None
         Region that the samples cover.
     nearest_to_ranges : numpy.ndarray, (d,)

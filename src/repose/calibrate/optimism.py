@@ -2,10 +2,10 @@
 
 This bias is called optimism, because these predictions are usually too favourable.
 
-A fit to noisy pours is too high at some places and too low at others. The search chooses
-places where the fit meets the targets. If the targets are near the edge of what is
-possible, these are mostly places where the error of the fit helps, so the predictions
-there are too favourable on average. This is known as the winner's curse.
+A fit to noisy pours is too high at some places and too low at others. The search
+chooses places where the fit meets the targets. If the targets are near the edge of what
+is possible, these are mostly places where the error of the fit helps, so the
+predictions there are too favourable on average. This is known as the winner's curse.
 
 The bootstrap (E79) shows by how much. For each replicate, the pours of each sample are
 drawn again, the surrogate is fitted again, and the search is repeated. The original fit
@@ -51,9 +51,9 @@ class Pours(NamedTuple):
     counts : list of numpy.ndarray, (n,)
         For each bench test, the number of pours of each sample.
     deviations : list of list of numpy.ndarray
-        For each bench test and each sample, the deviations (pours, responses of the bench
-        test) from which its pours are drawn. They are scaled up to the scatter of a
-        single pour.
+        For each bench test and each sample, the deviations (pours, responses of the
+        bench test) from which its pours are drawn. They are scaled up to the scatter of
+        a single pour.
     columns : list of list of int
         For each bench test, the columns of its responses in `means`.
     noise : mapping
@@ -86,6 +86,7 @@ class Pours(NamedTuple):
         runs : pandas.DataFrame
             The single runs of these samples.
         targets : Targets
+            The targets of the study.
 
         Returns
         -------
@@ -188,6 +189,7 @@ def estimate_optimism(
         It maps a surrogate to the parameter sets (n, d) that it finds, and their n
         roles.
     targets : Targets
+        The targets of the study.
     replicates : int
         Number of refits, at least 2.
     seed : int

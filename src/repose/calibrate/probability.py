@@ -23,8 +23,8 @@ def compute_box_probability(
 
     With the Cholesky root L of the covariance, a vector is mean + L z, where z are
     independent standard normal numbers. This allows integrating over one response at a
-    time (G92). The integral is estimated as a mean over a Sobol sequence. It is exact for
-    one response. For two responses its error is below 0.001.
+    time (G92). The integral is estimated as a mean over a Sobol sequence. It is exact
+    for one response. For two responses its error is below 0.001.
 
     Parameters
     ----------

@@ -29,8 +29,8 @@ class MeasuredProfile(Section):
     file: str = Field(
         min_length=1,
         max_length=1000,
-        description="CSV of the profile, rows by rising abscissa; heights may be empty "
-        "at both ends",
+        description="CSV of the profile, in order of rising abscissa; heights may be "
+        "empty at both ends",
     )
     x: Column = Field(
         default="x_mm",
@@ -46,8 +46,8 @@ class MeasuredProfile(Section):
             "the standard deviation of a height, 0 or more, or the name of its column"
         ),
     ] = Field(
-        description="standard deviation of a height, or the name of its column, of "
-        "which the root mean square counts",
+        description="standard deviation of a height, or the name of a column, whose "
+        "root mean square is used",
     )
     repetitions: int = Field(
         ge=1,
@@ -58,7 +58,7 @@ class MeasuredProfile(Section):
         default=5,
         ge=2,
         le=MAX_FUNCTIONS,
-        description="number of scores, fewer than rows",
+        description="number of scores, smaller than the number of rows",
     )
     within: Length = Field(
         default=ABSENT,
@@ -108,7 +108,7 @@ ProfileType = TypeVar("ProfileType", bound=MeasuredProfile)
 
 
 class _ProfileTargets(Section, Generic[ProfileType]):
-    """A section of targets that are profiles, with which pydantic checks the entries."""
+    """A section of targets that are profiles, with which pydantic checks entries."""
 
     targets: dict[str, ProfileType]
 
@@ -274,6 +274,7 @@ def _make_bench_targets(
     Parameters
     ----------
     measured : BenchProfile
+        The entry of the configuration.
     key : str
         Key of the profile in the configuration, which an error names.
     source : object
@@ -289,8 +290,8 @@ def _make_bench_targets(
     InputError
         If no bench test has this profile, or if the entry names another bench test.
     """
-    # The scores are registered responses, but the profile is not. So find the bench test
-    # through the first score.
+    # The scores are registered responses, but the profile is not. So find the bench
+    # test through the first score.
     first_response = find_response(name_derived_column(measured.response, "1"))
     if first_response is None or first_response.profile != measured.response:
         raise InputError(

@@ -139,7 +139,8 @@ def name_derived_column(name: str, what: str) -> str:
 
 
 # A function that takes a name, and returns the response with this name or None. A bench
-# test registers one if it gives any number of responses, such as the scores of a profile.
+# test registers one if it gives any number of responses, such as the scores of a
+# profile.
 Family = Callable[[str], Response | None]
 _REGISTRY: dict[str, Response] = {}
 # A dict keeps the order, and holds a family only once even if it is registered again.

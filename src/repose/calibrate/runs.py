@@ -147,6 +147,7 @@ def mean_and_error(values: Sequence[float]) -> tuple[float | None, float | None]
     Parameters
     ----------
     values : sequence of float
+        The values.
 
     Returns
     -------

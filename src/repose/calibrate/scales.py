@@ -37,6 +37,7 @@ def to_coordinates(
     Parameters
     ----------
     values : numpy.ndarray, (n, p)
+        Parameter sets.
     names : sequence of str
         Names of the columns.
     scale : mapping

@@ -37,6 +37,7 @@ def draw_run_seeds(
     Parameters
     ----------
     study_seed : int
+        Seed of the study.
     purpose : str or int
         One of `PURPOSE_STREAMS`, or the number of another stream.
     number : int

@@ -65,9 +65,11 @@ class Target:
     Attributes
     ----------
     response : Response
+        The measured response.
     value, sd : float
         Mean and standard deviation of the physical repetitions.
     repetitions : int
+        Number of physical repetitions.
     low, high : float
         Ends of the range in which the prediction of a feasible solution must lie.
     aim : float

@@ -30,10 +30,11 @@ SPLITS = ("train", "validation", "test")
 # The split of 12 samples has 8 for training, 1 for validation and 3 for the test. With
 # fewer test samples, R2 has no meaning.
 MIN_SAMPLES = 12
-# Added to a product before it is rounded down, because rounding errors may make the product
-# too small: 0.7 * 90 is 62.99999999999999.
+# Added to a product before it is rounded down, because rounding errors may make the
+# product too small: 0.7 * 90 is 62.99999999999999.
 ROUNDING_ERROR = 1e-9
-# Two predictions count as the same if they differ by no more than this relative difference.
+# Two predictions count as the same if they differ by no more than this relative
+# difference.
 PREDICTION_TOLERANCE = 1e-6
 
 
@@ -66,8 +67,8 @@ class Replicates(NamedTuple):
 
     The fields are arguments of `repose.calibrate.surrogates.base.Surrogate.fit`.
     Responses of different bench tests are independent. With several bench tests,
-    `precision` is expressed in runs of the first one, and each block of the covariance is
-    scaled accordingly.
+    `precision` is expressed in runs of the first one, and each block of the covariance
+    is scaled accordingly.
 
     Attributes
     ----------
@@ -162,6 +163,7 @@ def train_surrogate(
     targets : Targets
         The responses to learn.
     settings : NetworkSettings
+        The section `network`.
     names : sequence of str
         Columns of the parameters, the inputs of the surrogate.
     definitions : mapping, optional
@@ -281,6 +283,7 @@ def _tabulate_predictions(
     rows : mapping
         Row numbers of each part: train, validation, test.
     targets : Targets
+        The targets of the study.
 
     Returns
     -------
@@ -417,9 +420,11 @@ def refuse_other_targets(
     Parameters
     ----------
     model : Surrogate
+        The surrogate.
     path : object
         Its file.
     targets : Targets
+        The targets of the study.
     definitions : mapping
         How the responses of the targets are defined.
     source : object
@@ -472,6 +477,7 @@ def split_rows(
     shares : sequence of float
         Shares of the design for training and for validation. The rest is for the test.
     seed : int
+        Seed of the random split.
 
     Returns
     -------
@@ -501,7 +507,9 @@ def estimate_error_covariance(
     Parameters
     ----------
     errors : numpy.ndarray, (m, k)
+        Simulated minus predicted responses at unseen samples.
     targets : Targets
+        The targets of the study.
     source : object
         File of the samples, for an error.
 
@@ -536,8 +544,8 @@ def compute_corrected_r2(
 ) -> float | None:
     """Compute R2 against the unknown true means of the responses.
 
-    Let y = mean + noise, where the noise has the variance se^2 and is independent of the
-    predictions, which come from other samples. Then the sums of squares have the
+    Let y = mean + noise, where the noise has the variance se^2 and is independent of
+    the predictions, which come from other samples. Then the sums of squares have the
     expectations
 
         E[SSE] = sum (mean - predicted)^2 + sum se^2
@@ -623,6 +631,7 @@ def _compute_r2_three_ways(
     test_rows : numpy.ndarray
         Row numbers of the test samples.
     targets : Targets
+        The targets of the study.
 
     Returns
     -------

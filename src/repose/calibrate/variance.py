@@ -84,7 +84,8 @@ class Components(NamedTuple):
         """
         if not standard_error > 0:
             raise ValueError(f"standard_error is {standard_error!r}; expected above 0")
-        # Do not round up a quotient that only rounding errors raise above a whole number.
+        # Do not round up a quotient that only rounding errors raise above a whole
+        # number.
         return max(1, math.ceil(self.within / standard_error**2 * (1 - ROUNDING_ERROR)))
 
 

@@ -2,8 +2,8 @@
 
 A subcommand is a function that is registered together with its options. The other
 modules of this package define the subcommands. A subcommand passes files and settings to
-other packages of `repose`. It imports these packages inside its function, so that printing
-the help and parsing options stay fast.
+other packages of `repose`. It imports these packages inside its function, so that
+printing the help and parsing options stay fast.
 """
 
 import argparse
@@ -255,7 +255,7 @@ def _attach_dashed_choices(words: list[str]) -> list[str]:
 
 @functools.cache
 def make_parser() -> argparse.ArgumentParser:
-    """Make the parser of all subcommands, and of all stages under the subcommand `stage`.
+    """Make the parser of all subcommands, and of the stages under the command `stage`.
 
     The help of the program lists only the subcommands that a study needs.
     """

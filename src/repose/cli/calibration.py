@@ -203,8 +203,8 @@ def published_sets(args: argparse.Namespace, study: PipelineConfig) -> None:
             allowed=f"runs by this engine as {args.config} asks for",
         )
 
-    # Each row states with which engine and scene it was simulated. Other studies use the
-    # table only if their engine and scene are the same.
+    # Each row states with which engine and scene it was simulated. Other studies use
+    # the table only if their engine and scene are the same.
     record = provenance.get_current_record() or {}
     simulator = {
         "engine": record.get("engine"),

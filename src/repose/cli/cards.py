@@ -13,7 +13,8 @@ N_CARDS = {"show": 1, "compare": 2, "check": 1}
 # it has too few runs or none.
 NOT_MET_STATUS = 3
 UNDECIDED_STATUS = 4
-# The options of `material_card` that name a file whose content becomes a part of the card.
+# The options of `material_card` that name a file whose content becomes a part of the
+# card.
 FILE_OPTIONS = (
     "berry",
     "particle",

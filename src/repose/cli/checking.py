@@ -37,8 +37,8 @@ CONFIG_FILES = CONFIG.with_changes(
 def _load_with_scene_advice(args: argparse.Namespace) -> PipelineConfig:
     """Load the study of --config, and check the files that it names.
 
-    If the only fault of the study is that it has too many grains, the function describes
-    a smaller scene for the same pile before it raises the InputError again.
+    If the only fault of the study is that it has too many grains, the function
+    describes a smaller scene for the same pile before it raises the InputError again.
     """
     try:
         return load_study(args, check_inputs=True)
@@ -65,7 +65,8 @@ def _find_refused_number_of_grains(error: InputError) -> int | None:
     has_several_faults = isinstance(error, InputErrors)
     if has_several_faults or error.key != "funnel.berries":
         return None
-    # A value that is not a number is another mistake, for which no scene can be proposed.
+    # A value that is not a number is another mistake, for which no scene can be
+    # proposed.
     return error.value if isinstance(error.value, int) else None
 
 

@@ -162,8 +162,8 @@ def _check_numbers(args: argparse.Namespace) -> None:
 def _load_study_beside_card(args: argparse.Namespace) -> PipelineConfig | None:
     """Load the study in the folder of a card.
 
-    The card may have been moved to a place where the files of its study are missing. The
-    card alone is enough for an export, so faults of the study are only printed.
+    The card may have been moved to a place where the files of its study are missing.
+    The card alone is enough for an export, so faults of the study are only printed.
 
     Parameters
     ----------
@@ -262,8 +262,8 @@ def _choose_number_of_spheres(
     -------
     int or None
         If it is 1, the grain becomes a sphere of the same volume. If it is larger, the
-        grain becomes a clump of this many spheres. If it is None, the particle is already
-        a clump or a sphere, and is not changed.
+        grain becomes a clump of this many spheres. If it is None, the particle is
+        already a clump or a sphere, and is not changed.
     """
     from repose.export.job import is_sphere
 

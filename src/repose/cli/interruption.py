@@ -19,8 +19,8 @@ if TYPE_CHECKING:
 END_BYTE = b"\0"
 # Interval at which this module searches for jobs that started after the signal.
 SEARCH_INTERVAL_S = 0.5
-# A job that still runs after this time gets the signal again, because a process loses its
-# signals while it becomes another program.
+# A job that still runs after this time gets the signal again, because a process loses
+# its signals while it becomes another program.
 REPEAT_AFTER_S = 3.0
 # A thread that was about to start when the signal arrived begins within this time.
 THREAD_START_LIMIT_S = 5.0
@@ -128,8 +128,8 @@ class Interruption:
 
         Snakemake runs each job in a thread and waits for these threads. If the exception
         is raised while Snakemake starts a thread, it does not know this thread and does
-        not wait for it. Python itself would wait for the thread at the end of the program,
-        when nothing interrupts its job any more.
+        not wait for it. Python itself would wait for the thread at the end of the
+        program, when nothing interrupts its job any more.
         """
         # A thread that has not begun by the time limit will never begin, because the
         # exception was raised before the system had created it.

@@ -21,8 +21,8 @@ TEMPLATE_FOLDER = places.PACKAGE / "config" / "new_crop"
 def new(args: argparse.Namespace) -> None:
     """Make a folder for a crop of your own.
 
-    It contains a short configuration, a table of sizes, and a page that explains what to
-    do next.
+    It contains a short configuration, a table of sizes, and a page that explains what
+    to do next.
 
     Examples
     --------

@@ -237,8 +237,9 @@ def choose_seeds(
     Parameters
     ----------
     args : argparse.Namespace
-        The options. Either --seed lists the seeds, or --seeds states how many are drawn.
-        They are drawn as in a study, from the stream of --purpose and for the sample of
+        The options. Either --seed lists the seeds, or --seeds states how many are
+        drawn. They are drawn as in a study, from the stream of --purpose and for the
+        sample of
         --sample.
     study_seed : int
         The seed of the study.

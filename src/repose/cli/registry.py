@@ -37,8 +37,8 @@ class Option:
     recorded : bool, optional
         Whether the record of a result lists the files that the option names.
     find_files : callable, optional
-        Function that finds the files that the option names, given all parsed options. It
-        is only needed if the values of the option are not simply the paths of these
+        Function that finds the files that the option names, given all parsed options.
+        It is only needed if the values of the option are not simply the paths of these
         files.
     **keywords
         Arguments of `argparse.ArgumentParser.add_argument`.
@@ -271,8 +271,8 @@ def subcommand(
         True for the usual option --config, an option that replaces it, or False for a
         subcommand without a study.
     study : callable or None, optional
-        Function that makes the study from the parsed options. The decorated function gets
-        the study as its second argument.
+        Function that makes the study from the parsed options. The decorated function
+        gets the study as its second argument.
     **fields
         Further fields of `Subcommand`: `forwards_words` and `runs`.
 

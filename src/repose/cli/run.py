@@ -335,8 +335,8 @@ def build_snakemake_arguments(args: argparse.Namespace) -> list[str]:
     Parameters
     ----------
     args : argparse.Namespace
-        The options. `rest` has the words that are not options of `run`: the targets, and
-        further options of snakemake.
+        The options. `rest` has the words that are not options of `run`: the targets,
+        and further options of snakemake.
 
     Returns
     -------

@@ -22,8 +22,8 @@ def run_as_stage(
     """Make a context in which a subcommand runs as a stage.
 
     Each file that is written in the context gets a record of provenance. If the
-    configuration is in a folder of results, the folder is locked for this job. At the end,
-    a note is printed if the built-in crop was used.
+    configuration is in a folder of results, the folder is locked for this job. At the
+    end, a note is printed if the built-in crop was used.
 
     Parameters
     ----------
@@ -113,8 +113,8 @@ def note_built_in_crop(*files: str) -> None:
 def find_input_files(args: argparse.Namespace) -> Iterator[Path]:
     """Yield the existing input files on which the result of a subcommand depends.
 
-    These are the files that the values of the recorded options name. The folder of a batch
-    stands for the table of samples in it.
+    These are the files that the values of the recorded options name. The folder of a
+    batch stands for the table of samples in it.
 
     Parameters
     ----------

@@ -1,1 +1,1 @@
-"""Code that all rooms share: errors, files, tables, sections of settings, and records."""
+"""Code that all rooms share: errors, files, tables, sections, and records."""

@@ -1,8 +1,8 @@
 """Write and read the record of provenance in a result, by type of file.
 
-A JSON file has the record under the key ``provenance``, an .npz file as an array of this
-name, and a PNG as a text entry of this name. The record of any other file is in a second
-file next to it, the sidecar FILE.provenance.json.
+A JSON file has the record under the key ``provenance``, an .npz file as an array of
+this name, and a PNG as a text entry of this name. The record of any other file is in a
+second file next to it, the sidecar FILE.provenance.json.
 """
 
 import errno
@@ -19,8 +19,9 @@ RECORD_KEY = "provenance"
 PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"  # the first bytes of a PNG
 SIDECAR_SUFFIX = ".provenance.json"
 REQUIRED_ENTRIES = {"verb", "origin", "settings"}
-# Errors that the libraries raise for a missing or damaged file. A damaged archive may seem
-# to have a password or an unknown compression, for which zipfile raises a RuntimeError.
+# Errors that the libraries raise for a missing or damaged file. A damaged archive may
+# seem to have a password or an unknown compression, for which zipfile raises a
+# RuntimeError.
 READ_ERRORS = (
     OSError,
     EOFError,

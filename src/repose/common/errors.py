@@ -31,8 +31,8 @@ class InputErrors(InputError):
     Parameters
     ----------
     faults : list of InputError
-        At least one fault. The attributes `source`, `key`, `value` and `allowed` are those
-        of the first one.
+        At least one fault. The attributes `source`, `key`, `value` and `allowed` are
+        those of the first one.
     """
 
     def __init__(self, faults: list[InputError]) -> None:

@@ -221,7 +221,8 @@ def describe_schema(schema: Mapping[str, Any]) -> str:
     Returns
     -------
     str
-        A phrase such as ``a number from 0 to 1``, which follows "expected" in a message.
+        A phrase such as ``a number from 0 to 1``, which follows "expected" in a
+        message.
     """
     # A key with `section.Allowed` in its type has its own description.
     if "allowed" in schema:
@@ -472,8 +473,8 @@ def _describe_invalid_value(
 def _find_ranges_without_numbers(errors: list[_Error]) -> set[str]:
     """Find the ranges of targets that are missing because another number is wrong.
 
-    If the user gives no range, it is computed from the other numbers of its target. If one
-    of these numbers is wrong, only this number is reported.
+    If the user gives no range, it is computed from the other numbers of its target. If
+    one of these numbers is wrong, only this number is reported.
 
     Returns
     -------
@@ -521,8 +522,8 @@ def _describe_unknown_key(
     if guess is not None:
         hint = f"did you mean {guess}?"
 
-    # Find the value by the key as text, because pydantic reports keys such as null or 1.5
-    # as text.
+    # Find the value by the key as text, because pydantic reports keys such as null or
+    # 1.5 as text.
     section = follow_path(config, error.path)
     values = {str(name): value for name, value in section.items()}
     value = values[unknown_name]

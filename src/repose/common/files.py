@@ -1,7 +1,8 @@
 """Read and write files, with one reader and one writer for each type.
 
 A writer replaces a file atomically, so that no file is ever half written, and adds the
-record of provenance of the current stage. It only replaces files that this program wrote
+record of provenance of the current stage. It only replaces files that this program
+wrote
 (`repose.common.ledger`). A reader reports every fault of a file as an `InputError`, and
 leaves out the record of provenance.
 """
@@ -58,8 +59,8 @@ def convert_to_path(name: str, path: Any) -> Path:
     is_path = isinstance(path, StrPath) and bool(str(path))
     if not is_path:
         raise InputError("study", key=name, value=path, allowed="the path of a file")
-    # Ask the system whether it allows such a path. A missing or protected file is reported
-    # later, when it is read or written.
+    # Ask the system whether it allows such a path. A missing or protected file is
+    # reported later, when it is read or written.
     try:
         os.stat(path)
     except (FileNotFoundError, NotADirectoryError, PermissionError):
@@ -83,8 +84,8 @@ def write_text(path: StrPath, text: str) -> None:
 def write_bytes(path: StrPath, content: bytes) -> None:
     """Write bytes, with the record of provenance of the current stage if there is one.
 
-    In a PNG, the record is part of the file itself. For any other file, it is written into
-    a second file next to it, the sidecar.
+    In a PNG, the record is part of the file itself. For any other file, it is written
+    into a second file next to it, the sidecar.
 
     Parameters
     ----------
@@ -279,8 +280,8 @@ def read_json(
     Raises
     ------
     InputError
-        If the file cannot be read, is not a mapping, lacks a key or has one twice, or has
-        a value of another type.
+        If the file cannot be read, is not a mapping, lacks a key or has one twice, or
+        has a value of another type.
     """
     try:
         text = attached.require_plain_file(path).read_bytes().decode("utf-8-sig")

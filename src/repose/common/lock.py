@@ -67,7 +67,8 @@ def lock_folder(folder: str | os.PathLike) -> HeldLock:
         )
     _wait_for_jobs(folder)
 
-    # Write into the file which process holds the lock, for the message of another workflow.
+    # Write into the file which process holds the lock, for the message of another
+    # workflow.
     with open_descriptor(path, os.O_TRUNC) as handle:
         os.write(handle, f"process {os.getpid()} on {platform.node()}".encode())
     return lock
@@ -79,8 +80,8 @@ def _wait_for_jobs(folder: Path) -> None:
     Parameters
     ----------
     folder : Path
-        The folder of results. If one of its jobs is still running, a line on stderr says
-        so.
+        The folder of results. If one of its jobs is still running, a line on stderr
+        says so.
     """
     locked_paths = []
     for path in sorted(folder.glob(f"{JOB_LOCK_PREFIX}*")):

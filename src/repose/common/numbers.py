@@ -2,7 +2,8 @@
 
 import math
 
-# Numbers of at least the first size or below the second one are written with an exponent.
+# Numbers of at least the first size or below the second one are written with an
+# exponent.
 LARGEST_PLAIN = 1e5
 SMALLEST_PLAIN = 1e-4
 # Significant digits of a standard error, which is itself uncertain, and of a number.

@@ -1,8 +1,8 @@
 """Record the origin of a result, and write it with the result.
 
-A stage is one subcommand with its settings and the files that it reads. While it runs, the
-writers of `repose.common.files` put its record into every file. A user's own program is
-not a stage, so its files have no record. docs/howto.md explains the entries.
+A stage is one subcommand with its settings and the files that it reads. While it runs,
+the writers of `repose.common.files` put its record into every file. A user's own
+program is not a stage, so its files have no record. docs/howto.md explains the entries.
 """
 
 import hashlib
@@ -44,8 +44,8 @@ class _Stage:
     Attributes
     ----------
     heading : dict
-        The first entries of its record: the subcommand, and other names that identify the
-        stage.
+        The first entries of its record: the subcommand, and other names that identify
+        the stage.
     inputs : list of (Path, mapping or None)
         Its input files with their records. A file may have none.
     settings_of : callable
@@ -91,8 +91,8 @@ def record_stage(
     paths : iterable of Path
         The input files of the stage.
     settings_of : callable
-        Function that selects the settings that the stage reads, given a configuration and
-        the name of a bench test. The name is None if the results are not runs.
+        Function that selects the settings that the stage reads, given a configuration
+        and the name of a bench test. The name is None if the results are not runs.
     apparatus : str, optional
         The bench test of the runs. The default is that of the input files.
     runs : {"", "made", "measured"}
@@ -190,8 +190,8 @@ def _make_record(current_stage: _Stage) -> dict[str, Any]:
     dict
         The entries of the record.
     """
-    # Simulated runs come from the current engine. The engine of other results is that in
-    # the records of their input files.
+    # Simulated runs come from the current engine. The engine of other results is that
+    # in the records of their input files.
     if current_stage.simulates:
         engine = engine_hash()
     else:

@@ -13,16 +13,16 @@ import yaml
 from repose.common.attached import require_plain_file
 from repose.common.errors import InputError
 
-# A valid line without indentation: a key with a colon, an empty line, or a line that begins
-# with a special character of YAML, as comments, lists and quoted texts do.
+# A valid line without indentation: a key with a colon, an empty line, or a line that
+# begins with a special character of YAML, as comments, lists and quoted texts do.
 KEY_AT_MARGIN = re.compile(r".+:(\s|$)|[\s#\[\]{}\"'%?!&*:|>-]|\.\.\.|$")
 # A number in the usual form. YAML 1.1 also reads 010 as 8, 1:30 as 90, 1_0 as 10 and
 # 0x10 as 16, which few users expect.
 PLAIN_NUMBER = re.compile(
     r"[-+]?(0|[1-9]\d*)?(\.\d*)?([eE][-+]?\d+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)"
 )
-# Largest number of characters of all values, once aliases are replaced by the values that
-# they stand for. The configuration paper.yaml has about 5,000 characters.
+# Largest number of characters of all values, once aliases are replaced by the values
+# that they stand for. The configuration paper.yaml has about 5,000 characters.
 MOST_CHARACTERS = 200_000
 # The tag of the key <<, which copies the keys of another mapping.
 MERGE_TAG = "tag:yaml.org,2002:merge"
@@ -89,8 +89,8 @@ class StrictLoader(yaml.SafeLoader):
         Raises
         ------
         InputError
-            If the key is true, false, a date, a list or a mapping. The message names the
-            line.
+            If the key is true, false, a date, a list or a mapping. The message names
+            the line.
         """
         key = self.construct_object(node, deep=deep)
         # In Python, True and False are integers, too.
@@ -289,7 +289,8 @@ def _describe_syntax_error(
     line_number = error.problem_mark.line + 1 if error.problem_mark else 0
     problem = error.problem or ""
 
-    # The parser reports a missing colon at a later line, so search all lines up to that one.
+    # The parser reports a missing colon at a later line, so search all lines up to that
+    # one.
     line_without_colon = _find_line_without_colon(text.splitlines()[:line_number])
     if line_without_colon is not None:
         number, line_text = line_without_colon
@@ -328,8 +329,8 @@ def _find_line_without_colon(lines: Sequence[str]) -> tuple[int, str] | None:
     for number, text in enumerate(lines, start=1):
         if KEY_AT_MARGIN.match(text):
             continue
-        # The line may continue a text or list that spans several lines. It is then valid,
-        # and the lines before it are an incomplete document.
+        # The line may continue a text or list that spans several lines. It is then
+        # valid, and the lines before it are an incomplete document.
         lines_before = "\n".join(lines[: number - 1])
         return (number, text) if _is_complete_document(lines_before) else None
     return None

@@ -8,8 +8,8 @@ A section is a subclass of `Section` with one field per key::
 
 The `description` explains the key. The message about a bad value states the allowed
 values, which are the type and the bounds of the field, or the words of `Allowed`. The
-tables of config/README.md are also made from the fields (`repose.config.page`). The source
-of a value is given in ``json_schema_extra={"source": ...}``.
+tables of config/README.md are also made from the fields (`repose.config.page`). The
+source of a value is given in ``json_schema_extra={"source": ...}``.
 """
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -51,7 +51,8 @@ else:
 Contradictions = Iterator[tuple[str, str]]
 CONTRADICTION = "contradiction"
 
-# Paths without control characters, and without braces, which Snakemake reads as wildcards.
+# Paths without control characters, and without braces, which Snakemake reads as
+# wildcards.
 _NO_BRACES = r"^[^{}\x00-\x1f\x7f]+$"
 # Marks the types of keys that name a file.
 FILE: Final = object()
@@ -158,7 +159,7 @@ class OneOf:
 
 
 def _require_rising(numbers: Sequence[float]) -> Sequence[float]:
-    """Return the numbers unchanged; raise ValueError unless each exceeds the previous."""
+    """Return the numbers unchanged; raise ValueError unless they rise."""
     if not all(low < high for low, high in pairwise(numbers)):
         raise ValueError("the numbers do not rise")
     return numbers

@@ -17,9 +17,9 @@ from typing import Any
 
 from repose.common.places import PACKAGE
 
-# Modules and packages that do not compute any numbers. They read and write files, report
-# faults, or choose what runs. Editing them makes no rule run again, unless a developer
-# forces it.
+# Modules and packages that do not compute any numbers. They read and write files,
+# report faults, or choose what runs. Editing them makes no rule run again, unless a
+# developer forces it.
 WITHOUT_NUMBERS = (
     "repose",
     "repose.cli",
@@ -32,8 +32,8 @@ SUMMARY_FORMAT = b"3"
 DATA_SUFFIXES = (".csv", ".json", ".mplstyle", ".html", ".js", ".css", ".yaml")
 # Largest number of stored summaries of files: enough for a few versions of the package.
 MOST_SUMMARIES = 1500
-# Arguments that only explain something: those of pydantic's `Field` explain a key, those of
-# `Drawn` a figure.
+# Arguments that only explain something: those of pydantic's `Field` explain a key,
+# those of `Drawn` a figure.
 EXPLAINING_ARGUMENTS = {
     "Field": ("description", "json_schema_extra"),
     "Drawn": ("title", "caption"),
@@ -172,9 +172,9 @@ def _find_imported_modules(module: str) -> set[str]:
     """Find the modules of `repose` that a module imports when it runs.
 
     Imports inside functions count, but imports only for type checkers do not. An import
-    from a package counts for the package, and for the imported name if that is a module.
-    A module that imports others by computed names, as a table of laws does, depends on
-    its whole package.
+    from a package counts for the package, and for the imported name if that is a
+    module. A module that imports others by computed names, as a table of laws does,
+    depends on its whole package.
 
     Parameters
     ----------
@@ -267,8 +267,8 @@ def _hash_module(module: str) -> str:
     Returns
     -------
     str
-        Hashes, separated by spaces: first that of the code, then those of the data files
-        in alphabetical order.
+        Hashes, separated by spaces: first that of the code, then those of the data
+        files in alphabetical order.
     """
     file = _find_file(module)
     content = _read_source(file)
@@ -409,7 +409,8 @@ def store_new_summaries() -> None:
     try:
         path = _find_store()
         path.parent.mkdir(parents=True, exist_ok=True)
-        # Write a new file and rename it, because other processes may be reading the old one.
+        # Write a new file and rename it, because other processes may be reading the old
+        # one.
         new_path = path.with_name(f"{path.name}.{os.getpid()}.part")
         # New summaries are added at the end, so the last ones are the newest.
         newest = dict(list(_load_stored_summaries().items())[-MOST_SUMMARIES:])

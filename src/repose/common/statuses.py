@@ -8,8 +8,8 @@ docs/files.md lists both.
 import re
 from collections.abc import Mapping
 
-# A clause for each status except ``ok``. The first clauses are for our bench tests, the last
-# ones for runs of other programs.
+# A clause for each status except ``ok``. The first clauses are for our bench tests, the
+# last ones for runs of other programs.
 FAILURE_CLAUSES = {
     "not_at_rest": "the grains still moved when they should have been at rest",
     "jammed": "grains got stuck on their way out",
@@ -66,7 +66,7 @@ def replace_statuses(reason: str) -> str:
     """Replace each status in a cell of the column `reason` by the clause for it."""
 
     def write_clause(match: re.Match[str]) -> str:
-        """Return the number of runs and the clause; leave an unknown status unchanged."""
+        """Return the number of runs and the clause; leave unknown words unchanged."""
         runs, status = match.groups()
         if status not in FAILURE_CLAUSES:
             return match[0]

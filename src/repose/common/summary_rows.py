@@ -11,16 +11,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-# A row is compared with the statistics of the rows above it only if there are at least this
-# many of these rows, and at least this many columns to compare.
+# A row is compared with the statistics of the rows above it only if there are at least
+# this many of these rows, and at least this many columns to compare.
 FEWEST_ROWS_ABOVE = 3
 FEWEST_COLUMNS = 3
-# The standard deviation of a compared column must be at least this many units of the last
-# digit. In a coarser column, an ordinary row may equal the rounded mean by chance.
+# The standard deviation of a compared column must be at least this many units of the
+# last digit. In a coarser column, an ordinary row may equal the rounded mean by chance.
 FEWEST_UNITS_OF_SCATTER = 5.0
-# Largest difference between a statistic and its printed value. It is slightly more than half
-# a unit of the last digit, plus the error of the sum of the numbers, as a share of their
-# size.
+# Largest difference between a statistic and its printed value. It is slightly more than
+# half a unit of the last digit, plus the error of the sum of the numbers, as a share of
+# their size.
 ROUNDING_UNITS = 0.501
 SUM_ERROR_SHARE = 1e-12
 STATISTICS: dict[str, Callable[[np.ndarray], float]] = {
@@ -54,11 +54,11 @@ def find_summary_row(columns: Mapping[str, Sequence[str]]) -> SummaryRow | None:
     Notes
     -----
     A summary row equals the same statistic in every column that is compared, to all the
-    digits that it prints. A row that repeats an earlier row is not a summary. Columns with
-    few different values are not compared, because they belong to the design of an
+    digits that it prints. A row that repeats an earlier row is not a summary. Columns
+    with few different values are not compared, because they belong to the design of an
     experiment, whose centre equals the mean and whose corners equal the extremes. The
-    parameters of repeated runs also have few different values, but many if each parameter
-    set is counted once.
+    parameters of repeated runs also have few different values, but many if each
+    parameter set is counted once.
     """
     # Read the cells as an array (rows, columns) of numbers.
     cells_of_columns = list(columns.values())
@@ -174,7 +174,8 @@ def _find_compared_columns(
     is_parameter = scatters & ~is_measured & differs_between_sets & ~is_centre
     parameter_columns = np.flatnonzero(is_parameter)
 
-    # A further run of an earlier set repeats its parameters, which therefore say nothing.
+    # A further run of an earlier set repeats its parameters, which therefore say
+    # nothing.
     is_same = rows_above[:, parameter_columns] == row[parameter_columns]
     if is_same.all(axis=1).any():
         return measured_columns.tolist()

@@ -57,11 +57,12 @@ COMMENT_SIGN = "#"
 UNNAMED = "the column without a name"
 UTF_16_MARKS = (b"\xff\xfe", b"\xfe\xff")
 SEPARATORS = ",;\t"
-# In a table from Excel, the first line may state the character that separates the cells.
+# In a table from Excel, the first line may state the character that separates the
+# cells.
 SEPARATOR_LINE_PATTERN = re.compile(r'"?sep=."?', re.IGNORECASE)
 BLANKS_PATTERN = r"\s+"  # separates cells if the header has none of `SEPARATORS`
-# A message describes the columns that are not read: at most this many of them, each with at
-# most this many of its values.
+# A message describes the columns that are not read: at most this many of them, each
+# with at most this many of its values.
 MOST_DESCRIBED_COLUMNS = 30
 MOST_SHOWN_VALUES = 5
 # If an extreme of measured numbers occurs at least this often, it may mark failed runs.
@@ -104,8 +105,8 @@ class Column:
     needed : bool
         Whether the table must have the column.
     words : str
-        Description of the allowed values, for messages. It is only needed if the kind and
-        the bounds do not describe them.
+        Description of the allowed values, for messages. It is only needed if the kind
+        and the bounds do not describe them.
     """
 
     name: str
@@ -232,7 +233,8 @@ class Table:
         import pandas as pd
 
         table = pd.read_csv(io.StringIO(self.text.to_csv(index=False)))
-        # Restore columns of text, because pandas reads text such as NA as an empty cell.
+        # Restore columns of text, because pandas reads text such as NA as an empty
+        # cell.
         for name in self.text_columns & set(self.text):
             table[name] = self.text[name].tolist()
         return table
@@ -244,8 +246,8 @@ def parse_number(value: object) -> float:
     Raises
     ------
     ValueError
-        If the value has another form, even one that Python accepts, such as ``1_0``, True,
-        or digits of other scripts.
+        If the value has another form, even one that Python accepts, such as ``1_0``,
+        True, or digits of other scripts.
     """
     if isinstance(value, bool | np.bool_):
         raise ValueError(f"{value!r} is not a number")
@@ -276,7 +278,8 @@ def holds_measurements(cells: Iterable[str]) -> bool:
 def _numbers_the_rows(cells: Iterable[str]) -> bool:
     """Tell whether a column seems to number the rows.
 
-    In such a column, more than half of the cells are filled, all with different integers.
+    In such a column, more than half of the cells are filled, all with different
+    integers.
     """
     cells = list(cells)
     filled = [cell for cell in cells if cell]
@@ -307,8 +310,8 @@ def read(
         What the file should be, for messages.
     is_number_column : callable
         Function that tells from the cells of an undeclared column whether it holds
-        numbers. If it does, each of its cells must be a number. A cell may also be empty,
-        unless the column numbers the rows.
+        numbers. If it does, each of its cells must be a number. A cell may also be
+        empty, unless the column numbers the rows.
     optional : iterable of str
         Names of other columns that the table may have.
     find_unused_rows : callable, optional
@@ -611,8 +614,8 @@ def describe_unread(
     columns : mapping of str to sequence
         The cells by column.
     hint_if_few : str
-        Text to append for a column with few different values. Such a column may show which
-        runs failed.
+        Text to append for a column with few different values. Such a column may show
+        which runs failed.
 
     Returns
     -------
@@ -653,8 +656,8 @@ def _list_frequent_values(counts: "Counter[str]") -> str:
     Returns
     -------
     str
-        A list such as ``'True' 12 times, 'False' once``. At most `MOST_SHOWN_VALUES` values
-        are listed, and the others are counted.
+        A list such as ``'True' 12 times, 'False' once``. At most `MOST_SHOWN_VALUES`
+        values are listed, and the others are counted.
     """
     texts = []
     for value, count in counts.most_common(MOST_SHOWN_VALUES):
@@ -1054,8 +1057,8 @@ def _split_cells(path: StrPath, text: str, separator: str, what: str) -> "pd.Dat
     Returns
     -------
     pandas.DataFrame
-        The cells as strings without blanks around them. Row 0 is the header, the columns
-        are numbered, and rows without content are left out.
+        The cells as strings without blanks around them. Row 0 is the header, the
+        columns are numbered, and rows without content are left out.
 
     Raises
     ------
@@ -1261,7 +1264,7 @@ def _find_repeated_values(name: str, values: Sequence[Any]) -> list[Fault]:
                 row,
                 column=name,
                 value=value,
-                allowed=f"each {name} once; row {first_row + 1} also has it",
+                allowed=f"each {name} once; row {first_row + 1} has it as well",
             )
             faults.append(fault)
     return faults
@@ -1283,7 +1286,7 @@ def _format_invalid_cell(column: Column, cell: Any) -> Any:
 
 
 def _explain_form(column: Column, cell: Any) -> str:
-    """Explain how to write a number, for text that begins with a digit but is no number.
+    """Explain how to write a number, if text only begins like one.
 
     Parameters
     ----------

@@ -4,9 +4,9 @@ import math
 
 # Smallest distance of a limit from the value, as a share of the value.
 LEAST_RELATIVE_RANGE = 0.01
-# Number of standard errors between the mean and each limit. With only one standard error,
-# the range would contain the true mean with a probability of 58 % after three repetitions,
-# and of 66 % after ten.
+# Number of standard errors between the mean and each limit. With only one standard
+# error, the range would contain the true mean with a probability of 58 % after three
+# repetitions, and of 66 % after ten.
 STANDARD_ERRORS = 2
 
 

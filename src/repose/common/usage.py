@@ -1,7 +1,7 @@
 """Record the processor time of each process of a study's jobs, and add it up.
 
-Snakemake reads the processor time of a job only at intervals, so its benchmark of a long
-job may lack the last half minute.
+Snakemake reads the processor time of a job only at intervals, so its benchmark of a
+long job may lack the last half minute.
 """
 
 import csv
@@ -23,8 +23,8 @@ BENCHMARKS = "benchmarks"
 # Columns of snakemake's benchmarks: the duration of a run, and its processor time [s]
 DURATION_COLUMN = "s"
 CPU_TIME_COLUMN = "cpu_time"
-# File times are coarse, so a process may seem to have ended before its job began. This is
-# the largest such difference [s].
+# File times are coarse, so a process may seem to have ended before its job began. This
+# is the largest such difference [s].
 CLOCK_TOLERANCE_S = 1.0
 
 
@@ -42,8 +42,8 @@ class Process(NamedTuple):
     host : str
         Name of its machine.
     ancestors : str
-        Numbers of the process that started it, of the process that started that one, and
-        so on, separated by spaces.
+        Numbers of the process that started it, of the process that started that one,
+        and so on, separated by spaces.
     """
 
     ended_s: float

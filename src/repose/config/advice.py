@@ -20,17 +20,17 @@ from repose.grain.particle import Particle
 # Share of its Height by which a pile of soft grains may sink. This is far less than the
 # scatter of piles.
 LARGEST_SINKING = 0.005
-# Piles of real grains sink by a smaller share than this. The softest pile that we know, of
-# fresh goji berries, sinks by 0.023.
+# Piles of real grains sink by a smaller share than this. The softest pile that we know,
+# of fresh goji berries, sinks by 0.023.
 SUSPICIOUS_SINKING = 0.05
-# Smallest and largest slope of poured grains. If a cone of all grains that is as high as the
-# target has a slope outside these limits, the number of grains is wrong.
+# Smallest and largest slope of poured grains. If a cone of all grains that is as high
+# as the target has a slope outside these limits, the number of grains is wrong.
 SLOPES_DEG = (15.0, 45.0)
-# Largest ratio between the volumes of a pile and its cone, whichever is larger. A real pile
-# differs from a cone because it has a rounded top and a tail at the foot.
+# Largest ratio between the volumes of a pile and its cone, whichever is larger. A real
+# pile differs from a cone because it has a rounded top and a tail at the foot.
 VOLUME_FACTOR = 1.5
-# By Hertz's law, the sinking is proportional to the modulus to the power of -2/3, so the
-# modulus is proportional to the sinking to the power of -3/2.
+# By Hertz's law, the sinking is proportional to the modulus to the power of -2/3, so
+# the modulus is proportional to the sinking to the power of -3/2.
 MODULUS_EXPONENT = 1.5
 
 
@@ -107,7 +107,8 @@ def give_funnel_hints(
     height_mm = 1e3 * estimate_pile_height_m(config, grain)
     yield from _warn_of_blocked_outlet(config, height_mm)
 
-    # Describe the number of grains. If it is wrong for the targets, name the right number.
+    # Describe the number of grains. If it is wrong for the targets, name the right
+    # number.
     n_grains = _read_funnel_settings(config).berries
     beginning = "ok, the pile is"
     if not filling.fits:
@@ -259,8 +260,8 @@ def compute_softening(config: Config, grain: Grain) -> Softening:
     A grain of diameter d at depth z carries the weight above its own area,
     F = p rho g z d^2, where p is the packing fraction. By Hertz's law two such grains
     approach each other by (3 F / (4 E* sqrt(d/4)))^(2/3). The mean approach over the
-    depth is 3/5 of that at the bottom. Divided by d, this is the share of the Height that
-    is lost. It is proportional to the modulus to the power of -2/3.
+    depth is 3/5 of that at the bottom. Divided by d, this is the share of the Height
+    that is lost. It is proportional to the modulus to the power of -2/3.
     """
     diameter_m = 1e-3 * compute_diameter_mm(grain)
     gravity = SceneSettings(config).simulation.gravity_m_s2

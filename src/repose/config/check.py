@@ -41,8 +41,8 @@ LARGEST_EXCESS = 0.02
 FEWEST_PILES = 3
 # Trial runs are skipped if one would take longer than this.
 LONGEST_TRIAL_S = 60.0
-# For each trial run, the positions in their ranges, as shares, of the restitutions and of
-# all other parameters.
+# For each trial run, the positions in their ranges, as shares, of the restitutions and
+# of all other parameters.
 TRIAL_SHARES = {
     "most bounce, least friction": (1.0, 0.0),
     "centre of the ranges": (0.5, 0.5),
@@ -50,10 +50,10 @@ TRIAL_SHARES = {
 }
 # All trial runs begin with the same random numbers.
 TRIAL_SEED = 1
-# A target gets a warning if it lies further outside the results of the trial runs than this
-# share of their span. So few single runs seldom include the extremes. In config/paper.yaml
-# the trial runs span 11.8 degrees and end at 30.5 degrees, and 2.5 % of all runs there are
-# steeper by at least 0.4 spans.
+# A target gets a warning if it lies further outside the results of the trial runs than
+# this share of their span. So few single runs seldom include the extremes. In
+# config/paper.yaml the trial runs span 11.8 degrees and end at 30.5 degrees, and 2.5 %
+# of all runs there are steeper by at least 0.4 spans.
 LARGEST_DISTANCE_FROM_TRIALS = 0.5
 # A hint is given if the advised time step is longer than the study's by this factor.
 WORTHWHILE_RATIO = 1.5
@@ -361,7 +361,7 @@ def _describe_spread(
 
 
 def describe_time_step(step_s: float, limit: "Limit") -> str:
-    """Compare the time step with its maximum, and describe what a longer one would gain.
+    """Compare the time step with its maximum, and describe the gain of a longer one.
 
     Parameters
     ----------
@@ -669,7 +669,7 @@ def list_studies(files: list[str]) -> str:
 
 
 def _describe_all_costs(study: PipelineConfig) -> dict[str, str]:
-    """Describe the cost of each study of `repose run`, and of each strategy, by name."""
+    """Describe the cost of each study of `repose run` and of each strategy, by name."""
     cost_texts = cost.describe_costs(study.config)
     for name in strategies.list_strategies_with_section():
         cost_texts[name] = _describe_strategy_cost(study, name)

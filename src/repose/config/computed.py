@@ -39,8 +39,8 @@ REST_TIME = 40
 
 # Beverloo's law for the discharge of grains from an opening.
 BEVERLOO_FACTOR = 0.58
-# No grains flow near the edge of the opening. In Beverloo's law, this many grain diameters
-# are subtracted from the diameter of the opening.
+# No grains flow near the edge of the opening. In Beverloo's law, this many grain
+# diameters are subtracted from the diameter of the opening.
 BEVERLOO_EDGE_DIAMETERS = 1.4
 
 Grain = Mapping[str, Any]  # the mean grain, as in berry.json
@@ -134,8 +134,8 @@ def find_longest_step(
     ranges = find_ranges(config)
 
     # Make the parameter set that needs the shortest step. A low restitution means strong
-    # damping, which requires a short step. Therefore use the lowest value of each parameter
-    # in the ranges and in the published sets, which are also simulated.
+    # damping, which requires a short step. Therefore use the lowest value of each
+    # parameter in the ranges and in the published sets, which are also simulated.
     published_sets = read_parameter_sets(settings.validation.published)
     critical_set = {}
     for name in PARAMETERS:
@@ -244,8 +244,8 @@ def _estimate_duration_s(config: Config, grain: Grain, particle: "Particle") -> 
         flow_per_s = min(flow_per_s, discharge_per_s)
     pour_s = funnel.berries / flow_per_s
 
-    # Compute the time of its fall. Another rule refuses a negative height, so treat it as
-    # 0 here.
+    # Compute the time of its fall. Another rule refuses a negative height, so treat it
+    # as 0 here.
     fall_m = max(funnel.funnel.inlet_height_m, 0.0)
     fall_s = math.sqrt(2 * fall_m / gravity_m_s2)
 

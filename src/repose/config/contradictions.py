@@ -21,8 +21,8 @@ from repose.calibrate.parameter_types import find_constraint_faults
 from repose.calibrate.strategies import obeying_strategies, strategy
 from repose.config.models import StudySettings, select_valid_sections
 
-# Rounding errors may put a product just below an integer: 0.7 * 90 is 62.99999. This number
-# is added before the decimals are cut off. It is larger than any such error.
+# Rounding errors may put a product just below an integer: 0.7 * 90 is 62.99999. This
+# number is added before the decimals are cut off. It is larger than any such error.
 ROUNDING_MARGIN = 1e-9
 # Pairs of a dotted key and its allowed values.
 KeyFaults = Iterator[tuple[str, str]]
@@ -198,7 +198,7 @@ def _count_design_samples(settings: StudySettings, part: int) -> int:
 
 
 def _find_contact_law_faults(settings: StudySettings) -> KeyFaults:
-    """Yield a fault for a law without its parameters, or parameters without their law."""
+    """Yield faults: laws without their parameters, and parameters without their law."""
     contact_law = settings.simulation.contact_law
     rolling_law = settings.simulation.rolling_law
     entries = settings.parameters.entries
@@ -252,7 +252,7 @@ def _find_seed_faults(settings: StudySettings) -> KeyFaults:
 def _find_target_faults(
     settings: StudySettings, config: Mapping[str, Any]
 ) -> KeyFaults:
-    """Yield a fault for each target whose bench test has no section, or that is repeated.
+    """Yield a fault for each target that is repeated or lacks its bench test.
 
     Parameters
     ----------

@@ -21,8 +21,8 @@ from repose.stages.published import list_sets_to_simulate
 if TYPE_CHECKING:
     from repose.bench import Scene
 
-# Times on one core of a common server, for one step of one grain and for the measurement of
-# one view of a pile.
+# Times on one core of a common server, for one step of one grain and for the
+# measurement of one view of a pile.
 SECONDS_PER_GRAIN_STEP = 8e-8
 SECONDS_PER_VIEW = 0.01
 # Time to start the two processes of a job, which simulate and measure.
@@ -31,12 +31,14 @@ JOB_START_S = 2.5
 # Snakemake.
 OTHER_WORK_S = 120.0
 
-# Simulated time of the timed pour. The number of its grains is chosen so that the product
-# of grains and steps has the second value, which takes about half a second on one core.
+# Simulated time of the timed pour. The number of its grains is chosen so that the
+# product of grains and steps has the second value, which takes about half a second on
+# one core.
 TIMED_POUR_S = 1.5
 TIMED_GRAIN_STEPS = 1.0e7
 FEWEST_TIMED_GRAINS = 20
-# All grains are poured within this share of the time, so that all are present in most steps.
+# All grains are poured within this share of the time, so that all are present in most
+# steps.
 TIMED_POURING_SHARE = 0.25
 # The pour lasts longer by the second over which the funnel measures the time of a step.
 MEASURED_END_S = 1.0
@@ -186,8 +188,8 @@ def measure_grain_step_s(
     """
     from repose.bench import Scene
 
-    # Choose the number of grains so that a pour takes about the same time for every study.
-    # Its work is the number of grains times the number of steps.
+    # Choose the number of grains so that a pour takes about the same time for every
+    # study. Its work is the number of grains times the number of steps.
     settings = select_valid_sections(config)
     n_steps = TIMED_POUR_S / settings.simulation.time_step_s
     n_grains = max(

@@ -621,9 +621,9 @@ def require_same_study(config: Config, inputs: Inputs, source: str) -> None:
         if difference is None:
             continue
 
-        # The key may name a file, in which case hashes are compared. If there is no hash,
-        # the file is missing, probably because the user called the subcommand in another
-        # folder.
+        # The key may name a file, in which case hashes are compared. If there is no
+        # hash, the file is missing, probably because the user called the subcommand in
+        # another folder.
         named_file = get_value(config, difference.key)
         if difference.current is None and isinstance(named_file, str):
             raise InputError(
@@ -675,8 +675,8 @@ def find_own_dataset(config: Config) -> Path | None:
     -------
     Path or None
         The path of dataset.csv. None if the study has no table of all its piles, if the
-        table, the piles or the grain were made with other settings, or if a pile is newer
-        than the table.
+        table, the piles or the grain were made with other settings, or if a pile is
+        newer than the table.
     """
     folder = Path(config["results_dir"])
     table = folder / "dataset.csv"

@@ -49,8 +49,8 @@ if TYPE_CHECKING:
 
 # Sections for which the short form has other bounds than the models of `StudySettings`.
 SECTIONS_WITH_OTHER_BOUNDS = ("sequential", "posterior")
-# Keys at the top of the short form, and the keys with the same meaning in a study with our
-# simulator.
+# Keys at the top of the short form, and the keys with the same meaning in a study with
+# our simulator.
 MOVED_KEYS = {"seeds": "funnel.seeds", "seed": "design.seed"}
 # Keys that have the same form in the file and in the resolved configuration.
 COPIED_KEYS = (
@@ -423,8 +423,8 @@ def _map_targets_by_name(targets: Iterable[Any]) -> dict[Any, dict[str, Any]]:
     Parameters
     ----------
     targets : iterable
-        The list as the user wrote it. A target that is not a mapping is left out, because
-        a later check refuses it.
+        The list as the user wrote it. A target that is not a mapping is left out,
+        because a later check refuses it.
 
     Returns
     -------
@@ -554,7 +554,8 @@ def _convert_to_resolved_form(complete: Mapping[str, Any]) -> dict[str, Any]:
     sequential["most_pours"] = sequential.pop("most_runs")
     sequential["checks"] = complete["validation"]["representative_seeds"]
     config["sequential"] = sequential
-    # A correlation between responses can only be estimated from several runs of one sample.
+    # A correlation between responses can only be estimated from several runs of one
+    # sample.
     correlation = "simulated" if complete["seeds"] > 1 else 0.0
     config["posterior"] = {
         "shape_study": None,

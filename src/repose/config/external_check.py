@@ -76,9 +76,9 @@ def _describe_deck(
     for name, value in study.parameters.fixed.items():
         if name not in used_names:
             yield (
-                f"{name} is fixed at {value:g}, and the deck does not use this name; the "
-                "deck must state the number that its program needs for it, as a deck of "
-                "`repose export` does"
+                f"{name} is fixed at {value:g}, and the deck does not use this name; "
+                "the deck must state the number that its program needs for it, as a "
+                "deck of `repose export` does"
             )
 
 

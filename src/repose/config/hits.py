@@ -1,8 +1,8 @@
 """Compute the restitution that a simulated hit really has at the time step of a study.
 
-The damping of a contact gives the configured restitution only for an infinitely small time
-step. If a contact lasts only a few time steps, the real restitution is smaller. The
-difference grows as the restitution becomes lower.
+The damping of a contact gives the configured restitution only for an infinitely small
+time step. If a contact lasts only a few time steps, the real restitution is smaller.
+The difference grows as the restitution becomes lower.
 """
 
 import math
@@ -22,8 +22,8 @@ LOW_RESTITUTION = 0.3
 PHASES = (0.1, 0.3, 0.5, 0.7, 0.9)
 # Largest number of time steps for a hit, so that the loop always ends.
 MOST_STEPS = 100_000
-# Duration of a hit by Hertz's law without damping, times the speed of the impact and divided
-# by the largest overlap.
+# Duration of a hit by Hertz's law without damping, times the speed of the impact and
+# divided by the largest overlap.
 HERTZ_DURATION = 2.943
 # The largest overlap of this hit, if mass, speed and stiffness are 1.
 HERTZ_OVERLAP = (5 / 4) ** 0.4
@@ -128,8 +128,8 @@ def describe_low_restitutions(
     Yields
     ------
     str
-        One sentence about the restitutions below `LOW_RESTITUTION`. Nothing is yielded if
-        all are higher, or if the contact law is not one of `HERTZ_LAWS`.
+        One sentence about the restitutions below `LOW_RESTITUTION`. Nothing is yielded
+        if all are higher, or if the contact law is not one of `HERTZ_LAWS`.
     """
     from repose.dem.time_steps import FASTEST_IMPACT_M_S
 

@@ -106,7 +106,8 @@ def merge_with_defaults(
     InputError
         If a file cannot be read.
     """
-    # The files may be merged twice, alone and over the defaults, but read each only once.
+    # The files may be merged twice, alone and over the defaults, but read each only
+    # once.
     read = _make_caching_reader()
     paths = [places.find_file(path) for path in files]
     if paths:
@@ -298,7 +299,8 @@ def _locate_values(
         )
         return value_in_file, {dotted_key: source}
 
-    # A section belongs to the last file that has it, even if its keys belong to other files.
+    # A section belongs to the last file that has it, even if its keys belong to other
+    # files.
     section_file = _find_last_file_with_section(dotted_key, config_files)
     files_by_key = {dotted_key: section_file or default_source}
     section = {}
@@ -425,8 +427,8 @@ def find_substitute_crop(*files: StrPath) -> Path | None:
     if has_configuration or is_resolved(*paths):
         return None
 
-    # A file in the folder of the built-in crop is a variant of this crop, so the user wants
-    # the built-in crop.
+    # A file in the folder of the built-in crop is a variant of this crop, so the user
+    # wants the built-in crop.
     for path in paths:
         if path != built_in_crop and path.parent == built_in_crop.parent:
             return None

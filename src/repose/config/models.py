@@ -92,8 +92,8 @@ HIGHEST_JSON_NUMBER = 1.0e9
 class ParametersSettings(Section):
     """The contact parameters.
 
-    A restitution is exact only for a hit that lasts many time steps. With the time step of
-    `auto`, the real restitution is smaller (`repose.config.hits`).
+    A restitution is exact only for a hit that lasts many time steps. With the time step
+    of `auto`, the real restitution is smaller (`repose.config.hits`).
     """
 
     @property
@@ -163,8 +163,7 @@ class TargetSettings(Section):
     )
     aim: Number = Field(
         default=ABSENT,
-        description="the search aims at this number, inside `range`; at `value` if not "
-        "given",
+        description="number in `range` at which the search aims; by default `value`",
         json_schema_extra={"source": "3.3"},
     )
     sd: float = Field(
@@ -176,15 +175,15 @@ class TargetSettings(Section):
     repetitions: int = Field(
         ge=1,
         le=10000,
-        description="how often it was measured",
+        description="number of physical repetitions",
         json_schema_extra={"source": "2.3"},
     )
     range: Annotated[
         Annotated[tuple[Number, Number], Field(strict=False), RISING],
         Allowed("a pair [low, high] of numbers with low < high"),
     ] = Field(
-        description="a solution predicted inside is feasible; by default `value` ± two "
-        "standard errors, at least 1 %",
+        description="a solution predicted inside it is feasible; by default `value` ± "
+        "two standard errors, at least 1 %",
         json_schema_extra={"source": "3.3"},
     )
     weight: float = Field(
@@ -248,8 +247,8 @@ class TargetSettings(Section):
             yield "value", within_limits
             return
 
-        # So must the mean plus or minus two standard errors. A scatter beyond the limits is
-        # wrong, even if the user gave a range.
+        # So must the mean plus or minus two standard errors. A scatter beyond the
+        # limits is wrong, even if the user gave a range.
         scatter_low, scatter_high = compute_target_range(
             self.value, self.sd, self.repetitions
         )
@@ -308,13 +307,13 @@ class FiguresSettings(Section):
         Allowed("a list of png and, beside it, pdf or svg or both"),
     ] = Field(
         default=("png",),
-        description="files of each figure, beside each other under one name",
+        description="formats of each figure; its files differ only in their endings",
     )
     dpi: int = Field(
         default=180,
         ge=72,
         le=600,
-        description="pixels per inch of a PNG and of the shaded parts of the others",
+        description="pixels per inch of a PNG, and of shaded parts in other formats",
     )
 
     def contradictions(self) -> Contradictions:
@@ -336,10 +335,10 @@ class StudySettings(Section):
     """
 
     label: Label = Field(
-        description="name of the study, written into results",
+        description="name of the study, which is written into results",
     )
     small_run: bool = Field(
-        description="marks figures and tables as results of a small run",
+        description="whether to mark figures and tables as results of a small run",
     )
     results_dir: ResultsFolder = Field(
         description="folder for all results, outside the project's own folders; a run "
@@ -352,8 +351,8 @@ class StudySettings(Section):
         description="colour of the grains in pictures and films",
     )
     strategy: StrategyName = Field(
-        description="how the study calibrates, and so what a run without a target "
-        "makes",
+        description="method of calibration, which determines what a run without a "
+        "target makes",
         json_schema_extra={"source": "`published`"},
     )
     berry: GrainSettings

@@ -63,8 +63,8 @@ class PipelineConfig:
             Nested values that override all files. Texts among them are parsed as YAML.
         check_inputs : bool, optional
             Whether to check the files that the configuration names as well, and whether
-            grain, bench test and time step fit together. This takes seconds. By default,
-            these checks are made when the grain is needed.
+            grain, bench test and time step fit together. This takes seconds. By
+            default, these checks are made when the grain is needed.
 
         Returns
         -------

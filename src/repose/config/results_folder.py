@@ -190,7 +190,8 @@ def _make_path_pattern(path: str, wildcards: dict[str, str]) -> str:
     str
         The regular expression.
     """
-    # The parts alternate between plain text and names of wildcards, beginning with text.
+    # The parts alternate between plain text and names of wildcards, beginning with
+    # text.
     parts = re.split(WILDCARD_PATTERN, path)
     expression = ""
     for position, part in enumerate(parts):
@@ -236,8 +237,8 @@ def check_no_foreign_files(results_dir: str, outputs: Iterable[str]) -> None:
         for path in _find_changed_results(folder, results_dir, names):
             faults[str(path)] = _describe_changed_result(path, Path(folder))
 
-    # Find files that have the name of a result but are not results. Other files of the user
-    # may stay.
+    # Find files that have the name of a result but are not results. Other files of the
+    # user may stay.
     foreign_files = [
         file
         for file in _find_unlisted_files(folders)
@@ -283,8 +284,8 @@ def _find_changed_results(
     folder : str
         A folder of results.
     results_dir : str
-        The top folder of the results. Only this folder may contain other files, which may
-        be changed.
+        The top folder of the results. Only this folder may contain other files, which
+        may be changed.
     names : collection of str
         Names of results in the top folder.
 
@@ -485,7 +486,7 @@ def _describe_changed_result(path: Path, folder: Path) -> InputError:
 
 
 def _describe_foreign_file(path: str) -> InputError:
-    """Make the error for a file that has the name of a result, but that no study wrote."""
+    """Make the error for a file with the name of a result that no study wrote."""
     return InputError(
         path,
         key="file",

@@ -65,8 +65,9 @@ def find_time_step_faults(
     if settings.simulation.time_step_s <= limit.time_step_s:
         return
 
-    # Without a modulus in the configuration, it was computed from measured forces. Forces in
-    # a wrong unit give a wrong modulus and thus a wrong limit, so show the modulus.
+    # Without a modulus in the configuration, it was computed from measured forces.
+    # Forces in a wrong unit give a wrong modulus and thus a wrong limit, so show the
+    # modulus.
     allowed = limit.allowed
     if settings.berry.shear_modulus_pa is None:
         modulus = f"{mean_grain['elastic_modulus_pa']:.2g} Pa"
@@ -426,7 +427,8 @@ class ConfigChecks:
             if self._are_faultless(test.name):
                 self._add_faults(test.misfits(SceneSettings(self.config), axes_mm))
 
-        # Angles are measured with the height of a grain, which must be that of this grain.
+        # Angles are measured with the height of a grain, which must be that of this
+        # grain.
         if self._are_faultless("measure"):
             measure = MeasureSettings.model_validate(self.config["measure"])
             self._add_faults(measure.misfits(axes_mm))

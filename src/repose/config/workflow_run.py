@@ -1,8 +1,8 @@
 """Prepare a run of the workflow: make its study, lock its folder, report its time.
 
 Snakemake reads the Snakefile for each of its commands, even for those that run no job.
-Reading it makes the study and checks the folder of results, but writes nothing. A run with
-jobs begins with `WorkflowRun.start`, and prints its times when it ends.
+Reading it makes the study and checks the folder of results, but writes nothing. A run
+with jobs begins with `WorkflowRun.start`, and prints its times when it ends.
 """
 
 import atexit
@@ -103,9 +103,9 @@ def check_kept_results_when_planned(workflow: Any, study: PipelineConfig) -> Non
     """Make Snakemake check the results that a run keeps, as soon as the run is planned.
 
     Snakemake has its own records of settings. These may be lost, changed by ``--touch``,
-    or ignored by ``--rerun-triggers``, so the check uses the records of provenance in the
-    results instead. A result that was made with other settings ends the program with a
-    message.
+    or ignored by ``--rerun-triggers``, so the check uses the records of provenance in
+    the results instead. A result that was made with other settings ends the program
+    with a message.
 
     This function replaces a private method of the workflow, which plans the jobs.
 
@@ -193,8 +193,8 @@ class WorkflowRun:
         The study that the run works on.
     new_fingerprint : str, optional
         The fingerprint of the configuration, if this run was the first to check it. The
-        run then stores the result of the check for later commands. None if the result has
-        already been stored.
+        run then stores the result of the check for later commands. None if the result
+        has already been stored.
     """
 
     def __init__(
@@ -350,8 +350,8 @@ def _format_total_times(runs: Any) -> str:
 def _estimate_process_start_s() -> float:
     """Estimate when this process started, in seconds since 1970.
 
-    So far the process has only imported libraries and read the Snakefile, which keeps the
-    processor busy. Its processor time is therefore roughly its age.
+    So far the process has only imported libraries and read the Snakefile, which keeps
+    the processor busy. Its processor time is therefore roughly its age.
     """
     return time.time() - time.process_time()
 

@@ -23,8 +23,8 @@ from repose.common.tables import read as read_cells
 from repose.measure.settings import MeasureSettings, describe_line_of_response
 from repose.stages.parameter_sets import list_parameters
 
-# What to change in the configuration if the prediction meets the targets but the simulation
-# does not. For all other strategies, the advice is general.
+# What to change in the configuration if the prediction meets the targets but the
+# simulation does not. For all other strategies, the advice is general.
 ADVICE_BY_STRATEGY = {
     "refined": "a larger refine.pours",
     "response_surface": "another response_surface.reach or .most_factors",
@@ -222,8 +222,8 @@ def _make_check(target: Target, row: Mapping[str, Any], line: str) -> Check:
     row : mapping
         The row of its response in the table of the check.
     line : str
-        Description of the line whose slope is the angle of a pile. It is empty for other
-        responses.
+        Description of the line whose slope is the angle of a pile. It is empty for
+        other responses.
     """
     return Check.from_target(
         target,

@@ -69,7 +69,8 @@ def write_proposal(
     Raises
     ------
     InputError
-        If the runs were measured with other definitions, or are too few for the strategy.
+        If the runs were measured with other definitions, or are too few for the
+        strategy.
     """
     for folder in folders:
         batch_definitions, path = read_definitions(Path(folder) / "dataset.csv")
@@ -150,7 +151,9 @@ def write_conclusion(
     out_dir : path
         Folder to write.
     parameters : ParameterSpace
+        The parameters of the study.
     targets : Targets
+        The targets of the study.
     measure : MeasureSettings or None
         The section `measure`, which defines the angles of piles.
     parameter_names : sequence of str, optional
@@ -334,6 +337,7 @@ def _compare_with_prediction(
     predicted_errors : sequence of float
         Standard errors of the predictions, in the order of the targets.
     targets : Targets
+        The targets of the study.
 
     Returns
     -------
@@ -364,6 +368,7 @@ def _make_optimism_cells(
         of the `response`, the `optimism` of its prediction, and `optimism_se`, the
         standard error of the optimism.
     targets : Targets
+        The targets of the study.
 
     Returns
     -------
@@ -389,6 +394,7 @@ def _summarise_runs(runs: pd.DataFrame, targets: Targets) -> dict[str, Any]:
     runs : pandas.DataFrame
         Single runs of the answer in all bench tests.
     targets : Targets
+        The targets of the study.
 
     Returns
     -------
@@ -524,6 +530,7 @@ def read_runs_of_batches(
     folders : sequence of path
         The batches in order, each with dataset.csv and runs.csv.
     targets : Targets
+        The targets of the study.
     parameter_names : sequence of str, optional
         Names of the parameters, if another program simulates the study. By default,
         they are the contact parameters of repose that the table has.
@@ -570,6 +577,7 @@ def read_tables(
     folders : sequence of path
         The batches, each with dataset.csv and runs.csv.
     targets : Targets
+        The targets of the study.
     parameter_names : sequence of str, optional
         Names of the parameters, if another program simulates the study. By default,
         they are the contact parameters of repose that the table has.
@@ -614,6 +622,7 @@ def arrange_for_strategy(
         A row for each run of these samples. With several bench tests, the column
         `apparatus` names that of the run.
     targets : Targets
+        The targets of the study.
 
     Returns
     -------

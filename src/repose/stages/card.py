@@ -18,8 +18,8 @@ from repose.common.section import ABSENT, OneOf, Section
 from repose.grain.settings import Density, ShearModulus
 
 EXPECTED_CONTENT = "a material card"
-# Pydantic's path to a fault has steps that are not keys of the file: "[key]" for a wrong
-# key, and the name of the type that was chosen from a union.
+# Pydantic's path to a fault has steps that are not keys of the file: "[key]" for a
+# wrong key, and the name of the type that was chosen from a union.
 PYDANTIC_STEPS = ("[key]", "float", "list", "dict")
 
 Positive = Annotated[float, Field(gt=0)]
@@ -105,7 +105,7 @@ class Parameter(Section):
 
 
 class Reach(Section):
-    """Whether piles of these grains can have an angle if they have the target Height."""
+    """Whether piles of these grains can have an angle at the target Height."""
 
     line: str = Field(description="whose slope the angle is")
     bound_deg: float | None = Field(

@@ -59,7 +59,8 @@ GRAIN_HEIGHT_KEY = "berry_height_mm"
 CONFIG_FILE = "config.json"
 # Relative difference up to which a number of a card equals one of a configuration.
 RELATIVE_TOLERANCE = 1e-6
-# The gravity in a deck, if the card is from an earlier version, which does not state it.
+# The gravity in a deck, if the card is from an earlier version, which does not state
+# it.
 DEFAULT_GRAVITY_M_S2 = 9.81
 # The configuration requires this key, but a deck does not detect rest.
 REST_ENERGY_J = 1.0e-9
@@ -332,7 +333,7 @@ def make_external_card(
 
 
 def describe_laws(settings: SimulationSettings) -> dict[str, str]:
-    """Describe the contact laws of a study, with a sentence for each direction of motion.
+    """Describe the contact laws of a study in a sentence for each direction of motion.
 
     Parameters
     ----------
@@ -416,8 +417,8 @@ def _collect_definition_settings(
 ) -> dict[str, Any]:
     """Return the settings that define a response, by the last part of their keys.
 
-    The height of a grain may be missing from the configuration. It is then computed from
-    the grain, and rounded.
+    The height of a grain may be missing from the configuration. It is then computed
+    from the grain, and rounded.
     """
     settings = {}
     for dotted_key, value in response.settings(study.config).items():
@@ -445,6 +446,7 @@ def _select_bench_settings(study: CardStudy, test_name: str) -> dict[str, Any]:
     Parameters
     ----------
     study : CardStudy
+        The study.
     test_name : str
         Name of the bench test.
 
@@ -494,7 +496,8 @@ def _describe_angles(
     line = describe_line_of_response(measure, response_name)
     if not line:
         return {}
-    # Without Table 4 the row is empty. The row of another simulator may lack the angles.
+    # Without Table 4 the row is empty. The row of another simulator may lack the
+    # angles.
     has_all_angles = set(MEAN_KEYS.values()) <= set(answer_row)
     if not has_all_angles:
         return {"line": line}
@@ -573,7 +576,7 @@ def read_repose_card(card_json: StrPath) -> dict[str, Any]:
 
 
 def find_configuration(card_json: StrPath) -> Path | None:
-    """Find the configuration that a run wrote next to its card; None if there is none."""
+    """Find the configuration that a run wrote next to its card, if there is one."""
     path = Path(card_json).with_name(CONFIG_FILE)
     return path if path.is_file() else None
 
@@ -829,7 +832,7 @@ def _find_laws(content: Mapping[str, Any], source: object) -> dict[str, str]:
         source,
         key="laws",
         value=content["laws"].get("normal"),
-        allowed="laws of this version; give the configuration of the study with --config",
+        allowed="laws of this version; give the study's configuration with --config",
     )
 
 
@@ -843,8 +846,8 @@ def rebuild_particle(
     content : mapping
         The card.
     n_spheres : int or None
-        Number of spheres with which a smooth body is filled. With None or 1, the particle
-        remains as the card describes it.
+        Number of spheres with which a smooth body is filled. With None or 1, the
+        particle remains as the card describes it.
     source : object
         The card's file, for messages.
 
@@ -894,8 +897,8 @@ def _read_particle(grain: Mapping[str, Any], source: object) -> "Particle":
                 key="grain.inertia_kg_m2",
                 value=None,
                 allowed=(
-                    "the moments of inertia of the clump, which cards of earlier versions "
-                    "lack; give the configuration of the study with --config"
+                    "the moments of inertia of the clump, which cards of earlier "
+                    "versions lack; give the study's configuration with --config"
                 ),
             )
         inertia_kg_m2 = np.full(3, SPHERE_INERTIA_FACTOR * mass_kg * radius_m**2)
@@ -908,7 +911,8 @@ def _read_particle(grain: Mapping[str, Any], source: object) -> "Particle":
         mass_kg=mass_kg,
         inertia_kg_m2=np.array(inertia_kg_m2),
         bounding_radius_m=float(radius_m),
-        # The card does not state the distance between the particle and the mesh of a grain.
+        # The card does not state the distance between the particle and the mesh of a
+        # grain.
         deviation_max_m=0.0,
         deviation_rms_m=0.0,
         spheres_m=spheres_m,

@@ -123,8 +123,9 @@ def _describe_interval_kind(card: Card) -> str:
 def _describe_subject(card: Card) -> Iterator[str]:
     """Describe what was simulated, line by line.
 
-    For a study of repose, these lines describe grain, wall and contact laws. For another
-    simulator, they state its name, and the probability that its means meet the targets.
+    For a study of repose, these lines describe grain, wall and contact laws. For
+    another simulator, they state its name, and the probability that its means meet the
+    targets.
     """
     if "simulator" in card:
         yield f"simulator: {card['simulator']}"

@@ -56,6 +56,7 @@ def make_tables(
     jobs : mapping
         The measured jobs by bench test, and then by number of the sample.
     targets : Targets
+        The targets of the study.
     parameter_names : sequence of str, optional
         Names of the parameters, if another program simulates the study. By default,
         they are the contact parameters of repose that the table has.
@@ -181,6 +182,7 @@ def write_dataset(
     paths : iterable of path
         Files of the measured jobs.
     targets : Targets
+        The targets of the study.
     definitions : mapping
         How the configuration defines the responses.
     out : path
@@ -232,6 +234,7 @@ def read_jobs(
     samples : pandas.DataFrame
         A row for each sample, with its number and its parameters.
     targets : Targets
+        The targets of the study.
     parameter_names : sequence of str, optional
         Names of the parameters, if another program simulates the study. By default,
         they are the contact parameters of repose that the table has.
@@ -479,6 +482,7 @@ def _tabulate_runs(
     jobs : mapping
         The measured jobs by bench test, and then by number of the sample.
     targets : Targets
+        The targets of the study.
 
     Returns
     -------

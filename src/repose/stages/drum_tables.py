@@ -1,6 +1,7 @@
 """Run the drum, and make the tables of all its runs.
 
-The states of the runs are kept, so they can be measured again after a definition changes.
+The states of the runs are kept, so they can be measured again after a definition
+changes.
 """
 
 import time
@@ -60,6 +61,7 @@ def run_job(
     scene : Scene
         Drum, grain and parameters. The seed of the scene is replaced.
     seeds : iterable of int
+        Seeds of the runs.
     out_dir : path
         The folder to write, called OUT above.
 
@@ -122,8 +124,8 @@ def write_tables(
     InputError
         If a file is missing or was not written by `run_job`, or if a seed is repeated.
     """
-    # Only a simulation needs contacts and material, so the measurement can do without their
-    # parameters.
+    # Only a simulation needs contacts and material, so the measurement can do without
+    # their parameters.
     scene = Scene.of(config, parameters={}, grain={}, particle=particle)
     runs: list[MeasuredRun] = []
     path_of_seed: dict[int, Path] = {}
@@ -157,8 +159,8 @@ def choose_median_run(runs: "pd.DataFrame") -> int:
     Returns
     -------
     int
-        The seed of this run. If the number of slips is even, the lower of the middle two
-        is chosen. If no run slipped, the first run is chosen.
+        The seed of this run. If the number of slips is even, the lower of the middle
+        two is chosen. If no run slipped, the first run is chosen.
     """
     slipped = runs[runs["status"] == "ok"]
     if slipped.empty:

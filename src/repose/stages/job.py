@@ -1,9 +1,9 @@
 """Simulate, save and measure a job: all runs of one parameter set in a bench test.
 
-The files of a job are NAME.pours.json (how each run ended), NAME.npz (arrays of each run,
-named ARRAY_SEED), NAME_trajectory_SEED.npz (frames, if requested) and, once it is measured,
-NAME.json. The wall time of each run is only in timings/NAME.json, so that equal runs leave
-equal files otherwise.
+The files of a job are NAME.pours.json (how each run ended), NAME.npz (arrays of each
+run, named ARRAY_SEED), NAME_trajectory_SEED.npz (frames, if requested) and, once it is
+measured, NAME.json. The wall time of each run is only in timings/NAME.json, so that
+equal runs leave equal files otherwise.
 """
 
 import time
@@ -42,6 +42,7 @@ def run_once(test: BenchTest[Any], scene: Scene) -> tuple[dict[str, Any], Run]:
     Parameters
     ----------
     test : BenchTest
+        The bench test.
     scene : Scene
         The scene, whose seed is that of the run.
 
@@ -94,10 +95,13 @@ def run_job(
     Parameters
     ----------
     test : BenchTest
+        The bench test.
     scene : Scene
+        The scene of the runs.
     name : str
         Name of the job.
     seeds : iterable of int
+        Seeds of the runs.
     out_dir : path
         Folder to write.
     interval_s : float, optional
@@ -116,7 +120,8 @@ def run_job(
     """
     out = Path(out_dir)
     seeds = list(seeds)
-    # Before minutes of simulation, make sure that no file of another program is replaced.
+    # Before minutes of simulation, make sure that no file of another program is
+    # replaced.
     names = [f"{name}.npz", f"{name}{POURS_ENDING}"]
     if interval_s is not None:
         names += [_name_trajectory_file(name, seed) for seed in seeds]
@@ -175,6 +180,7 @@ def measure_job(
     Parameters
     ----------
     scene : Scene
+        The scene of the runs.
     pours_json : path
         The saved job.
     out_dir : path, optional

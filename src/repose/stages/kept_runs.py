@@ -1,11 +1,11 @@
 """Keep runs next to the files of their job, so that none is made or measured twice.
 
 Snakemake removes outputs before it makes them again, but it does not know the folder
-`runs`. This folder has a file for each run of a job, and a file for the measurement of all
-runs of the job. A kept run is used again under two conditions. First, its record of
-provenance must name the same parameters, settings, grain, particle and engine. Second, the
-ledger of its folder must show that the file is unchanged. A measurement must also come
-from the same files and the same code.
+`runs`. This folder has a file for each run of a job, and a file for the measurement of
+all runs of the job. A kept run is used again under two conditions. First, its record of
+provenance must name the same parameters, settings, grain, particle and engine. Second,
+the ledger of its folder must show that the file is unchanged. A measurement must also
+come from the same files and the same code.
 """
 
 import json
@@ -24,8 +24,8 @@ from repose.common.source_code import code_hash
 from repose.measure.saved_pours import POURS_ENDING, positions_file
 
 RUNS_FOLDER = "runs"
-# Name of the array with the description of the job and the record of the run, as a single
-# JSON string.
+# Name of the array with the description of the job and the record of the run, as a
+# single JSON string.
 DESCRIPTION_ARRAY = "about"
 # Keys in the file of a measurement: the hashes of what was measured, and the result.
 SOURCES_KEY = "of"
@@ -56,9 +56,9 @@ class KeptRuns:
         Returns
         -------
         Run or None
-            None if the run must be made. This is the case if it has no file, if the file
-            is damaged or was made by another program, or if parameters, settings or the
-            engine have changed since then.
+            None if the run must be made. This is the case if it has no file, if the
+            file is damaged or was made by another program, or if parameters, settings
+            or the engine have changed since then.
         """
         path = self._path(seed)
         if not _is_current(path):
@@ -143,8 +143,8 @@ def _hash_sources(pours_json: Path) -> dict[str, str]:
 def _is_current(path: Path) -> bool:
     """Tell whether the current stage would make this file again as it is.
 
-    The file must be unchanged. It must also have the origin of the stage, which is a hash
-    of the settings, the engine and all inputs.
+    The file must be unchanged. It must also have the origin of the stage, which is a
+    hash of the settings, the engine and all inputs.
     """
     stage_record = provenance.get_current_record()
     if stage_record is None or not is_own_file(path):
@@ -154,5 +154,5 @@ def _is_current(path: Path) -> bool:
 
 
 def _is_replaceable(path: Path) -> bool:
-    """Tell whether there is no file at a path, or only an unchanged one of this program."""
+    """Tell whether a path has no file, or an unchanged file of this program."""
     return not path.exists() or is_own_file(path)

@@ -1,4 +1,4 @@
-"""The stage `miga`: search for parameter sets that are predicted to meet the targets."""
+"""The stage `miga`: search for parameter sets whose predictions meet the targets."""
 
 from pathlib import Path
 from typing import Any

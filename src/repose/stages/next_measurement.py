@@ -2,16 +2,16 @@
 
 Parameter sets are drawn from the posterior, and each is simulated a few times in every
 bench test of the configuration. A response that differs more between these sets than from
-run to run can tell them apart. Let tau^2 be the variance of its true mean between the sets.
-The mean of n repetitions has the error variance s^2 = sigma^2 / n + d^2, where sigma^2 is
-the variance of a single run and d is the discrepancy of the simulator. For normal variables
-the information is
+run to run can tell them apart. Let tau^2 be the variance of its true mean between the
+sets. The mean of n repetitions has the error variance s^2 = sigma^2 / n + d^2, where
+sigma^2 is the variance of a single run and d is the discrepancy of the simulator. For
+normal variables the information is
 
     bits = 1/2 log2(1 + tau^2 / s^2)
 
 (Cover & Thomas 2006, Elements of Information Theory, section 9.1). Responses share
-information, so the ranking is only valid for the first response that is added. Once this
-response is a target, make the table again.
+information, so the ranking is only valid for the first response that is added. Once
+this response is a target, make the table again.
 """
 
 from collections.abc import Iterable
@@ -47,7 +47,8 @@ COLUMNS = [
 ]
 # Smallest number of sets that must have two runs with a response.
 FEWEST_SETS = 4
-# Largest correlation. Larger ones are set to this, because 1 would give infinite information.
+# Largest correlation. Larger ones are set to this, because 1 would give infinite
+# information.
 LARGEST_CORRELATION = 1 - 1e-12
 
 
@@ -124,10 +125,12 @@ def rank_responses(
             continue
         variances = variance_components(response_runs["value"], response_runs["sample"])
 
-        # Compute the variance of the difference between a measurement and the simulator.
+        # Compute the variance of the difference between a measurement and the
+        # simulator.
         discrepancy = discrepancy_percent / 100 * variances.mean
         error_variance = variances.within / repetitions + discrepancy**2
-        # Skip a response that never varies, because its scatter of 0 would be a divisor.
+        # Skip a response that never varies, because its scatter of 0 would be a
+        # divisor.
         if not error_variance > 0:
             continue
         # The ends of the interval of the intraclass correlation give those of the
@@ -185,7 +188,8 @@ def _compute_information(
     """
     shares = correlations.clip(0, LARGEST_CORRELATION)
     between_variances = run_variance * shares / (1 - shares)
-    # This is the information about a normal variable that is measured with a normal error.
+    # This is the information about a normal variable that is measured with a normal
+    # error.
     return 0.5 * np.log2(1 + between_variances / error_variance)
 
 
@@ -236,8 +240,8 @@ def write_ranking(
         The content of next.csv.
     """
     runs = _measure_responses(pours, scene, Path(out_dir))
-    # Leave out what is already measured. A measurement of a pile gives its angle by every
-    # definition.
+    # Leave out what is already measured. A measurement of a pile gives its angle by
+    # every definition.
     known_responses = set(targets.names)
     if CALIBRATED_ANGLE in known_responses:
         known_responses.update(MEAN_KEYS.values())

@@ -36,7 +36,9 @@ def make_repeated_search(
     Parameters
     ----------
     parameters : ParameterSpace
+        The parameters of the study.
     targets : Targets
+        The targets of the study.
     settings : MigaSettings
         Settings of the whole search. A repetition makes only a few of its rounds.
     count : int
@@ -86,8 +88,11 @@ def write_optimism(
     out_csv : path
         The table to write.
     parameters : ParameterSpace
+        The parameters of the study.
     targets : Targets
+        The targets of the study.
     settings : MigaSettings
+        The section `miga`.
     solutions : int
         Number of sets besides the representative that are simulated again.
     parameter_names : sequence of str, optional

@@ -146,7 +146,8 @@ def read_sample(
     InputError
         If there is no such sample, or a value is beyond the limits of the contact law.
     """
-    # This program checked its own tables when it wrote them, so only check other tables.
+    # This program checked its own tables when it wrote them, so only check other
+    # tables.
     columns = _read_unchanged_table(path)
     if columns is None:
         table = tables.read(path, (SAMPLE_COLUMN, *_describe_columns(parameter_names)))
@@ -180,8 +181,9 @@ def _read_unchanged_table(path: str | os.PathLike) -> dict[str, list] | None:
     Returns
     -------
     dict or None
-        The numbers of each column by its name. None if the table must be checked, because
-        another program wrote or changed it, or because not all cells are numbers.
+        The numbers of each column by its name. None if the table must be checked,
+        because another program wrote or changed it, or because not all cells are
+        numbers.
     """
     if not ledger.is_own_file(path):
         return None

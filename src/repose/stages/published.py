@@ -22,7 +22,8 @@ if TYPE_CHECKING:
 FIRST_PUBLISHED = 101
 # Largest number of sets in each of the two tables. Their sample numbers are 101 to 999.
 MOST_SETS = 449
-# Table next to the published solutions, with sets from other works, their source and wall.
+# Table next to the published solutions, with sets from other works, their source and
+# wall.
 OTHER_SETS_FILE = "others.csv"
 # Names of the hashes of everything on which the runs of a set depend.
 HASH_NAMES = ("engine", "scene")
@@ -207,6 +208,7 @@ def find_response_columns(
     parameter_names : sequence of str
         Parameters of the study.
     targets : Targets
+        The targets of the study.
     definition : str
         Definition of the angle of repose in the study (`measure.response`).
 
@@ -241,7 +243,7 @@ def read_parameter_sets(path: StrPath | None) -> list[dict[str, float]]:
 def find_published_responses(
     columns: Iterable[str], responses: Iterable[Response]
 ) -> tuple[Response, ...]:
-    """Find the responses whose predicted and simulated values are in a published table."""
+    """Find the responses with predicted and simulated values in a published table."""
     table_columns = set(columns)
     return tuple(
         response

@@ -1,4 +1,4 @@
-"""Settings of stages: the sections `validation` and `simulator`, and numbers for `next`."""
+"""Settings of stages: sections `validation` and `simulator`, numbers for `next`."""
 
 from typing import Annotated
 
@@ -27,7 +27,8 @@ class ValidationSettings(Section):
     solutions: int = Field(
         ge=1,
         le=9,
-        description="solutions simulated again beside the representative one",
+        description="number of solutions that are simulated again besides the "
+        "representative one",
         json_schema_extra={"source": "4.2.1: 5"},
     )
     seeds: int = Field(
@@ -48,8 +49,8 @@ class ValidationSettings(Section):
         json_schema_extra={"source": "Table 4"},
     )
     published_simulated: PathOrNull = Field(
-        description="the table that `published_sets` made once, shown beside the "
-        "results; null: none",
+        description="table made by `published_sets`, shown next to the results; null: "
+        "none",
     )
 
 
@@ -89,11 +90,11 @@ class ParticlesSettings(Section):
         default="m", description="unit of lengths in the file: m, cm or mm"
     )
     up: Annotated[str, OneOf(lambda: DIRECTIONS)] = Field(
-        default=ABSENT, description="direction against gravity; found if not given"
+        default=ABSENT, description="direction against gravity; by default detected"
     )
     base: Annotated[float, Field(ge=-1e9, le=1e9)] = Field(
         default=ABSENT,
-        description="height of the plate along it, in the unit; found if not given",
+        description="height of the plate along `up`, in `unit`; by default detected",
     )
 
 

@@ -1,10 +1,10 @@
-"""Run the user's own program: write its deck, call it, and keep the files that it leaves.
+"""Run the user's own program: write its deck, call it, and keep its files.
 
 Each run has a folder SAMPLE/RUN with its deck, its parameters, what the program printed
-(`PRINTED_FILE`) and the files that are read or kept. SAMPLE/RUN.json is the record of the
-run, and is written last. A run that fails is also a result, with a status and a reason.
-The ledger of SAMPLE lists the output files of a good run, so that later changes to them
-are noticed.
+(`PRINTED_FILE`) and the files that are read or kept. SAMPLE/RUN.json is the record of
+the run, and is written last. A run that fails is also a result, with a status and a
+reason. The ledger of SAMPLE lists the output files of a good run, so that later changes
+to them are noticed.
 """
 
 import json
@@ -49,7 +49,8 @@ STOP_TIME_S = 10.0
 # What error messages expect of the program and of a named file.
 EXPECTED_PROGRAM = "a program on PATH, or the path of one that may be run"
 EXPECTED_FILE = "a file that is there"
-# Largest number of characters that the reason of a failed run quotes from the last line.
+# Largest number of characters that the reason of a failed run quotes from the last
+# line.
 MAX_REASON_LENGTH = 200
 
 
@@ -66,9 +67,9 @@ class Ending(NamedTuple):
 def _make_environment() -> Environment:
     """Make the environment of Jinja2 for the templates of decks.
 
-    A name without a value is an error. The sandbox refuses a loop that would never end. A
-    template cannot load another file, because a run is only made again if its own template
-    has changed.
+    A name without a value is an error. The sandbox refuses a loop that would never end.
+    A template cannot load another file, because a run is only made again if its own
+    template has changed.
     """
     # Do not escape special characters, because a deck is not HTML.
     environment = SandboxedEnvironment(
@@ -174,7 +175,7 @@ def read_template(path: StrPath) -> str:
 
 
 def deck_name(template: StrPath) -> str:
-    """Return the name of a deck: that of its template without an ending such as `.j2`."""
+    """Return the name of a deck: that of its template without an ending like `.j2`."""
     path = Path(template)
     return path.stem if path.suffix in TEMPLATE_ENDINGS else path.name
 
@@ -206,6 +207,7 @@ def check_simulator(
     Parameters
     ----------
     settings : SimulatorSettings
+        The section `simulator`.
     parameters : mapping
         A value for each name. As a test, template and command are filled with them.
     targets : sequence of str
@@ -349,6 +351,7 @@ def _find_unknown_names(
     Parameters
     ----------
     settings : SimulatorSettings
+        The section `simulator`.
     parameters : mapping
         A value for each parameter. To test them, template and command are filled with
         these values.
@@ -485,6 +488,7 @@ def run_once(
     Parameters
     ----------
     settings : SimulatorSettings
+        The section `simulator`.
     parameters : mapping
         Values by name.
     sample, run, seed : int
@@ -538,6 +542,7 @@ def _collect_inputs(
     Parameters
     ----------
     settings : SimulatorSettings
+        The section `simulator`.
     values : mapping
         Values of the names that template and command may use.
 
@@ -666,6 +671,7 @@ def _run_in_folder(
     Parameters
     ----------
     settings : SimulatorSettings
+        The section `simulator`.
     inputs : mapping
         Result of `_collect_inputs`.
     folder : Path
@@ -712,6 +718,7 @@ def _write_inputs(
     Parameters
     ----------
     settings : SimulatorSettings
+        The section `simulator`.
     inputs : mapping
         Result of `_collect_inputs`.
     work_folder : Path
@@ -876,8 +883,8 @@ def _remove_unlisted_files(work_folder: Path, settings: SimulatorSettings) -> No
     kept_names = {PARAMETERS_FILE, PRINTED_FILE, *settings.files_read, *settings.keep}
     if settings.template is not None:
         kept_names.add(deck_name(settings.template))
-    # In reverse order, the content of a folder comes before the folder itself, which may
-    # then be empty.
+    # In reverse order, the content of a folder comes before the folder itself, which
+    # may then be empty.
     for path in sorted(work_folder.rglob("*"), reverse=True):
         if path.is_dir() and not path.is_symlink():
             if not any(path.iterdir()):

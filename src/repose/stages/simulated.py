@@ -34,8 +34,8 @@ def list_record_files(entries: Iterable[str]) -> dict[Path, list[Path]]:
     Parameters
     ----------
     entries : iterable of str
-        Entries of the form FOLDER=COUNT, with the folder of a sample and the number of its
-        runs.
+        Entries of the form FOLDER=COUNT, with the folder of a sample and the number of
+        its runs.
 
     Returns
     -------
@@ -81,6 +81,7 @@ def measure_sample(
     out_json : path
         The file to write.
     settings : SimulatorSettings
+        The section `simulator`.
     responses : sequence of str
         Names of the targets.
     measure : MeasureSettings or None
@@ -218,8 +219,8 @@ def read_response_table(path: Path) -> dict[str, Any]:
     if path.suffix.lower() == ".json":
         return read_json(path, what="responses by name")
 
-    # The caller checks the cells. Here they may be of any kind, so no column is treated as
-    # a column of numbers.
+    # The caller checks the cells. Here they may be of any kind, so no column is treated
+    # as a column of numbers.
     table = tables.read(
         path,
         columns=(),

@@ -1,7 +1,7 @@
 """Read the tables of a study, and check that they are complete and consistent.
 
-The columns alone do not show whether a table was truncated, or belongs to another study.
-Therefore the rows are checked as well.
+The columns alone do not show whether a table was truncated, or belongs to another
+study. Therefore the rows are checked as well.
 """
 
 from collections.abc import Sequence
@@ -16,8 +16,8 @@ from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 from repose.common.files import StrPath, read_table
 
-# Largest difference between a stored mean or standard error and the value that follows from
-# its runs. The difference is relative, or absolute for values below 1.
+# Largest difference between a stored mean or standard error and the value that follows
+# from its runs. The difference is relative, or absolute for values below 1.
 TOLERANCE = 1e-6
 
 
@@ -185,6 +185,7 @@ def _check_means(
     runs, dataset : pandas.DataFrame
         Single runs of one bench test, and their samples.
     targets : Targets
+        The targets of the study.
     runs_csv, dataset_csv : path
         The files of both tables, for the message.
     """
@@ -254,6 +255,7 @@ def _check_responses(table: pd.DataFrame, targets: Targets, path: object) -> Non
     table : pandas.DataFrame
         Samples or single runs, with their `status` and all responses.
     targets : Targets
+        The targets of the study.
     path : path
         File of the table, for the message.
     """

@@ -133,6 +133,7 @@ def add_optimism(
         Result of `repose.calibrate.optimism.estimate_optimism`. Roles that it lacks get
         empty cells.
     responses : sequence of Response
+        The responses of the targets.
 
     Returns
     -------
@@ -167,6 +168,7 @@ def compare_solutions(
     jobs : mapping
         The measured jobs of these sets by bench test, and then by `sample`.
     targets : Targets
+        The targets of the study.
     measure : MeasureSettings or None
         The section `measure`, which defines the angles of piles.
     parameter_names : sequence of str, optional
@@ -247,6 +249,7 @@ def make_table4(
     rows : pandas.DataFrame
         A row for each solution, with predicted and simulated responses.
     responses : sequence of Response
+        The responses of the targets.
     measure : MeasureSettings, optional
         The section `measure`, which defines the angles of piles. Without it, the table
         has no other angles than the responses.
@@ -319,6 +322,7 @@ def compare_with_measurement(
     row : pandas.Series
         The solution, with predicted and simulated responses.
     targets : Targets
+        The targets of the study.
     measure : MeasureSettings, optional
         The section `measure`. If given, the column `line` describes the line by which an
         angle of a pile is measured.
@@ -359,9 +363,9 @@ def add_probabilities(
 ) -> pd.DataFrame:
     """Add the probabilities that all means meet the targets.
 
-    The columns are for means within some percent of the aims (`WITHIN_COLUMNS`), and for
-    means inside the ranges. `table` is the result of `compare_with_measurement`, and
-    `runs` are the runs of its solution.
+    The columns are for means within some percent of the aims (`WITHIN_COLUMNS`), and
+    for means inside the ranges. `table` is the result of `compare_with_measurement`,
+    and `runs` are the runs of its solution.
     """
     probabilities = {}
     for percent, column in WITHIN_COLUMNS.items():
@@ -382,7 +386,9 @@ def write_solutions(
     path : path
         The file feasible.csv with all solutions of the search.
     space : ParameterSpace
+        The parameters of the study.
     targets : Targets
+        The targets of the study.
     count : int
         Number of solutions besides the representative one.
     out_csv : path
@@ -447,6 +453,7 @@ def write_comparison(
     out_dir : path
         Folder for table4.csv, representative.csv and published.csv.
     targets : Targets
+        The targets of the study.
     measure : MeasureSettings or None
         The section `measure`.
     published : pandas.DataFrame, optional
@@ -553,6 +560,7 @@ def write_published_sets(
     parameter_names : sequence of str
         Parameters of the study.
     targets : Targets
+        The targets of the study.
     simulated_by : mapping
         Hash of the engine and hash of the scene, by the names in
         `repose.stages.published.HASH_NAMES`.

@@ -13,9 +13,9 @@ from repose.calibrate.targets import Targets
 def warm_up(scene: Scene, cores: int = 1) -> float:
     """Compile the kernels of every bench test of the targets.
 
-    A kernel is compiled when it is first called, so a single time step with one grain is
-    enough. The kernels of the contacts with walls take nearly half of the time. If there
-    is a second core, another process compiles them at the same time.
+    A kernel is compiled when it is first called, so a single time step with one grain
+    is enough. The kernels of the contacts with walls take nearly half of the time. If
+    there is a second core, another process compiles them at the same time.
 
     Parameters
     ----------

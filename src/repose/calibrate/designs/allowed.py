@@ -42,6 +42,7 @@ def take_allowed_points(
     count : int
         Number of points to return.
     space : ParameterSpace
+        The parameters of the study.
     follows_prior : bool
         Whether the points are moved to the distribution of the priors.
 
@@ -79,6 +80,7 @@ def make_allowed_design(
     count : int
         Number of points to return.
     space : ParameterSpace
+        The parameters of the study.
     follows_prior : bool
         Whether the points are moved to the distribution of the priors.
 

@@ -121,6 +121,7 @@ def compute_statistics(model: Model) -> dict[str, float]:
     Parameters
     ----------
     model : Model
+        The fitted polynomial.
 
     Returns
     -------
@@ -178,6 +179,7 @@ def list_effects(model: Model) -> pd.DataFrame:
     Parameters
     ----------
     model : Model
+        The fitted polynomial.
 
     Returns
     -------
@@ -256,6 +258,7 @@ def _make_tested_row(
     source : str
         Name of the row.
     sum_of_squares : float
+        Sum of squares of the row.
     df : int
         Degrees of freedom of the sum of squares.
     error_mean_square : float

@@ -12,7 +12,8 @@ import numpy as np
 from repose.calibrate.designs.coding import make_full_factorial
 
 # The orthogonal blocks of each number of factors. An entry of a block lists the factors
-# that vary together while the others are at their centre (Box and Behnken 1960, Table 4).
+# that vary together while the others are at their centre (Box and Behnken 1960, Table
+# 4).
 BLOCKS: dict[int, Sequence[Sequence[tuple[int, ...]]]] = {
     3: [[(1, 2), (1, 3), (2, 3)]],
     4: [[(1, 2), (3, 4)], [(1, 4), (2, 3)], [(1, 3), (2, 4)]],

@@ -1,4 +1,4 @@
-"""Central composite designs: a factorial, two axial runs per factor, and centre runs."""
+"""Central composite designs: a factorial, two axial runs per factor, centre runs."""
 
 from typing import NamedTuple
 
@@ -21,8 +21,8 @@ class CentralComposite(NamedTuple):
 def central_composite(factors: int, axial: str, centres: int) -> CentralComposite:
     """Make a central composite design.
 
-    The design is that of Box and Hunter, Multi-factor experimental designs for exploring
-    response surfaces, Ann. Math. Statist. 28 (1957) 195-241.
+    The design is that of Box and Hunter, Multi-factor experimental designs for
+    exploring response surfaces, Ann. Math. Statist. 28 (1957) 195-241.
 
     Parameters
     ----------

@@ -13,7 +13,8 @@ import numpy as np
 FIRST_THRESHOLD = 0.005  # as a share of the phi_p of the first design
 MAX_CANDIDATES = 50  # number of random exchanges of which the best is tried
 MAX_TRIALS = 100  # largest number of trials in a round
-# The acceptance is low below the first and high above the second of these accepted shares.
+# The acceptance is low below the first and high above the second of these accepted
+# shares.
 LOW_ACCEPTANCE = 0.1
 HIGH_ACCEPTANCE = 0.8
 # Factors by which the threshold changes after a round: while the best design improves,
@@ -33,6 +34,7 @@ class Pairs:
     Parameters
     ----------
     points : array (n, d)
+        The points of the design.
     doublings : int
         Number of squarings that lead from distance^-2 to distance^-power, so the power
         is 2^(doublings + 1).
@@ -53,6 +55,7 @@ class Pairs:
         Parameters
         ----------
         points : array (n, d)
+            The points of the design.
         doublings : int
             The power of the repulsions is 2^(doublings + 1).
         """
@@ -98,6 +101,7 @@ class Pairs:
         Parameters
         ----------
         column : int
+            The column in which values are swapped.
         i, j : array of int (m,)
             The two rows of each of the m exchanges.
 
@@ -194,6 +198,7 @@ class _Walk:
     Parameters
     ----------
     start : array (n, d)
+        The first design.
     doublings : int
         The power p of phi_p is 2^(doublings + 1).
 
@@ -263,10 +268,13 @@ def evolve_design(
     Parameters
     ----------
     start : array (n, d)
+        The design to improve.
     doublings : int
         The power p is 2^(doublings + 1).
     rounds : int
+        Number of rounds.
     rng : numpy.random.Generator
+        Source of the random numbers.
 
     Returns
     -------

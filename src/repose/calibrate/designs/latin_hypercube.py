@@ -91,6 +91,7 @@ def optimal_lhs(n: int, d: int, seed: int | list[int]) -> np.ndarray:
     n, d : int
         Numbers of points and of columns.
     seed : int or list of int
+        Seed of the random numbers.
 
     Returns
     -------

@@ -1,10 +1,10 @@
 """Replace the forbidden runs of a design by D-optimal ones.
 
 Constraints may forbid some runs of a textbook design. The allowed runs stay, and each
-forbidden run is replaced by a new one. The new runs maximise the determinant of X'X, where
-X is the matrix of the model. The coefficients of the model can then be estimated, and
-their joint uncertainty is as small as possible. The search is the coordinate exchange of
-Meyer and Nachtsheim (Technometrics 37 (1995) 60-69).
+forbidden run is replaced by a new one. The new runs maximise the determinant of X'X,
+where X is the matrix of the model. The coefficients of the model can then be estimated,
+and their joint uncertainty is as small as possible. The search is the coordinate
+exchange of Meyer and Nachtsheim (Technometrics 37 (1995) 60-69).
 """
 
 from collections.abc import Sequence

@@ -10,8 +10,9 @@ from repose.calibrate.designs.coding import make_full_factorial
 from repose.calibrate.designs.model import Model
 from repose.calibrate.designs.region import SLSQP_OPTIONS, Region
 
-# A target counts as met if its scaled deviation is below the first of these numbers. The
-# search looks for points that meet all targets if all deviations are below the second.
+# A target counts as met if its scaled deviation is below the first of these numbers.
+# The search looks for points that meet all targets if all deviations are below the
+# second.
 MET_DEVIATION = 1e-6
 NEARLY_MET_DEVIATION = 1e-3
 # Such a search starts from a minimum whose sum of squared deviations is below this.
@@ -41,7 +42,9 @@ def compute_desirability(
     Parameters
     ----------
     predicted : array (n, responses)
+        Predicted responses at n points.
     aims, low, high : array (responses,)
+        Aim of each response, and the ends of its range.
 
     Returns
     -------
@@ -112,6 +115,7 @@ def find_optimum(
     models : sequence of Model
         One for each response.
     aims : array (responses,)
+        Aim of each response.
     scale : array (responses,)
         Each aim divided by the square root of its weight.
     low, high : array (responses,)
@@ -167,6 +171,7 @@ def _find_minima(
     Parameters
     ----------
     deviations : _Deviations
+        The deviations to minimise.
     bounds : list of pair of float
         Lowest and highest value of each of the k factors.
     region : Region or None

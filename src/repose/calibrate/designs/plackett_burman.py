@@ -1,7 +1,7 @@
 """Screening designs of Plackett and Burman: many main effects in few runs.
 
-Each design follows from its printed generator, which is a single line. Tests compare the
-designs with the printed tables.
+Each design follows from its printed generator, which is a single line. Tests compare
+the designs with the printed tables.
 """
 
 import numpy as np
@@ -26,8 +26,8 @@ def plackett_burman(factors: int, runs: int) -> np.ndarray:
     Parameters
     ----------
     factors : int
-        Number of factors, smaller than the number of runs. The remaining columns are the
-        dummy factors from which the analysis estimates the error.
+        Number of factors, smaller than the number of runs. The remaining columns are
+        the dummy factors from which the analysis estimates the error.
     runs : int
         Number of runs, one of the keys of `GENERATORS`.
 

@@ -84,10 +84,10 @@ class Region:
         return -self.excesses(point[None])[0] - CONSTRAINT_MARGIN
 
     def pull_inside(self, point: np.ndarray) -> np.ndarray:
-        """Move a forbidden point (factors,) straight towards the centre, up to the edge.
+        """Move a forbidden point (factors,) towards the centre, up to the edge.
 
-        An allowed point is returned unchanged. The edge of the allowed region is found by
-        bisection, and the result is always allowed.
+        An allowed point is returned unchanged. The edge of the allowed region is found
+        by bisection, and the result is always allowed.
         """
         if self.is_allowed(point[None])[0]:
             return point

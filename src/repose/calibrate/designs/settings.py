@@ -11,7 +11,7 @@ class DesignSettings(Section):
     """Settings of the design of experiments."""
 
     method: Literal["optimal", "lhsdesign"] = Field(
-        description="`lhsdesign`: a Latin hypercube; `optimal`: one whose samples lie "
+        description="`lhsdesign`: a Latin hypercube; `optimal`: one whose samples are "
         "as far apart as possible",
         json_schema_extra={"source": "3.2.1; `optimal` is ours"},
     )

@@ -1,9 +1,9 @@
 """Multi-island genetic algorithm (MIGA), section 3.3 of the paper.
 
 The published search has five islands of 40 individuals each, in normalised parameters
-[-1, 1]. It uses tournaments of three, arithmetic crossover, and mutation with probability
-0.05 and amplitude 0.1. Each island keeps its best individual, and every 10 generations
-sends a copy of it to the next island in a ring. This happens 870 times.
+[-1, 1]. It uses tournaments of three, arithmetic crossover, and mutation with
+probability 0.05 and amplitude 0.1. Each island keeps its best individual, and every 10
+generations sends a copy of it to the next island in a ring. This happens 870 times.
 `islands_ga` minimises any function of whole populations inside bounds::
 
     from repose.calibrate.search.miga import islands_ga
@@ -95,8 +95,8 @@ class MIGA:
     def ask(self) -> np.ndarray:
         """Return the current population (islands * population, dimensions).
 
-        The individuals are in the order of their islands. The caller must not change the
-        array.
+        The individuals are in the order of their islands. The caller must not change
+        the array.
         """
         return self._points
 
@@ -218,7 +218,9 @@ def migrate(
     Parameters
     ----------
     points : array (islands * population, dimensions)
+        The individuals, in the order of their islands.
     fitness : array (islands * population,)
+        Their fitness; smaller is better.
     order : array (islands, population)
         Rows of each island's individuals, best first.
 

@@ -29,9 +29,9 @@ PRIOR_WEIGHT = 0.01
 # points the less violating one is better (Deb 2000, Comput. Methods Appl. Mech. Eng. 186,
 # 311).
 FORBIDDEN_FITNESS = 1e12
-# A point is dropped if a better point is near it. The better point may later be dropped in
-# favour of a third one, which may be far from the first. The archive therefore holds more
-# points than there are solutions.
+# A point is dropped if a better point is near it. The better point may later be dropped
+# in favour of a third one, which may be far from the first. The archive therefore holds
+# more points than there are solutions.
 ARCHIVED_PER_SOLUTION = 5
 HISTORY_COLUMNS = (
     "round",
@@ -53,6 +53,7 @@ class Objective:
     Parameters
     ----------
     targets : Targets
+        The targets of the study.
     margin : float
         Added to the fitness of points outside the ranges: the largest cost of a point
         inside (`Preference.largest`).
@@ -69,6 +70,7 @@ class Objective:
         Parameters
         ----------
         targets : Targets
+            The targets of the study.
         margin : float, optional
             Largest cost that a preference adds to a point inside the ranges.
         constrained : bool, optional
@@ -95,6 +97,7 @@ class Objective:
         Parameters
         ----------
         responses : array (points, k)
+            Predicted responses.
 
         Returns
         -------
@@ -137,6 +140,7 @@ class Preference:
         Parameters
         ----------
         space : ParameterSpace
+            The parameters of the study.
 
         Returns
         -------
@@ -205,7 +209,9 @@ class Archive:
     Parameters
     ----------
     dimensions : int
+        Number of coordinates of a point.
     distance : float
+        Least distance between two points.
     capacity : int
         Largest number of points that are kept.
     buffer : int
@@ -216,6 +222,7 @@ class Archive:
     points : array (kept, dimensions)
         Best first; up to date after `thin`.
     fitness : array (kept,)
+        Their fitness; smaller is better.
     """
 
     def __init__(
@@ -228,6 +235,7 @@ class Archive:
         Parameters
         ----------
         dimensions : int
+            Number of coordinates of a point.
         distance : float
             Least distance between two points.
         capacity : int
@@ -254,6 +262,7 @@ class Archive:
         Parameters
         ----------
         points : array (n, dimensions)
+            The points to offer.
         fitness : array (n,)
             Smaller is better.
         """
@@ -298,6 +307,7 @@ def select_distinct(
     Parameters
     ----------
     points : array (n, d)
+        The points.
     fitness : array (n,)
         Smaller is better.
     distance : float
@@ -350,9 +360,11 @@ def search_points(
     respond : callable
         Maps points (n, inputs) in [-1, 1] to responses (n, k).
     objective : Objective
+        The function to minimise.
     inputs : int
         Number of coordinates of a point.
     settings : MigaSettings
+        The section `miga`.
     preference : Preference, optional
         Its cost is added to the fitness.
     violation : callable, optional

@@ -61,7 +61,7 @@ class MigaSettings(Section):
     solutions: int = Field(
         ge=10,
         le=1000,
-        description="feasible solutions kept, best first",
+        description="number of feasible solutions that are kept, the best first",
         json_schema_extra={"source": "4.1.2: 90"},
     )
 
@@ -74,16 +74,16 @@ class MigaSettings(Section):
     )
 
     answer: Literal["least_expected_loss", "least_objective"] = Field(
-        description="the representative solution: of least expected loss, where the "
-        "surrogate knows its errors, or of least objective (Eq. 11)",
+        description="choice of the representative solution: least expected loss, if "
+        "the surrogate knows its errors, or least objective (Eq. 11)",
         json_schema_extra={"source": "4.2.1: `least_objective`"},
     )
 
     replicates: int = Field(
         ge=0,
         le=1000,
-        description="refits to pours drawn again, which show the optimism of a "
-        "prediction; 0: none",
+        description="number of refits to resampled pours, which show the optimism of "
+        "predictions; 0: none",
     )
 
     seed: Seed = Field(

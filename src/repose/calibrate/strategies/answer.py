@@ -26,15 +26,18 @@ def describe_answer(
     Parameters
     ----------
     answer : Answer
+        The answer.
     space : ParameterSpace
+        The parameters of the study.
     targets : Targets
+        The targets of the study.
 
     Returns
     -------
     dict
-        ``feasible``, whether the answer is predicted to meet the targets; ``message``, a
-        sentence that explains this; ``predicted_error``, the standard errors (k,) of the
-        predicted responses; ``solutions``, the result of `tabulate_solutions`;
+        ``feasible``, whether the answer is predicted to meet the targets; ``message``,
+        a sentence that explains this; ``predicted_error``, the standard errors (k,) of
+        the predicted responses; ``solutions``, the result of `tabulate_solutions`;
         ``near_bounds``, the result of `find_near_bounds`; ``simulated``, the numbers of
         the samples that already simulated the answer.
     """
@@ -97,10 +100,13 @@ def tabulate_solutions(
     Parameters
     ----------
     answer : Answer
+        The answer.
     feasible : bool
         Whether the answer is predicted inside all ranges. The other sets always are.
     space : ParameterSpace
+        The parameters of the study.
     targets : Targets
+        The targets of the study.
 
     Returns
     -------
@@ -129,6 +135,7 @@ def write_notes(
     files : iterable of str
         The name of each note with its ending, as in `Strategy.files`.
     out_dir : path
+        Folder for the files.
     """
     for file in files:
         path = Path(out_dir) / file
@@ -147,8 +154,8 @@ def select_separated(unit: np.ndarray, section: MigaSettings) -> np.ndarray:
     unit : numpy.ndarray, (n, d)
         Points of the unit cube, the best first.
     section : MigaSettings
-        Its key ``distance`` is the least distance, in half ranges. At most ``solutions``
-        points are chosen.
+        Its key ``distance`` is the least distance, in half ranges. At most
+        ``solutions`` points are chosen.
 
     Returns
     -------

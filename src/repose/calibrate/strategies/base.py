@@ -25,7 +25,8 @@ if TYPE_CHECKING:
 
 # The type of the section of a strategy; None for one without a section.
 SectionType = TypeVar("SectionType", bound=Section | None)
-# Purpose, number of samples, and runs of each; for runs that check an answer, `CheckRuns`.
+# Purpose, number of samples, and runs of each; for runs that check an answer,
+# `CheckRuns`.
 Pours = tuple[tuple[str, int, int], ...]
 # Explanation for an answer that is given before the strategy has ended.
 SO_FAR = "more runs may give a better answer"
@@ -122,7 +123,8 @@ class Strategy(ABC, Generic[SectionType]):
         Model of the section with the strategy's name; None for a strategy that reads
         only other sections. `study.settings.of_strategy` returns the section.
     repeats_points : bool
-        Whether several of its samples, with different numbers, have the same parameters.
+        Whether several of its samples, with different numbers, have the same
+        parameters.
     begins_with_design : bool
         Whether its first batch is the article's design, which the workflow simulates as
         such.
@@ -324,6 +326,7 @@ def samples_of(
     Parameters
     ----------
     space : ParameterSpace
+        The parameters of the study.
     unit : numpy.ndarray, (n, d)
         The samples' free parameters in the unit cube.
     seeds : int

@@ -1,14 +1,14 @@
 """Estimate how many runs a calibration needs, before its first run.
 
-A plan states two things: the smallest number of runs that the noise requires, and for each
-of several budgets of runs the probability of success.
+A plan states two things: the smallest number of runs that the noise requires, and for
+each of several budgets of runs the probability of success.
 
 The probabilities come from the table `success.csv`, which
-`research/answers/hidden_truths.py` writes. In simulated campaigns, the sequential strategy
-searched for hidden parameter sets of an emulated simulator, whose runs scatter by a few
-percent. The table has the share of these sets that were found. Logistic curves smooth the
-shares over the logarithms of budget and scatter. A study that differs from the campaigns
-gets no probability.
+`research/answers/hidden_truths.py` writes. In simulated campaigns, the sequential
+strategy searched for hidden parameter sets of an emulated simulator, whose runs scatter
+by a few percent. The table has the share of these sets that were found. Logistic curves
+smooth the shares over the logarithms of budget and scatter. A study that differs from
+the campaigns gets no probability.
 """
 
 from pathlib import Path
@@ -85,7 +85,9 @@ def make_plan(
     Parameters
     ----------
     space : ParameterSpace
+        The parameters of the study.
     targets : Targets
+        The targets of the study.
     strategy : str
         Name of the study's strategy.
     runs : pandas.DataFrame, optional
@@ -206,8 +208,8 @@ def estimate_success(n_targets: int, percent: float) -> pd.DataFrame:
     campaigns = pd.read_csv(SUCCESS_FILE)
     campaigns = campaigns[campaigns["responses"] == n_targets]
     # All campaigns with the same scatter calibrate the same hidden parameter sets, the
-    # truths. The standard error therefore follows from the number of truths, not from the
-    # number of budgets to which the curve is fitted.
+    # truths. The standard error therefore follows from the number of truths, not from
+    # the number of budgets to which the curve is fitted.
     budgets = campaigns.groupby("pours", as_index=False)["truths"].first()
     table = budgets[["pours"]].copy()
     for tolerance in TOLERANCES:
@@ -307,6 +309,7 @@ def estimate_noise(
     runs : pandas.DataFrame
         `sample`, `status` and the k responses.
     targets : Targets
+        The targets of the study.
     source : object, optional
         File of the runs, for an error.
 

@@ -188,6 +188,7 @@ class Surrogate(ABC):
         Parameters
         ----------
         X : numpy.ndarray, (n, d)
+            Parameter sets.
         return_std : bool, optional
             Whether to return standard deviations too.
         noise : bool, optional

@@ -19,9 +19,9 @@ Sources, named where they are used
             prior for each input
   (A35)     Aitken 1935, on least squares and linear combination of observations
 
-Symbols: w are all N weights, and n is the number of residuals (samples times outputs). The
-noise variance is 1 / (2 beta), and the prior variance of a weight is 1 / (2 alpha). H is
-the Hessian of the regularised sum of squares.
+Symbols: w are all N weights, and n is the number of residuals (samples times outputs).
+The noise variance is 1 / (2 beta), and the prior variance of a weight is 1 / (2 alpha).
+H is the Hessian of the regularised sum of squares.
 """
 
 import copy
@@ -67,8 +67,8 @@ from repose.calibrate.surrogates.two_layer import (
     unpack_weights,
 )
 
-# Number of points at which the derivatives of several networks with respect to all weights
-# are in memory together.
+# Number of points at which the derivatives of several networks with respect to all
+# weights are in memory together.
 CHUNK_SIZE = 256
 
 
@@ -91,10 +91,11 @@ class BayesianBP(TrainingSettings, Surrogate):
     seed : int
         Start k draws from RandomState([seed, k]).
     prior : str
-        Which weights share an alpha. With "one", as published, all of them do (FH). With
-        "layers", there is an alpha for the input weights, one for the hidden biases, and
-        one for the output weights with their biases (M92). With "inputs", the weights of
-        each input also have their own alpha, so an input without effect fades (M94).
+        Which weights share an alpha. With "one", as published, all of them do (FH).
+        With "layers", there is an alpha for the input weights, one for the hidden
+        biases, and one for the output weights with their biases (M92). With "inputs",
+        the weights of each input also have their own alpha, so an input without effect
+        fades (M94).
     """
 
     hidden: int = AS_PUBLISHED.hidden
@@ -132,7 +133,9 @@ class BayesianBP(TrainingSettings, Surrogate):
         Parameters
         ----------
         X : array (samples, inputs)
+            Parameter sets.
         y : array (samples, outputs) or (samples,)
+            Responses of the samples.
         sample_weight : array (samples,), optional
             Weight of each sample, as in scikit-learn.
         **noise
@@ -212,7 +215,9 @@ class BayesianBP(TrainingSettings, Surrogate):
         Parameters
         ----------
         X : array (samples, inputs)
+            Parameter sets.
         Y : array (samples, outputs)
+            Responses of the samples.
         **noise
             `precision` and `noise_covariance` as in `Surrogate.fit`.
 
@@ -343,6 +348,7 @@ class BayesianBP(TrainingSettings, Surrogate):
         Parameters
         ----------
         X : array (samples, inputs)
+            Parameter sets.
         return_std, noise : bool
             As in `Surrogate.predict`.
 
@@ -378,7 +384,7 @@ class BayesianBP(TrainingSettings, Surrogate):
         return hasattr(self, "posterior_root_")
 
     def covariance(self, X: ArrayLike) -> np.ndarray:
-        """Compute the covariance (samples, outputs, outputs) due to the weights alone."""
+        """Compute the covariance (samples, outputs, outputs) without the noise."""
         return compute_covariances([self], X)[0]
 
     def response_function(
@@ -587,7 +593,7 @@ class BayesianBP(TrainingSettings, Surrogate):
             )
 
     def _compute_stretch(self) -> np.ndarray:
-        """Compute the size (outputs,) of one scaled unit in the unit of each response."""
+        """Compute one scaled unit (outputs,) in the units of the responses."""
         low, high = self.scaled_range
         return compute_widths(self.output_min_, self.output_max_) / (high - low)
 
@@ -600,7 +606,9 @@ def compute_covariances(
     Parameters
     ----------
     networks : sequence of BayesianBP
+        The networks.
     X : array (samples, inputs)
+        Parameter sets.
     weights : array (networks, N), optional
         Weights of the networks, if they have already been collected.
 
@@ -635,6 +643,7 @@ def compute_output_roots(
     networks : sequence of BayesianBP
         They share their scalings.
     X : array (samples, inputs)
+        Parameter sets.
     weights : array (networks, N)
         Weights of each network.
 

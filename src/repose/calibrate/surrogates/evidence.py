@@ -6,8 +6,8 @@
 Symbols: E_d is the sum of the n squared residuals, and E_w is the sum of the N squared
 weights. The noise variance is 1 / (2 beta), and the prior variance of a weight is
 1 / (2 alpha). If the weights form several classes, each with its own alpha
-(`two_layer.list_weight_classes`), alpha and E_w are vectors, and alpha E_w is their scalar
-product.
+(`two_layer.list_weight_classes`), alpha and E_w are vectors, and alpha E_w is their
+scalar product.
 """
 
 import math
@@ -88,7 +88,8 @@ def compute_posterior_root(
 
     H = 2 beta J'J + 2 diag(alpha), where alpha (N,) has a value for each weight. H is
     first divided by the root of the prior's part on both sides. This makes it
-    I + V diag(e) V' with eigenvalues e >= 0, so rounding cannot make a variance negative.
+    I + V diag(e) V' with eigenvalues e >= 0, so rounding cannot make a variance
+    negative.
     """
     prior_root = 1 / np.sqrt(2 * alpha)
     eigenvalues, vectors = np.linalg.eigh(

@@ -196,7 +196,7 @@ class GaussianProcess(CombinedOutputs, Surrogate):
         return np.column_stack(columns)
 
     def report(self) -> dict[str, Any]:
-        """Report the log marginal likelihood and the hyperparameters of each process."""
+        """Report the log marginal likelihood and hyperparameters of each process."""
         return {
             "log_marginal_likelihood": [
                 process.log_likelihood for process in self.processes_
@@ -217,8 +217,8 @@ class GaussianProcess(CombinedOutputs, Surrogate):
     def _list_kernels(self) -> list[dict[str, Any]]:
         """List the hyperparameters of each process.
 
-        Variances are relative to the variance of the process's values, and lengths are in
-        ranges of the inputs.
+        Variances are relative to the variance of the process's values, and lengths are
+        in ranges of the inputs.
         """
         kernels = []
         for process in self.processes_:

@@ -12,8 +12,8 @@ Symbols
   H      Hessian of F in the Gauss-Newton approximation, 2 beta J'J + 2 alpha I
   gamma  number of weights that the data determine
 
-If the weights form several classes, each has its own alpha. E_w, alpha and gamma are then
-vectors.
+If the weights form several classes, each has its own alpha. E_w, alpha and gamma are
+then vectors.
 
 Sources, named where they are used
   (FH n)    Foresee & Hagan 1997, Gauss-Newton approximation to Bayesian learning, step
@@ -29,8 +29,8 @@ Likelihood and evidence are then those of the single runs.
 Largest evidence: with several alphas, the re-estimation (FH 2-3) passes the largest
 evidence and goes on, because it ignores how the weights change with alpha. Small input
 weights and large output weights then drift apart without end. Therefore a start with
-several classes ends when its evidence has not risen for `PATIENCE` epochs. It returns to
-the alpha and beta of the largest evidence, and minimises F with them.
+several classes ends when its evidence has not risen for `PATIENCE` epochs. It returns
+to the alpha and beta of the largest evidence, and minimises F with them.
 """
 
 from collections.abc import Sequence
@@ -65,8 +65,8 @@ STATISTIC_NAMES = (
 )
 FIRST_ALPHA = 0.01
 FIRST_BETA = 1.0
-# Largest alpha. It gives the weights a prior standard deviation of 0.0007 in scaled units,
-# so an input with such weights has practically no effect.
+# Largest alpha. It gives the weights a prior standard deviation of 0.0007 in scaled
+# units, so an input with such weights has practically no effect.
 MAX_ALPHA = 1e6
 MIN_SQUARES = 1e-30  # smallest E_d, for outputs that a network reproduces exactly
 PATIENCE = 60  # number of epochs without a larger evidence after which a start ends
@@ -205,6 +205,7 @@ def train_start(
         Number of residuals. For weighted samples it is the sum of their counts times
         the number of outputs.
     settings : TrainingSettings
+        Settings of the training.
     pure_error : Scatter, optional
         Scatter of the replicates about their samples' means, scaled and weighted as the
         residuals.
@@ -302,8 +303,8 @@ def train_again(
         if weights is None:
             break
         state = state._replace(at=_make_linear_model(weights, data))
-        # `_find_step` lowers the damping after each step. Undo this if it had to raise the
-        # damping to find the step.
+        # `_find_step` lowers the damping after each step. Undo this if it had to raise
+        # the damping to find the step.
         mu = next_mu / settings.mu_decrease if next_mu >= mu else next_mu
         # F is the negative log of a probability, so a decrease below MIN_DECREASE
         # hardly changes this probability.
@@ -344,7 +345,9 @@ def _train_to_end(w: np.ndarray, data: _Data, settings: TrainingSettings) -> _En
     w : array (N,)
         First weights.
     data : _Data
+        The training data.
     settings : TrainingSettings
+        Settings of the training.
 
     Returns
     -------
@@ -387,8 +390,8 @@ def _train_to_end(w: np.ndarray, data: _Data, settings: TrainingSettings) -> _En
 def _make_first_state(w: np.ndarray, data: _Data) -> _State:
     """Make the state before the first step.
 
-    (FH 0) sets alpha to 0. Then gamma is N, and beta is negative if n < N. Any small prior
-    avoids this.
+    (FH 0) sets alpha to 0. Then gamma is N, and beta is negative if n < N. Any small
+    prior avoids this.
     """
     alpha = np.full(len(data.classes), FIRST_ALPHA)
     return _State(
@@ -425,7 +428,9 @@ def _descend(state: _State, data: _Data, settings: TrainingSettings) -> _State:
     state : _State
         Start of the descent, with alpha and beta.
     data : _Data
+        The training data.
     settings : TrainingSettings
+        Settings of the training.
 
     Returns
     -------
@@ -457,7 +462,9 @@ def _find_step(
     mu : float
         The first damping.
     data : _Data
+        The training data.
     settings : TrainingSettings
+        Settings of the training.
 
     Returns
     -------
@@ -541,7 +548,7 @@ def compute_residuals(
 def linearise_residuals(
     w: np.ndarray, x: np.ndarray, t: np.ndarray, root_weight: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compute the weighted residuals, and their derivatives with respect to the weights.
+    """Compute the weighted residuals and their derivatives with respect to the weights.
 
     The residuals (samples * outputs,) are those of `compute_residuals`. The derivatives
     have the shape (samples * outputs, N).

@@ -2,10 +2,10 @@
 
 The starts of `repose.calibrate.surrogates.bayesian_bp.BayesianBP` end at different
 networks, whose evidence hardly differs. The errors of each network include only the
-uncertainty of its own weights, not the disagreement between the networks. This surrogate
-predicts by a mixture of the networks: its mean is the mean of their means, and its
-covariance is the mean of their covariances plus the covariance of their means. No more
-networks are trained than to find the best network alone.
+uncertainty of its own weights, not the disagreement between the networks. This
+surrogate predicts by a mixture of the networks: its mean is the mean of their means,
+and its covariance is the mean of their covariances plus the covariance of their means.
+No more networks are trained than to find the best network alone.
 
   (LPB17)  Lakshminarayanan, Pritzel & Blundell 2017, Simple and scalable predictive
            uncertainty estimation using deep ensembles, Adv. Neural Inf. Process. Syst.
@@ -152,7 +152,7 @@ class NetworkEnsemble(Surrogate):
         return [row | {"member": row["start"] in self.member_starts_} for row in rows]
 
     def to_dict(self) -> dict[str, Any]:
-        """Collect the best network as in its own file, and the weights of the others."""
+        """Collect the best network as in its own file, and the other weights."""
         best, *others = (member.to_dict() for member in self.members_)
         return best | {"others": [_select_weights(other) for other in others]}
 

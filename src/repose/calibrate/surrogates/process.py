@@ -1,9 +1,9 @@
 """Fit a Gaussian process, one value as a function of the inputs, to noisy samples.
 
-The noise is known or estimated. scikit-learn computes the covariance and the likelihood,
-and maximises the latter. The surrogate `gaussian_process`, the kriging of
-`repose.calibrate.strategies.sequential` and its estimate of the noise all use this module.
-They differ only in covariance, noise and prior.
+The noise is known or estimated. scikit-learn computes the covariance and the
+likelihood, and maximises the latter. The surrogate `gaussian_process`, the kriging of
+`repose.calibrate.strategies.sequential` and its estimate of the noise all use this
+module. They differ only in covariance, noise and prior.
 
   (RW06)  Rasmussen & Williams 2006, Gaussian Processes for Machine Learning: Algorithm
           2.1; section 5.4.2 for the prediction of a value from all the others
@@ -43,6 +43,7 @@ def make_smooth_kernel(
     Parameters
     ----------
     variance : float
+        Variance of the process.
     lengths : array (d,)
         Correlation lengths along the inputs.
     bounds : pair
@@ -97,6 +98,7 @@ class Process:
     errors : float or array (n,)
         Variances of the noise of the values.
     log_likelihood : float
+        Log marginal likelihood of the values.
     """
 
     def __init__(
@@ -204,16 +206,17 @@ class Process:
 class SparseProcess:
     """A process of mean 0, conditioned on many values by way of a few centres (SG06).
 
-    The values depend on each other only through the process at the M centres. The part of
-    the variance at a point that the centres do not explain counts as noise of its value.
-    The work therefore grows with n M^2 instead of n^3. If all points are centres, the
-    process is exact.
+    The values depend on each other only through the process at the M centres. The part
+    of the variance at a point that the centres do not explain counts as noise of its
+    value. The work therefore grows with n M^2 instead of n^3. If all points are
+    centres, the process is exact.
 
     Parameters
     ----------
     kernel : kernel of scikit-learn
         Covariance of the process; its hyperparameters stay as they are.
     x : array (n, d)
+        The points.
     values, errors : array (n,)
         See `Process`.
     centres : array (M, d)
@@ -266,8 +269,9 @@ class SparseProcess:
         self.weights = self.compute_weights(values)
 
         # The values lower the variance of the features by I - precision^-1 = R R'. Keep
-        # the root R, converted to covariances with the centres, because a single product
-        # with it then shows by how much the values lower the variance at a point.
+        # the root R, converted to covariances with the centres, because a single
+        # product with it then shows by how much the values lower the variance at a
+        # point.
         eigenvalues, axes = linalg.eigh(precision)
         root_of_gain = axes * np.sqrt(np.maximum(1 - 1 / eigenvalues, 0.0))
         self._gain = linalg.solve_triangular(

@@ -41,7 +41,7 @@ class QuadraticSurface(Surrogate):
 
     @staticmethod
     def least_samples(inputs: int) -> int:
-        """Return the smallest number of samples if all inputs vary: one more than terms."""
+        """Return the smallest number of samples, if all inputs vary."""
         return (inputs + 1) * (inputs + 2) // 2 + 1
 
     def fit(self, X: ArrayLike, Y: ArrayLike, **noise: Unpack[Noise]) -> Self:
@@ -124,7 +124,7 @@ class QuadraticSurface(Surrogate):
         return products @ products.transpose(0, 2, 1) * self.residual_covariance_
 
     def report(self) -> dict[str, Any]:
-        """Report the number of terms, the degrees of freedom, and the residual scatter."""
+        """Report the number of terms, degrees of freedom, and the residual scatter."""
         n_terms = len(self.coefficients_)
         return {
             "n_terms": n_terms,

@@ -88,6 +88,7 @@ def on_scale(model: Surrogate, scale: Mapping[str, str]) -> Surrogate:
     Parameters
     ----------
     model : Surrogate
+        The surrogate.
     scale : mapping
         Name of the scale of each input whose scale is not linear. If it is empty, the
         result is the surrogate itself.

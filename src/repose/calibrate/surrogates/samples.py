@@ -175,7 +175,9 @@ def check_samples(
     Parameters
     ----------
     X : array (samples, inputs)
+        Parameter sets.
     y : array (samples, outputs) or (samples,)
+        Responses of the samples.
     sample_weight : array (samples,), optional
         Weight of each sample; by default 1.
     precision : array (samples,) or (samples, outputs), optional
@@ -238,7 +240,9 @@ def _check_weights(
     Parameters
     ----------
     X : array (samples, inputs)
+        Parameter sets.
     Y : array (samples, outputs)
+        Responses of the samples.
     count : array
         How often each sample counts.
     precision : array

@@ -85,16 +85,16 @@ class NetworkSettings(Section):
     )
 
     replicates: bool = Field(
-        description="whether the noise comes from the runs of one sample",
+        description="whether the noise is estimated from repeated runs of a sample",
     )
 
     validation_noise: bool = Field(
-        description="whether the correlation of the noises comes from the errors at "
-        "the validation samples",
+        description="whether the correlation of the noises is estimated from the "
+        "errors at the validation samples",
     )
 
     seed: Seed = Field(
-        description="seed of split and starts",
+        description="seed of the split and of the starts",
         json_schema_extra={"source": "4.1.1: 2026"},
     )
 

@@ -1,8 +1,9 @@
 """Describe the region that samples cover, and warn of parameter sets beyond it.
 
-A parameter set gets a warning in three cases: if one of its parameters lies at an end of
-its range, if the nearest sample is farther away than most samples are from their nearest
-neighbour, or if its leverage in a quadratic model is larger than that of any sample.
+A parameter set gets a warning in three cases: if one of its parameters lies at an end
+of its range, if the nearest sample is farther away than most samples are from their
+nearest neighbour, or if its leverage in a quadratic model is larger than that of any
+sample.
 
   (C79)  Cook 1979, Influential observations in linear regression, J. Am. Stat. Assoc.
          74, 169: leverage
@@ -193,7 +194,8 @@ class Support:
         Returns
         -------
         list of str
-            All reasons for each point; empty for a point that is not beyond the samples.
+            All reasons for each point; empty for a point that is not beyond the
+            samples.
         """
         points = np.atleast_2d(np.asarray(points, dtype=float))
         coordinates = to_coordinates(points, self.names, self.scale)
@@ -241,8 +243,9 @@ def _compute_inverse_root(terms: np.ndarray) -> np.ndarray | None:
     """Compute R^-1, with which the leverage of a row a of terms is |a R^-1|^2.
 
     R comes from the QR decomposition of the terms of the samples. The result is None if
-    the samples do not determine the quadratic model. It is also None if there are as many
-    coefficients as samples, because every sample then has leverage 1, which says nothing.
+    the samples do not determine the quadratic model. It is also None if there are as
+    many coefficients as samples, because every sample then has leverage 1, which says
+    nothing.
     """
     n_samples, n_terms = terms.shape
     if n_samples <= n_terms or np.linalg.matrix_rank(terms) < n_terms:

@@ -266,6 +266,7 @@ def compute_jacobian(
     x : array (samples, inputs)
         Scaled inputs.
     outputs : int
+        Number of outputs.
 
     Returns
     -------

@@ -5,14 +5,14 @@ A discrepancy is a deviation that no choice of the parameters can remove.
 If there is a shape study, the discrepancy is estimated from it. The plausible models of
 the study have the axes, mass, volume and packing of the measured grain, but differ in
 unknown features: surface, tension, filling and definition of the angle. With the same
-parameters, their piles differ. The discrepancy is the spread of these piles, weighted by
-how well each model describes the published piles (`estimate_from_shape_study`).
+parameters, their piles differ. The discrepancy is the spread of these piles, weighted
+by how well each model describes the published piles (`estimate_from_shape_study`).
 
 Otherwise, the discrepancy is stated as a share of the value of each response
 (`compute_stated_covariance`). Within a bench test the discrepancies are correlated,
-because one wrong shape or filling changes all numbers of a pile at once. The signs of the
-correlations are those with which the responses vary together over the design: a steeper
-pile is higher and narrower.
+because one wrong shape or filling changes all numbers of a pile at once. The signs of
+the correlations are those with which the responses vary together over the design: a
+steeper pile is higher and narrower.
 """
 
 from collections.abc import Sequence
@@ -53,6 +53,7 @@ def compute_stated_covariance(
     Parameters
     ----------
     targets : Targets
+        The targets of the study.
     runs : pandas.DataFrame
         The runs of the design, with `sample` and the responses.
     percent : float
@@ -69,15 +70,15 @@ def compute_stated_covariance(
 def estimate_from_shape_study(
     combinations_csv: StrPath, targets: Targets
 ) -> ShapeStudyDiscrepancy:
-    """Estimate the discrepancy from the differences between the models of a shape study.
+    """Estimate the discrepancy from the differences between models of a shape study.
 
     The weight of a plausible model is exp(-d^2 / 2), where d is its distance from the
     published piles in standard deviations. All definitions of a model count as one
     model.
 
-    Each combination has few simulations, so their noise enlarges the variances. To correct
-    this, the mean square of the standard errors is subtracted from each variance.
-    The correlation is that of the uncorrected differences.
+    Each combination has few simulations, so their noise enlarges the variances. To
+    correct this, the mean square of the standard errors is subtracted from each
+    variance. The correlation is that of the uncorrected differences.
 
     Parameters
     ----------
@@ -162,7 +163,9 @@ def _read_combinations(
     Parameters
     ----------
     path : path
+        The file of the combinations.
     targets : Targets
+        The targets of the study.
     columns : sequence of str
         Columns of the differences, one for each target.
 
@@ -204,6 +207,7 @@ def _refuse_large_values(
     path : path
         The file, for an error.
     targets : Targets
+        The targets of the study.
     columns : sequence of str
         Columns of the differences.
     plausible : pandas.DataFrame

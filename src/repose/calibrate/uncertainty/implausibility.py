@@ -1,4 +1,4 @@
-"""Show how the posterior depends on the discrepancy, and which parameters are plausible.
+"""Show how the posterior depends on the discrepancy, and what remains plausible.
 
 The plausible region contains the parameters that the measurements do not exclude. All
 results use the same points of a Sobol sequence over the prior. They differ only in the
@@ -49,6 +49,7 @@ class PriorPoints:
     Attributes
     ----------
     space : ParameterSpace
+        The parameters of the study.
     quantile : array (n, d)
         The prior's distribution function at the points.
     values : array (n, p)
@@ -65,6 +66,7 @@ class PriorPoints:
         Parameters
         ----------
         model : Surrogate
+            The surrogate.
         space : ParameterSpace
             Its constraints exclude points.
         """
@@ -101,7 +103,9 @@ def compute_information_curve(
     Parameters
     ----------
     points : PriorPoints
+        Points of the prior, with the predictions there.
     targets : Targets
+        The targets of the study.
     observed : callable
         See `ObservationFunction`.
     shape_study : Observation, optional
@@ -135,7 +139,7 @@ def compute_information_curve(
 
 
 def _describe_shape_study(discrepancy: np.ndarray, targets: Targets) -> dict[str, Any]:
-    """Describe the covariance (k, k) of a shape study in the same terms as a stated one.
+    """Describe the covariance (k, k) of a shape study in the terms of a stated one.
 
     The size is the root mean square over the responses. The correlation is the mean
     absolute correlation over all pairs of responses.

@@ -8,14 +8,14 @@ surrogate's prediction f(theta):
 
     S_y
         Covariance of the physical means. The standard deviation of a mean is
-        sd / sqrt(repetitions). Unless their correlation is known, responses of one bench
-        test are correlated like the simulated runs of a sample. Responses of different
-        bench tests are independent. S_y already includes the scatter from run to run, so
-        the noise term of the surrogate is left out.
+        sd / sqrt(repetitions). Unless their correlation is known, responses of one
+        bench test are correlated like the simulated runs of a sample. Responses of
+        different bench tests are independent. S_y already includes the scatter from run
+        to run, so the noise term of the surrogate is left out.
     S_d
         Covariance of the discrepancies, which no choice of the parameters can remove
-        (`repose.calibrate.uncertainty.discrepancy`). They are those of Kennedy & O'Hagan
-        2001, J. R. Stat. Soc. B 63, 425, with a constant in place of a process.
+        (`repose.calibrate.uncertainty.discrepancy`). They are those of Kennedy &
+        O'Hagan 2001, J. R. Stat. Soc. B 63, 425, with a constant in place of a process.
     S_w
         Covariance of the surrogate's prediction of the mean.
 
@@ -33,7 +33,7 @@ from repose.calibrate.targets import Targets
 
 
 class Observation(NamedTuple):
-    """The physical means, and the part of the covariance that is the same everywhere."""
+    """The physical means, and the constant part of their covariance."""
 
     mean: np.ndarray  # y (k,)
     covariance: np.ndarray  # S_y + S_d (k, k)
@@ -47,6 +47,7 @@ def make_observation(
     Parameters
     ----------
     targets : Targets
+        The targets of the study.
     correlation : array (k, k)
         Correlations of the measured responses.
     discrepancy : array (k, k)
@@ -81,6 +82,7 @@ def compute_log_likelihood(
     covariances : array (n, k, k)
         Covariances S_w of these predictions.
     observed : Observation
+        The physical means, with their covariance.
 
     Returns
     -------

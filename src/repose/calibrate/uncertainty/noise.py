@@ -143,6 +143,7 @@ def compute_noise_floor(runs: pd.DataFrame, targets: Targets) -> NoiseFloor:
     runs : pandas.DataFrame
         Single runs with `sample`, `status` and the responses.
     targets : Targets
+        The targets of the study.
 
     Returns
     -------
@@ -190,6 +191,7 @@ def _compute_seed_columns(
     seeds : numpy.ndarray, (n,)
         Numbers of seeds.
     target : Target
+        The target.
     components : Components
         Variance components of its response.
 
@@ -223,6 +225,7 @@ def _describe_target(
     Parameters
     ----------
     target : Target
+        The target.
     components : Components
         Variance components of its response.
     good, failed : pandas.DataFrame
@@ -265,6 +268,7 @@ def write_noise_floor(
     runs_csv : path
         Single runs of the study.
     targets : Targets
+        The targets of the study.
     out_dir : path
         Folder for noise.csv, seeds.csv and noise.json.
 
@@ -279,7 +283,8 @@ def write_noise_floor(
         If there are too few runs.
     """
     runs = read_runs(runs_csv, targets)
-    # The statistical functions do not know the file, so the error is raised again with it.
+    # The statistical functions do not know the file, so the error is raised again with
+    # it.
     try:
         floor = compute_noise_floor(runs, targets)
     except ValueError as error:

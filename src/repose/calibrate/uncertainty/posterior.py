@@ -1,7 +1,7 @@
 """Infer the free parameters from the physical measurements: their posterior.
 
-The prior of a parameter is uniform over its range, along its scale. If the parameter was
-measured, its prior is a normal distribution that is cut to the range.
+The prior of a parameter is uniform over its range, along its scale. If the parameter
+was measured, its prior is a normal distribution that is cut to the range.
 `repose.calibrate.uncertainty.likelihood` defines the likelihood.
 `repose.calibrate.uncertainty.sampler` draws from the posterior.
 """
@@ -46,15 +46,15 @@ from repose.common.numbers import format_significant
 CREDIBLE_PROBABILITY = 0.95
 # Probability on each side of a credible interval.
 TAIL_PROBABILITY = (1 - CREDIBLE_PROBABILITY) / 2
-# A correlation needs one run beyond the first of a sample for each response of the bench
-# test, and this many more.
+# A correlation needs one run beyond the first of a sample for each response of the
+# bench test, and this many more.
 SPARE_FREEDOM = 2
 MAX_KEPT_DRAWS = 4000
 # Convergence: Vehtari et al. 2021, Bayesian Analysis 16, 667.
 MAX_R_HAT = 1.01
 MIN_EFFECTIVE_DRAWS = 400
-# Limits of the Kullback-Leibler information, in bits. A uniform distribution over half the
-# range has 1 bit.
+# Limits of the Kullback-Leibler information, in bits. A uniform distribution over half
+# the range has 1 bit.
 DETERMINED_BITS = 1.0
 UNDETERMINED_BITS = 0.2
 # If an interval is wider than this share of the prior's interval, the parameter is not
@@ -130,10 +130,12 @@ def make_measurement(
     Parameters
     ----------
     targets : Targets
+        The targets of the study.
     runs : pandas.DataFrame
         Simulated runs, from which the correlation of the responses is estimated unless
         the settings state it.
     settings : PosteriorSettings
+        The section `posterior`.
     shape_study : array (k, k), optional
         Covariance of the discrepancies from a shape study. Without it, the discrepancy is
         that of the settings.
@@ -175,10 +177,12 @@ def _find_measured_correlation(
     Parameters
     ----------
     targets : Targets
+        The targets of the study.
     runs : pandas.DataFrame
         Simulated runs.
     settings : PosteriorSettings
-        Its key `measured_correlation` is a number, or a word that asks for the estimate.
+        Its key `measured_correlation` is a number, or a word that asks for the
+        estimate.
 
     Returns
     -------
@@ -239,9 +243,13 @@ def infer_posterior(
     support : Support
         Region of the samples to which the model was fitted.
     parameters : ParameterSpace
+        The parameters of the study.
     targets : Targets
+        The targets of the study.
     measurement : Measurement
+        The measurement with its uncertainty.
     settings : PosteriorSettings
+        The section `posterior`.
     references : mapping
         Other intervals of the parameters by name: tables with `low` and `high`, whose
         index has the parameters.
@@ -274,8 +282,8 @@ def infer_posterior(
         seed=settings.seed,
     )
 
-    # Describe each parameter, and predict the responses at some of the draws. Choose these
-    # at random, because equally spaced draws may all belong to the same walker.
+    # Describe each parameter, and predict the responses at some of the draws. Choose
+    # these at random, because equally spaced draws may all belong to the same walker.
     table = _tabulate_parameters(space, unit, convergence, references)
     order = np.random.default_rng(settings.seed).permutation(len(unit))
     kept = unit[np.sort(order[:MAX_KEPT_DRAWS])]
@@ -379,19 +387,23 @@ def infer_from_files(
 ) -> dict[str, Any]:
     """Infer the parameters of a study from its files.
 
-    Write the posterior (posterior.csv, draws.csv, posterior.json), its information by size
-    of the discrepancy (discrepancy.csv), and the plausible region (region.csv).
+    Write the posterior (posterior.csv, draws.csv, posterior.json), its information by
+    size of the discrepancy (discrepancy.csv), and the plausible region (region.csv).
 
     Parameters
     ----------
     files : InputFiles
+        The files to read.
     parameters : ParameterSpace
+        The parameters of the study.
     targets : Targets
         The responses that the surrogate must have.
     definitions : mapping
         Their definitions, which must be those of the surrogate.
     settings : PosteriorSettings
+        The section `posterior`.
     out_dir : path
+        Folder for these files.
     source : object, optional
         Name of the configuration, for an error about definitions.
 
@@ -468,7 +480,9 @@ def _read_references(
     Parameters
     ----------
     files : InputFiles
+        The files to read.
     space : ParameterSpace
+        The parameters of the study.
 
     Returns
     -------
@@ -498,10 +512,13 @@ def _compute_curve(
     Parameters
     ----------
     points : PriorPoints
+        Points of the prior, with the predictions there.
     targets : Targets
+        The targets of the study.
     runs : pandas.DataFrame
         Simulated runs, from which the signs of the correlations follow.
     measurement : Measurement
+        The measurement with its uncertainty.
 
     Returns
     -------
@@ -611,9 +628,11 @@ def _tabulate_parameters(
     Parameters
     ----------
     space : ParameterSpace
+        The parameters of the study.
     unit : array (n, d)
         Draws from the posterior, as points of the unit cube.
     convergence : Convergence
+        Convergence of the chains.
     references : mapping
         See `infer_posterior`. A table may lack parameters of this study, because
         published tables only have the six parameters of the paper.
@@ -662,6 +681,7 @@ def _describe_distribution(
     values : array (n,)
         Draws of the parameter.
     space : ParameterSpace
+        The parameters of the study.
     name : str
         Name of the parameter.
     prior_width : float
@@ -693,6 +713,7 @@ def _compute_prior_widths(space: ParameterSpace) -> np.ndarray:
     Parameters
     ----------
     space : ParameterSpace
+        The parameters of the study.
 
     Returns
     -------
@@ -743,6 +764,7 @@ def _assess_reference(
     reference : str
         Name of the reference, with which the names of the columns begin.
     space : ParameterSpace
+        The parameters of the study.
     parameter : str
         Name of a free parameter.
     values : array (n,)

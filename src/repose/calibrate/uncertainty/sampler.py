@@ -1,8 +1,8 @@
 """Draw from a probability density in the unit cube, and measure convergence.
 
 The draws come from emcee (Foreman-Mackey et al. 2013, PASP 125, 306). The walkers of an
-ensemble depend on each other. Therefore several independent ensembles are drawn, and R-hat
-compares them.
+ensemble depend on each other. Therefore several independent ensembles are drawn, and
+R-hat compares them.
 """
 
 import math
@@ -61,11 +61,13 @@ def draw_chains(
     log_density : callable
         It maps points (n, d) to the log (n,) of the density, up to a constant.
     dimensions : int
+        Number of coordinates of a point.
     walkers : int
         Number of walkers in each ensemble.
     steps : int
         Number of steps of each walker, including the burn-in.
     seed : int
+        Seed of the random numbers.
 
     Returns
     -------
@@ -121,8 +123,8 @@ def _make_ensemble(
     """Make emcee's ensemble of walkers, with the state of a random generator."""
     import emcee
 
-    # Leave out the snooker move. In emcee 3.1.6 the exponent in its acceptance is half of
-    # what it should be, which makes the draws too narrow.
+    # Leave out the snooker move. In emcee 3.1.6 the exponent in its acceptance is half
+    # of what it should be, which makes the draws too narrow.
     moves = [(emcee.moves.DEMove(), 0.5), (emcee.moves.StretchMove(), 0.5)]
     ensemble = emcee.EnsembleSampler(
         walkers, dimensions, log_density, moves=moves, vectorize=True
@@ -147,7 +149,9 @@ def _draw_starts(
     log_density : callable
         It maps points (n, d) to the log (n,) of the density, up to a constant.
     dimensions : int
+        Number of coordinates of a point.
     random : numpy.random.RandomState
+        Source of the random numbers.
 
     Returns
     -------
@@ -224,9 +228,9 @@ def _find_power_rise(log_densities: np.ndarray, most: float) -> float:
 def compute_split_r_hat(chains: np.ndarray) -> np.ndarray:
     """Compute R-hat (d,) of chains (m, n, d), each cut in two.
 
-    Let W be the mean variance within the halves, each of n draws, and B / n the variance
-    of their means. Then R-hat is sqrt(((n - 1) / n W + B / n) / W) (Gelman et al. 2013,
-    Bayesian Data Analysis, 11.4).
+    Let W be the mean variance within the halves, each of n draws, and B / n the
+    variance of their means. Then R-hat is sqrt(((n - 1) / n W + B / n) / W) (Gelman et
+    al. 2013, Bayesian Data Analysis, 11.4).
     """
     n = chains.shape[1] // 2
     halves = np.concatenate([chains[:, :n], chains[:, -n:]])
@@ -239,7 +243,8 @@ def compute_information_bits(draws: np.ndarray, effective: float) -> float:
     """Compute how much information the posterior of a parameter adds to its prior.
 
     The result, in bits, is the Kullback-Leibler divergence of a histogram. For m
-    independent draws its expected excess is (bins - 1) / (2 m ln 2), which is subtracted
+    independent draws its expected excess is (bins - 1) / (2 m ln 2), which is
+    subtracted
     (Miller 1955, Note on the bias of information estimates). The result is at least 0.
 
     Parameters

@@ -5,17 +5,18 @@ et al. 2010 (Computer Physics Communications 181, 259) on a Sobol sequence, with
 function scipy.stats.sobol_indices. The free parameters are independent and uniform over
 their ranges, along their scales. Priors are ignored.
 
-Constraints make the parameters depend on each other, so the variance cannot be divided in
-this way. With constraints, the parameters are uniform over the allowed part of the ranges,
-and two shares of the variance take the place of the indices. `explained`,
-Var(E[y | x]) / Var(y), is what one parameter x alone explains. `remaining`,
-E[Var(y | others)] / Var(y), is what remains once all other parameters are known. Without
+Constraints make the parameters depend on each other, so the variance cannot be divided
+in this way. With constraints, the parameters are uniform over the allowed part of the
+ranges, and two shares of the variance take the place of the indices. `explained`,
+Var(E[y | x]) / Var(y), is what one parameter x alone explains. `remaining`, E[Var(y |
+others)] / Var(y), is what remains once all other parameters are known. Without
 constraints, the two shares are the first-order and the total index. The source is
 Kucherenko, Klymenko and Shah, Sobol' indices for problems defined in non-rectangular
 domains, Reliability Engineering and System Safety 167 (2017) 218-231.
 
-The intervals account for the error of the sampling, which is estimated by bootstrap over
-the rows of the sequence. They do not account for the error of the surrogate itself.
+The intervals account for the error of the sampling, which is estimated by bootstrap
+over the rows of the sequence. They do not account for the error of the surrogate
+itself.
 """
 
 from collections.abc import Callable, Iterator
@@ -83,6 +84,7 @@ def compute_sobol_indices(
     resamples : int
         Number of bootstrap samples, from which the intervals follow.
     seed : int
+        Seed of the sequence and of the bootstrap.
 
     Returns
     -------
@@ -143,9 +145,9 @@ def compute_allowed_shares(
 
     For each parameter x, draws of the other parameters are combined with `N_LINE_POINTS`
     values of x, so the points of a draw form a line. The points that are allowed are
-    uniformly distributed over the allowed part of the ranges. The means of their outputs
-    at each value of x give Var(E[y | x]), and the variances along each line give
-    E[Var(y | others)].
+    uniformly distributed over the allowed part of the ranges. The means of their
+    outputs at each value of x give Var(E[y | x]), and the variances along each line
+    give E[Var(y | others)].
 
     Parameters
     ----------
@@ -301,6 +303,7 @@ def _add_intervals(
     names : pair of str
         Names of the estimates.
     estimates : array (2, outputs, d)
+        The two estimates.
     replicates : array (resamples, 2, outputs, d)
         The same estimates from resamples of the data.
 
@@ -403,11 +406,13 @@ def analyse_surrogate(
     Parameters
     ----------
     model : Surrogate
+        The surrogate.
     parameters : ParameterSpace
         The ranges over which the parameters vary.
     targets : Targets
         The responses of the surrogate.
     settings : SensitivitySettings
+        The section `sensitivity`.
 
     Returns
     -------
@@ -489,12 +494,15 @@ def analyse_from_file(
     Parameters
     ----------
     surrogate_json : path
+        File of the surrogate.
     parameters : ParameterSpace
+        The parameters of the study.
     targets : Targets
         The responses that the surrogate must have.
     definitions : mapping
         Their definitions, which must be those of the surrogate.
     settings : SensitivitySettings
+        The section `sensitivity`.
     out_dir : path
         Folder for the two tables.
     source : object, optional

@@ -14,8 +14,8 @@ class PosteriorSettings(Section):
     """Settings of the posterior of the parameters."""
 
     shape_study: PathOrNull = Field(
-        description="table `combinations.csv` of a shape study, or null; it takes the "
-        "place of the next two keys",
+        description="table `combinations.csv` of a shape study, or null; a table "
+        "replaces the next two keys",
     )
 
     discrepancy_percent: float = Field(
@@ -28,22 +28,22 @@ class PosteriorSettings(Section):
     discrepancy_correlation: float = Field(
         ge=0,
         le=0.99,
-        description="correlation of the stated discrepancies of two responses of the "
-        "same bench test, without its sign; 0: independent",
+        description="absolute correlation between the stated discrepancies of two "
+        "responses of the same bench test; 0: independent",
     )
 
     measured_correlation: Annotated[
         Literal["simulated"] | Annotated[float, Field(ge=-0.99, le=0.99)],
         Allowed("simulated or a number from -0.99 to 0.99"),
     ] = Field(
-        description="correlation of the errors of two measured responses of one bench "
-        "test; `simulated`: as in simulated pours",
+        description="correlation between the errors of two measured responses of one "
+        "bench test; `simulated`: as in simulated pours",
     )
 
     walkers: int = Field(
         ge=14,
         le=1000,
-        description="walkers in each of the four ensembles of the sampler",
+        description="walkers in each ensemble of the sampler",
     )
 
     steps: int = Field(
@@ -74,5 +74,5 @@ class SensitivitySettings(Section):
     )
 
     seed: Seed = Field(
-        description="seed of sequence and bootstrap",
+        description="seed of the sequence and of the bootstrap",
     )

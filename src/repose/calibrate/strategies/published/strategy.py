@@ -34,6 +34,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     Parameters
     ----------
     study : Study
+        The study.
     data : pandas.DataFrame
         All runs so far, as in `Strategy.propose`; empty at the start.
 
@@ -81,6 +82,7 @@ def fit_surrogate(
     Parameters
     ----------
     study : Study
+        The study.
     samples : pandas.DataFrame
         The samples to fit, from `summarise_samples`.
     data : pandas.DataFrame
@@ -123,6 +125,7 @@ def make_answer(
     Parameters
     ----------
     study : Study
+        The study.
     model : Surrogate
         The surrogate that was searched.
     inversion : Inversion
@@ -188,6 +191,7 @@ def compute_probabilities(
     covariance : numpy.ndarray, (1, k, k)
         Covariance of the predictions.
     targets : Targets
+        The targets of the study.
 
     Returns
     -------

@@ -30,8 +30,8 @@ class RefineSettings(Section):
         description="places where the fit may meet the targets, poured once each",
     )
     tolerance_percent: Percent = Field(
-        description="a place is drawn with the probability that its means lie within so "
-        "many percent of all targets",
+        description="a place is drawn with the probability that its means lie within "
+        "this percentage of all targets",
     )
     design_seeds: Seeds = Field(
         description="pours of each sample of the design with `strategy: refined`, in "
@@ -40,13 +40,13 @@ class RefineSettings(Section):
     seeds: int = Field(
         ge=1,
         le=1000,
-        description="pours of the answer, which check it",
+        description="pours that check the answer",
     )
 
 
 @register("refined")
 class Refined(Strategy[None]):
-    """The published batch, a batch of single runs near the targets, then the answer."""
+    """The published batch, a batch of single runs near the targets, and the answer."""
 
     begins_with_design = True
     seeds_key = "refine.design_seeds"

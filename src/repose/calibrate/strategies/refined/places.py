@@ -2,8 +2,9 @@
 
 The first stage samples the whole ranges, so most of its runs are far from the targets.
 Near the targets the errors of the fit decide which place seems to meet the targets. The
-second stage therefore runs the simulator at many such places, once at each. The next fit
-then learns the level of the whole region, and no place is chosen because of its noise.
+second stage therefore runs the simulator at many such places, once at each. The next
+fit then learns the level of the whole region, and no place is chosen because of its
+noise.
 """
 
 import numpy as np
@@ -46,12 +47,15 @@ def draw_near_targets(
     surrogate : Surrogate
         A surrogate with error estimates.
     space : ParameterSpace
+        The parameters of the study.
     targets : Targets
+        The targets of the study.
     count : int
         Number of places, at most `N_NEAREST`.
     tolerance_percent : float
         The tolerance, in percent of each target.
     random : numpy.random.Generator
+        Source of the random numbers.
 
     Returns
     -------

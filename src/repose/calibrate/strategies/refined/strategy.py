@@ -41,6 +41,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     Parameters
     ----------
     study : Study
+        The study.
     data : pandas.DataFrame
         All runs so far, as in `Strategy.propose`; empty at the start.
 
@@ -105,6 +106,7 @@ def _propose_second_stage(
     Parameters
     ----------
     study : Study
+        The study.
     training : Training
         The surrogate of the design.
     data : pandas.DataFrame
@@ -154,6 +156,7 @@ def _estimate_optimism(
     Parameters
     ----------
     study : Study
+        The study.
     training : Training
         The surrogate of all runs.
     support : Support

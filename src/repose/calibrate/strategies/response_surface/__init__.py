@@ -37,24 +37,24 @@ class ResponseSurfaceSettings(Section):
         description="pours of each run of a design; their mean is the run's response",
     )
     screening_runs: Literal[8, 12, 16, 20, 24] = Field(
-        description="runs of the Plackett-Burman design, at least the free parameters "
-        "and two more",
+        description="runs of the Plackett-Burman design, at least two more than free "
+        "parameters",
     )
     significance: float = Field(
         gt=0,
         le=0.5,
-        description="a parameter whose effect has a smaller p goes on",
+        description="a parameter is kept if its effect has a smaller p value",
     )
     most_factors: int = Field(
         ge=2,
         le=7,
-        description="parameters that go on at most; at least 3 for `box_behnken`, 2 "
-        "for the others",
+        description="largest number of parameters that are kept; at least 3 for "
+        "`box_behnken`, 2 for the others",
     )
     steps: int = Field(
         ge=1,
         le=50,
-        description="steps of the path of ascent, to the end of the first range",
+        description="steps of the path of ascent, which ends at the end of a range",
     )
     surface: Literal["box_behnken", "rotatable", "face_centred"] = Field(
         description="design of the surface",
@@ -62,19 +62,19 @@ class ResponseSurfaceSettings(Section):
     centres: int = Field(
         ge=1,
         le=50,
-        description="runs at its centre and at the screening's; at least 3 for "
-        "`box_behnken`",
+        description="runs at the centre of the surface, and of the screening; at least "
+        "3 for `box_behnken`",
     )
     reach: float = Field(
         ge=0.01,
         le=0.5,
-        description="distance of its outermost level from its centre, as a share of "
-        "each parameter's range",
+        description="distance of the surface's outermost level from its centre, as a "
+        "share of each parameter's range",
     )
     checks: int = Field(
         ge=2,
         le=500,
-        description="runs of the check, `seeds` pours each",
+        description="runs of the check, with `seeds` pours each",
     )
 
     @property

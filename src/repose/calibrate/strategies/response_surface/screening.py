@@ -71,6 +71,7 @@ def analyse_screening(
     Parameters
     ----------
     study : Study
+        The study.
     table : pandas.DataFrame
         The samples, from `make_screening_samples`.
     dataset : pandas.DataFrame
@@ -180,6 +181,7 @@ def fit_models(
     dataset : pandas.DataFrame
         All samples with their responses.
     targets : Targets
+        The targets of the study.
     order : str
         Order of the polynomial, as in `repose.calibrate.designs.model.fit_model`.
 
@@ -223,6 +225,7 @@ def make_analysis_tables(
     models : list of Model
         One for each response.
     targets : Targets
+        The targets of the study.
 
     Returns
     -------
@@ -275,6 +278,7 @@ def make_ascent_samples(
     kept : list of str
         Names of the parameters that are varied. The others stay at the centre.
     study : Study
+        The study.
 
     Returns
     -------

@@ -19,8 +19,8 @@ STEPS = ("screening", "ascent", "surface", "check")
 NUMBERS_PER_STEP = 1000
 # Prefix of a column with a parameter in coded units.
 CODED_PREFIX = "coded_"
-# Column that marks the runs that replace forbidden ones. Only a study with constraints has
-# it.
+# Column that marks the runs that replace forbidden ones. Only a study with constraints
+# has it.
 NEW_RUN_COLUMN = "is_new"
 
 
@@ -38,6 +38,7 @@ def make_samples(
     step : str
         One of `STEPS`.
     space : ParameterSpace
+        The parameters of the study.
     unit : numpy.ndarray, (n, d)
         The free parameters in the unit cube.
     factors : sequence of str
@@ -132,6 +133,7 @@ def make_region(
     Parameters
     ----------
     space : ParameterSpace
+        The parameters of the study.
     convert_to_unit : callable
         Function that converts points (n, factors) in coded units to points (n, d) of the
         unit cube.

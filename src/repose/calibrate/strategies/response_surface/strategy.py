@@ -24,13 +24,14 @@ from repose.calibrate.study import Study
 def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     """Propose the samples of the next step, or give the answer after the last step.
 
-    Each step is computed anew from the runs of the previous steps. The first step without
-    runs is proposed. The notes have the tables of all steps so far, and `why`, a sentence
-    that explains the last decision.
+    Each step is computed anew from the runs of the previous steps. The first step
+    without runs is proposed. The notes have the tables of all steps so far, and `why`,
+    a sentence that explains the last decision.
 
     Parameters
     ----------
     study : Study
+        The study.
     data : pandas.DataFrame
         All runs so far, as in `Strategy.propose`; empty at the start.
     """

@@ -31,7 +31,8 @@ from repose.calibrate.targets import Targets
 
 # Probability of the intervals of predictions.
 CONFIDENCE = 0.95
-# Number of points of the cube among which parameter sets inside the ranges are searched.
+# Number of points of the cube among which parameter sets inside the ranges are
+# searched.
 N_POINTS = 2048
 
 
@@ -66,15 +67,17 @@ def make_surface_samples(
 ) -> pd.DataFrame:
     """Make the samples of the surface around the best point of the path.
 
-    The outermost levels of each factor lie `section.reach` times its range away from the
-    centre. The centre is moved if a factor would otherwise leave its range.
+    The outermost levels of each factor lie `section.reach` times its range away from
+    the centre. The centre is moved if a factor would otherwise leave its range.
 
     Parameters
     ----------
     points : pandas.DataFrame
         The path, from `rank_path_points`.
     space : ParameterSpace
+        The parameters of the study.
     section : ResponseSurfaceSettings
+        The section `response_surface`.
 
     Returns
     -------
@@ -90,7 +93,8 @@ def make_surface_samples(
     reach = section.reach
     coded, outermost_level = section.coded(len(factors))
 
-    # Move the centre inwards just enough for the outermost levels to stay in the unit cube.
+    # Move the centre inwards just enough for the outermost levels to stay in the unit
+    # cube.
     best = points.loc[points["best"], list(space.names)].to_numpy(float)
     best_unit = space.unit(best)  # (1, d)
     columns = [space.free.index(name) for name in factors]
@@ -151,6 +155,7 @@ def convert_to_unit_cube(
     points : numpy.ndarray, (n, factors) or (factors,)
         Points in coded units.
     space : ParameterSpace
+        The parameters of the study.
 
     Returns
     -------
@@ -170,6 +175,7 @@ def _make_conversion(
     table : pandas.DataFrame
         The samples of the surface.
     space : ParameterSpace
+        The parameters of the study.
 
     Returns
     -------
@@ -217,6 +223,7 @@ def find_alternatives(
     table : pandas.DataFrame
         The samples of the surface.
     study : Study
+        The study.
 
     Returns
     -------
@@ -271,9 +278,11 @@ def make_notes(
     models : list of Model
         A quadratic model for each response.
     best : Optimum
+        The optimum of the models.
     check : pandas.DataFrame
         The samples of the check.
     study : Study
+        The study.
 
     Returns
     -------
@@ -305,7 +314,9 @@ def predict_at_optimum(
     models : list of Model
         A quadratic model for each response.
     best : Optimum
+        The optimum of the models.
     targets : Targets
+        The targets of the study.
     runs : int
         Number of runs of the check.
 

@@ -33,8 +33,7 @@ class SequentialSettings(Section):
         description="samples of the start, a Latin hypercube all over the ranges",
     )
     seeds: Seeds = Field(
-        description="pours of each sample; at least 2, as the noise comes from pours "
-        "of one sample",
+        description="pours of each sample; at least 2, because they show the noise",
     )
     batch: int = Field(
         ge=1,
@@ -42,24 +41,24 @@ class SequentialSettings(Section):
         description="samples of a batch, poured in parallel",
     )
     tolerance_percent: Annotated[float, Field(gt=0, le=50)] = Field(
-        description="the answer shall lie within this percentage of every target's "
-        "`aim`",
+        description="the answer should lie within this percentage of the `aim` of "
+        "every target",
     )
     probability: float = Field(
         ge=0.05,
         le=0.99,
-        description="it stops when the answer does so with this probability",
+        description="the strategy stops when the answer does so with this probability",
     )
     most_pours: int = Field(
         ge=8,
         le=9999,
-        description="budget: pours of each bench test of the targets, the check left "
-        "out; at least `start_samples` times `seeds`",
+        description="budget of pours in each bench test of the targets, without the "
+        "check; at least `start_samples` times `seeds`",
     )
     checks: int = Field(
         ge=2,
         le=500,
-        description="pours of the answer, with seeds of their own",
+        description="pours of the answer, with fresh seeds",
     )
 
 

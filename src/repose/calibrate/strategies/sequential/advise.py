@@ -28,20 +28,21 @@ N_CANDIDATES = 2048
 # The search continues around the N_KEPT best points, with N_AROUND new points for each.
 N_KEPT = 8
 N_AROUND = 64
-# Standard deviations of the new points about the best ones, as shares of the ranges. The
-# search has a step for each of them.
+# Standard deviations of the new points about the best ones, as shares of the ranges.
+# The search has a step for each of them.
 STEP_SDS = (0.1, 0.03, 0.01)
 # Standard deviation of the points of a batch about the answer, in shares of the prior.
 BATCH_SD = 0.1
 # Limits of the probability that any point meets the targets. If it is below
-# DOUBTFUL_PROBABILITY, half a batch is simulated where the draws of the model come nearest
-# to the targets. If it is below UNREACHABLE_PROBABILITY, the search ends, provided that
-# batches have followed the start.
+# DOUBTFUL_PROBABILITY, half a batch is simulated where the draws of the model come
+# nearest to the targets. If it is below UNREACHABLE_PROBABILITY, the search ends,
+# provided that batches have followed the start.
 DOUBTFUL_PROBABILITY = 0.8
 UNREACHABLE_PROBABILITY = 0.3
 # Points count as the same if their distance, in ranges, is smaller than this.
 SAME_DISTANCE = 1e-9
-# A point lies at an end of a range if it is at most this share of the range away from it.
+# A point lies at an end of a range if it is at most this share of the range away from
+# it.
 END_SHARE = 1e-3
 # Seed of the search for the nearest point.
 NEAREST_SEED = 1
@@ -148,9 +149,11 @@ def advise(
     goal : Goal
         The targets within their tolerance.
     section : SequentialSettings
+        The section `sequential`.
     done : int
         Number of runs so far, including failed ones.
     random : numpy.random.Generator
+        Source of the random numbers.
     noise : numpy.ndarray, (k, k), or None
         Known covariance of a single run. None estimates it from replicates.
 
@@ -174,9 +177,9 @@ def advise(
     if goal.space.constraints:
         allowed = allowed[goal.space.is_allowed(allowed)]
     reachable = max(goal.estimate_reachable(model, allowed, runs_left), probability)
-    # The response may be steep at an end of a range, and a model without runs there only
-    # extrapolates the slope. Therefore require a run at these ends before calling the
-    # targets out of reach. If the ends are forbidden (NaN), no run is required.
+    # The response may be steep at an end of a range, and a model without runs there
+    # only extrapolates the slope. Therefore require a run at these ends before calling
+    # the targets out of reach. If the ends are forbidden (NaN), no run is required.
     ends = find_nearest_ends(attainable.points)
     if not goal.space.is_allowed(np.where(np.isfinite(ends), ends, answer)[None])[0]:
         ends = np.full(len(ends), np.nan)
@@ -240,9 +243,11 @@ def _choose_batch(
     attainable : Reach
         Probability that any parameter set meets the targets, and the nearest points.
     goal : Goal
+        The targets within their tolerance.
     observed : ObservedSamples
         The samples so far.
     random : numpy.random.Generator
+        Source of the random numbers.
 
     Returns
     -------
@@ -277,6 +282,7 @@ def _find_reason_to_stop(
     Parameters
     ----------
     section : SequentialSettings
+        The section `sequential`.
     probability : float
         Probability that the answer meets the targets.
     reachable : float
@@ -371,7 +377,9 @@ def find_nearest(
     Parameters
     ----------
     model : Kriging
+        Model of the runs.
     goal : Goal
+        The targets within their tolerance.
     observed : ObservedSamples
         The runs so far.
     points : numpy.ndarray, (m, d)
@@ -418,6 +426,7 @@ def _refine_search(
     observed : ObservedSamples
         The samples. A point nearer to a failed one than to a good one scores -inf.
     random : numpy.random.Generator
+        Source of the random numbers.
 
     Returns
     -------
@@ -467,7 +476,9 @@ def find_alternatives(
     ranking : ScoredPoints
         Result of `rank_points`.
     model : Kriging
+        Model of the runs.
     targets : Targets
+        The targets of the study.
     section : MigaSettings
         Its keys set the number of points and their least distance.
     """

@@ -14,8 +14,8 @@ from repose.calibrate.probability import MIN_PROBABILITY, compute_box_probabilit
 from repose.calibrate.strategies.sequential.kriging import Kriging
 from repose.calibrate.targets import Targets
 
-# Number of standard deviations by which further runs may move a predicted mean towards its
-# target.
+# Number of standard deviations by which further runs may move a predicted mean towards
+# its target.
 LUCKY_SDS = 3.0
 MAX_NEEDED = 10**6  # largest number of runs that is counted
 # Weight of the squared distance in the score. It decides only where the probability
@@ -91,6 +91,7 @@ class Goal(NamedTuple):
         mean : array (m, k)
             Means of the responses.
         covariance : array (m, k, k)
+            Covariances of the responses.
 
         Returns
         -------
@@ -142,6 +143,7 @@ class Goal(NamedTuple):
         Parameters
         ----------
         model : Kriging
+            Model of the runs.
         unit : array (m, d)
             Points of the unit cube.
         pours : int

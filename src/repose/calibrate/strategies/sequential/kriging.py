@@ -31,39 +31,40 @@ from repose.calibrate.parameter_space import ParameterSpace
 from repose.calibrate.surrogates.samples import CombinedOutputs
 
 PRIOR_FREEDOM = 20.0  # prior degrees of freedom of the pooled variance (S04)
-# Prior of the logarithm of a length (H24). Half the logarithm of d is added to the mean.
+# Prior of the logarithm of a length (H24). Half the logarithm of d is added to the
+# mean.
 LENGTH_LOG_MEAN = math.sqrt(2) - 3
 LENGTH_LOG_SD = math.sqrt(3)
-# Prior standard deviation of the logarithm of a process's variance. The prior is centred on
-# the variance of the means without noise.
+# Prior standard deviation of the logarithm of a process's variance. The prior is
+# centred on the variance of the means without noise.
 VARIANCE_LOG_SD = 1.0
-# Smallest variance without noise, as a share of the variance of the means. It is used where
-# the noise seems to explain the whole variance.
+# Smallest variance without noise, as a share of the variance of the means. It is used
+# where the noise seems to explain the whole variance.
 MIN_SIGNAL = 0.1
 # Smoothness of Matern's covariance, whose functions are twice differentiable. Smoother
 # functions claim too much accuracy between few samples.
 SMOOTHNESS = 2.5
 N_DRAWS = 8  # number of draws of variance and lengths
 DRAWS_SEED = 1
-# Prior of the factor on the variance of each draw: median, and standard deviation of the
-# logarithm. They come from campaigns in which the draws' variances were usually too large.
-# The hidden sets of these campaigns are not those of docs/sequential.md.
+# Prior of the factor on the variance of each draw: median, and standard deviation of
+# the logarithm. They come from campaigns in which the draws' variances were usually too
+# large. The hidden sets of these campaigns are not those of docs/sequential.md.
 FACTOR_MEDIAN = 0.7
 FACTOR_LOG_SD = 0.4
 FACTORS = np.exp(np.linspace(-2, 2, 81))  # values over which the factor is averaged
 DIFFERENCE_STEP = 1e-3  # step of the logarithms in the finite differences
 # Bounds of the variance, in variances of the means, and of the lengths, in ranges.
 HYPERPARAMETER_BOUNDS = (1e-3, 1e3)
-# Noise, or a combination of the responses' noises, is a rounding error if its relative size
-# is below this.
+# Noise, or a combination of the responses' noises, is a rounding error if its relative
+# size is below this.
 ROUNDING_SHARE = 1e-9
 MIN_SAMPLES = 2
-# The work for an exact process grows with the cube of the number of samples. With more than
-# MAX_EXACT_SAMPLES, variance and lengths are therefore estimated from a random subset of
-# this size, and they are not drawn. The processes are conditioned on all samples by way of
-# N_CENTRES of them. For 1,200 samples of four parameters with almost no noise, the
-# predictions of 512 centres are as good as those of all samples, while those of 256 have
-# 1.7 times the error.
+# The work for an exact process grows with the cube of the number of samples. With more
+# than MAX_EXACT_SAMPLES, variance and lengths are therefore estimated from a random
+# subset of this size, and they are not drawn. The processes are conditioned on all
+# samples by way of N_CENTRES of them. For 1,200 samples of four parameters with almost
+# no noise, the predictions of 512 centres are as good as those of all samples, while
+# those of 256 have 1.7 times the error.
 MAX_EXACT_SAMPLES = 256
 N_CENTRES = 512
 SUBSET_SEED = 2
@@ -174,9 +175,9 @@ class Kriging(CombinedOutputs):
 
     Each process has a linear part (R06). Without it, a process returns to its mean in
     the corners, where the largest and the smallest responses are. With few samples,
-    variance and lengths are uncertain. They are therefore drawn `N_DRAWS` times from the
-    normal approximation of their posterior, with the prior of (H24), and predictions
-    come from the mixture.
+    variance and lengths are uncertain. They are therefore drawn `N_DRAWS` times from
+    the normal approximation of their posterior, with the prior of (H24), and
+    predictions come from the mixture.
 
     The variance of each draw is multiplied by one factor. To estimate it, each sample
     is predicted from all the others, and the factor compares these residuals with the
@@ -187,6 +188,7 @@ class Kriging(CombinedOutputs):
     Parameters
     ----------
     observed : ObservedSamples
+        The samples with their runs.
     noise : array (k, k), optional
         Covariance of a single run; by default estimated from the replicates.
 
@@ -246,10 +248,12 @@ class Kriging(CombinedOutputs):
         Parameters
         ----------
         unit : array (m, d)
+            Points of the unit cube.
 
         Returns
         -------
         mean : array (m, k)
+            Predicted means.
         covariance : array (m, k, k)
             Covariance of the mean, without the noise of a run.
         """
@@ -364,9 +368,9 @@ def _estimate_mean_variances(
 ) -> np.ndarray:
     """Estimate the variances (n, k) of the samples' means in each combination (S04).
 
-    The columns of `mixing` are the combinations. In each of them, the noise of all samples
-    has the variance 1. This value counts as much as `PRIOR_FREEDOM` degrees of freedom,
-    beside those of the sample itself.
+    The columns of `mixing` are the combinations. In each of them, the noise of all
+    samples has the variance 1. This value counts as much as `PRIOR_FREEDOM` degrees of
+    freedom, beside those of the sample itself.
     """
     squares = ((observed.residuals @ mixing) ** 2).sum(axis=1)
     counts = observed.counts[:, None]
@@ -590,7 +594,8 @@ def _draw_hyperparameters(
     list of array (1 + d,)
         `N_DRAWS` of them.
     """
-    # In every direction, keep the posterior at least as certain as the prior of a length.
+    # In every direction, keep the posterior at least as certain as the prior of a
+    # length.
     eigenvalues, axes = np.linalg.eigh((curvature + curvature.T) / 2)
     root = axes / np.sqrt(np.maximum(eigenvalues, LENGTH_LOG_SD**-2))
     random = np.random.default_rng(DRAWS_SEED)

@@ -1,8 +1,9 @@
 """Estimate whether any parameter set meets the goal, and how near the nearest one is.
 
 The estimate uses random draws of possible responses. A draw is a function of the
-parameters that agrees with the runs within their errors. A search finds the best point of
-each draw, so the estimate holds for all parameter sets together, not for a single set.
+parameters that agrees with the runs within their errors. A search finds the best point
+of each draw, so the estimate holds for all parameter sets together, not for a single
+set.
 
 - (RR08) Rahimi & Recht 2008, Random features for large-scale kernel machines, NeurIPS
   20
@@ -57,8 +58,11 @@ def estimate_reach(model: Kriging, goal: Goal, random: np.random.Generator) -> R
     Parameters
     ----------
     model : Kriging
+        Model of the runs.
     goal : Goal
+        The targets within their tolerance.
     random : numpy.random.Generator
+        Source of the random numbers.
 
     Returns
     -------
@@ -103,10 +107,13 @@ def _search_draws(
     Parameters
     ----------
     draws : Draws
+        The draws to search.
     goal : Goal
+        The targets within their tolerance.
     starts : numpy.ndarray, (m, d)
         Points of the unit cube where the search begins.
     random : numpy.random.Generator
+        Source of the random numbers.
 
     Returns
     -------
@@ -156,9 +163,11 @@ class Draws:
     Parameters
     ----------
     model : Kriging
+        Model of the runs.
     number : int
         Number of the set of processes in `model.sets`.
     random : numpy.random.Generator
+        Source of the random numbers.
     """
 
     def __init__(
@@ -172,9 +181,11 @@ class Draws:
         Parameters
         ----------
         model : Kriging
+            Model of the runs.
         number : int
             Number of the set of processes in `model.sets`.
         random : numpy.random.Generator
+            Source of the random numbers.
         """
         self.model = model
         n_functions = N_FUNCTIONS // len(model.sets)
@@ -238,7 +249,9 @@ def _draw_prior(
     d : int
         Number of inputs.
     n_functions : int
+        Number of functions to draw.
     random : numpy.random.Generator
+        Source of the random numbers.
 
     Returns
     -------

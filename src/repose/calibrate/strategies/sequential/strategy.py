@@ -64,6 +64,7 @@ def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     Parameters
     ----------
     study : Study
+        The study.
     data : pandas.DataFrame
         All runs so far, as in `Strategy.propose`; empty at the start.
 
@@ -108,6 +109,7 @@ def _propose_start(study: Study, data: pd.DataFrame, notes: Mapping[str, Any]) -
     Parameters
     ----------
     study : Study
+        The study.
     data : pandas.DataFrame
         The runs so far, if an earlier start failed.
     notes : mapping
@@ -130,6 +132,7 @@ def _propose_another_start(
     Parameters
     ----------
     study : Study
+        The study.
     data : pandas.DataFrame
         The runs so far.
     observed : ObservedSamples
@@ -159,8 +162,8 @@ def _propose_another_start(
     if not (has_too_few and fits_budget):
         raise _make_input_error(error, data, study.targets) from None
     why = (
-        f"{n_failed} samples failed, and the other {n_good} are too few for a model, so "
-        "another start follows"
+        f"{n_failed} samples failed, and the other {n_good} are too few for a model, "
+        "so another start follows"
     )
     return _propose_start(study, data, notes={"why": why})
 
@@ -178,6 +181,7 @@ def give_answer(
     Parameters
     ----------
     study : Study
+        The study.
     data : pandas.DataFrame
         The runs so far.
     point : numpy.ndarray, (d,), optional
@@ -216,8 +220,8 @@ def give_answer(
     reasons = [why]
     if point is None:
         point = ranking.best
-        # If no point is predicted to meet the targets, the most probable point is merely
-        # the most uncertain one, and the nearest point is a better answer.
+        # If no point is predicted to meet the targets, the most probable point is
+        # merely the most uncertain one, and the nearest point is a better answer.
         if no_point_meets(model, goal, ranking):
             point = find_nearest(model, goal, observed, ranking.points)
             if not _are_ends_simulated((point, ranking.best), observed):
@@ -310,7 +314,9 @@ def arrange_runs(
         A row for each run: `sample`, parameters and responses. The responses of a
         failed run are NaN.
     space : ParameterSpace
+        The parameters of the study.
     targets : Targets
+        The targets of the study.
 
     Returns
     -------
@@ -389,6 +395,7 @@ def _describe_state(advice: Advice, study: Study) -> dict[str, Any]:
     advice : Advice
         The advice after the runs so far.
     study : Study
+        The study.
 
     Returns
     -------
@@ -445,6 +452,7 @@ def _describe_end(
     notes : mapping
         Notes of the last proposal, made by `_describe_state`.
     study : Study
+        The study.
     data : pandas.DataFrame
         All runs.
 
@@ -481,6 +489,7 @@ def _describe_distance(notes: Mapping[str, Any], targets: Targets) -> str:
     notes : mapping
         Result of `_describe_state`.
     targets : Targets
+        The targets of the study.
 
     Returns
     -------
