@@ -384,7 +384,10 @@ def test_a_program_may_remove_its_folder(tmp_path):
 
 def test_a_folder_in_place_of_the_output_is_named(tmp_path):
     record = run(tmp_path, settings(tmp_path, "import os; os.mkdir('out.json')"))
-    assert (record["status"], record["reason"]) == ("no_output", "out.json is no file")
+    assert (record["status"], record["reason"]) == (
+        "no_output",
+        "out.json is not a file",
+    )
 
 
 def test_seeds_differ_and_are_small_enough_for_lammps():

@@ -266,7 +266,7 @@ class Check:
 
     @property
     def label(self) -> str:
-        """The response in words; its name if the user defined the response."""
+        """Description of the response; its name if the user defined it."""
         known = known_response(self.response)
         return self.response if known is None else known.label
 
@@ -315,7 +315,7 @@ class Check:
 
     @property
     def mean_text(self) -> str:
-        """Text with the simulated mean beside the measured one.
+        """Text that compares the simulated mean with the measured one.
 
         Without a simulated mean, the predicted one takes its place.
         """
@@ -427,7 +427,7 @@ class Assessment:
 
     @property
     def _ranges(self) -> str:
-        """The ranges of all targets, in words."""
+        """Text with the ranges of all targets."""
         count = len(self.checks)
         return {1: "the range", 2: "both ranges"}.get(count, f"all {count} ranges")
 
@@ -442,7 +442,7 @@ class Assessment:
     @property
     def _simulation(self) -> str:
         """Clause about the outcome of the simulation."""
-        # A mean outside its range is a miss, even if its standard error leaves a doubt.
+        # A mean outside its range is a miss, even if its standard error leaves doubt.
         # The margin of a check without a number is NaN, which is not `>= 0` either.
         misses = [check.miss_clause for check in self.checks if not check.margin >= 0]
         if misses:

@@ -256,7 +256,7 @@ def widen_to_value(
 
 
 def add_remark(text: str, interval: Mapping[str, Any]) -> str:
-    """Append a remark to a text if `widen_to_value` found a bound or widened."""
+    """Append a remark to a text if the interval was widened, or ends at a bound."""
     if "at_bound" in interval:
         return f"{text}; at the {interval['at_bound']} bound of the range"
     if "widened" in interval:

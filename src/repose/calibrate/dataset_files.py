@@ -1,4 +1,4 @@
-"""Read the summary beside the table of a dataset, with the definitions of responses."""
+"""Read the summary of a dataset, which has the definitions of its responses."""
 
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ SUMMARY_SUFFIX = "_summary.json"  # follows the stem of a dataset's name
 
 
 def read_summary(dataset_csv: StrPath) -> tuple[dict[str, Any], Path]:
-    """Read the summary beside a dataset, and return it with its path.
+    """Read the summary next to a dataset, and return it with its path.
 
     The summary is empty if the file does not exist.
     """
@@ -22,7 +22,7 @@ def read_summary(dataset_csv: StrPath) -> tuple[dict[str, Any], Path]:
 
 
 def read_definitions(dataset_csv: StrPath) -> tuple[Definitions, Path]:
-    """Read the definitions of the responses of a dataset, from the summary beside it.
+    """Read the definitions of the responses of a dataset from its summary.
 
     Return the definitions, which are empty if unknown, and the path of the summary.
     """

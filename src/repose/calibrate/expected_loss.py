@@ -3,7 +3,7 @@
 The search (`repose.calibrate.inversion`) minimises Eq. 11 of the predicted responses.
 Thousands of sets reach the same minimum, but the errors of the surrogate differ among
 them. The loss is Eq. 11 of the true mean responses. Its expectation is small where the
-prediction is near the targets and the error of the surrogate is small, too.
+prediction is near the targets and the error of the surrogate is also small.
 
 Eq. 11 divides the deviation from the aim by the width of the target's range. Otherwise
 the range has no influence, so the set of least expected loss may be infeasible.

@@ -164,7 +164,7 @@ def _search_parameters(
     """Search for parameter sets inside the ranges of the targets, or else near them.
 
     Outside the region of the samples a surrogate extrapolates. Any set may then seem to
-    meet the targets, even if none does. So the first search only counts if it finds a
+    meet the targets, even if none does. The first search only counts if it finds a
     set that is near samples and meets the targets. Otherwise a second search looks for
     the sets nearest to the targets, and stays in the region of the samples.
 
@@ -238,7 +238,7 @@ def _is_near_samples(
     """Mark the points (n, d) in [-1, 1] that are near samples; all without a support.
 
     Far from its samples, a surrogate states errors that are several times too small. A
-    prediction there is no evidence, even if its stated error is small.
+    prediction there proves nothing, even if its stated error is small.
     """
     if support is None or not len(points):
         return np.ones(len(points), bool)

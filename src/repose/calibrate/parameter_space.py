@@ -83,7 +83,7 @@ class ParameterSpace:
             Lowest and highest possible value by name. A range that follows from a prior
             is cut to them. A parameter that is not named has no limits.
         constraints : sequence of str, optional
-            The key `constraints` of the configuration. An item is a text such as
+            The key `constraints` of the configuration. An item is a string such as
             "mur <= 0.5 * mus".
 
         Returns
@@ -92,7 +92,7 @@ class ParameterSpace:
         """
         if names is None:
             names = tuple(section)
-        ranges: dict[str, tuple[float, float]] = {}  # of the free parameters
+        ranges: dict[str, tuple[float, float]] = {}  # only of the free parameters
         fixed: dict[str, float] = {}
         prior: dict[str, tuple[float, float]] = {}  # mean and standard deviation
         scale: dict[str, str] = {}

@@ -178,7 +178,7 @@ def expand_own_profiles(targets: Any, source: Any) -> Any:
             entries[name] = entry
             continue
         score_targets = _make_own_targets(name, entry, source)
-        # The scores become targets beside the others, so each name must be new.
+        # The scores become targets like the others, so each name must be new.
         other_names = {*targets, *entries}
         repeated_names = [score for score in score_targets if score in other_names]
         if repeated_names:
@@ -290,7 +290,7 @@ def _make_bench_targets(
     InputError
         If no bench test has this profile, or if the entry names another bench test.
     """
-    # The scores are registered responses, but the profile is not. So find the bench
+    # The scores are registered responses, but the profile is not, so find the bench
     # test through the first score.
     first_response = find_response(name_derived_column(measured.response, "1"))
     if first_response is None or first_response.profile != measured.response:

@@ -11,7 +11,7 @@ MIN_ANNOUNCED_SAMPLES = 200
 
 
 def announce(step: str, runs: "pd.DataFrame") -> None:
-    """Print that a step begins, if there are so many samples that it takes long.
+    """Print that a step begins, if the number of samples makes it slow.
 
     Parameters
     ----------

@@ -33,7 +33,7 @@ class Response:
     unit : str
         Unit as it is written for readers: ``deg``, ``mm``, ``%``, ``s``, or empty.
     label : str
-        Name in words, as in ``angle of repose``.
+        Description, such as ``angle of repose``.
     symbol : str
         Short name for axes and column heads, as in ``AoR``.
     apparatus : str
@@ -106,7 +106,7 @@ class Response:
 
     @property
     def simulated(self) -> str:
-        """Column of the simulated response, beside its prediction: ``aor_simulated_deg``."""
+        """Column of the simulated response: ``aor_simulated_deg``."""
         return name_derived_column(self.name, "simulated")
 
     @property

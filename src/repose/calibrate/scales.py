@@ -17,7 +17,7 @@ LOG = "log"
 class Scale(NamedTuple):
     """A rising function of a value, and its inverse."""
 
-    forward: Callable[[np.ndarray], np.ndarray]  # from values to coordinates
+    forward: Callable[[np.ndarray], np.ndarray]  # converts values to coordinates
     backward: Callable[[np.ndarray], np.ndarray]
 
 

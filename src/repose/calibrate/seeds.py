@@ -13,7 +13,7 @@ PURPOSE_STREAMS = {
     "response_surface": 12,
     "sequential": 13,
     "next": 15,
-    "batches": 16,  # of a strategy without a stream of its own
+    "batches": 16,  # batches of a strategy without its own stream
 }
 
 # The first bench test of the project. It has no name in its seeds and its files, which

@@ -207,7 +207,7 @@ class StudyFile(Section):
         cls, constraints: tuple[str, ...], info: ValidationInfo
     ) -> tuple[str, ...]:
         """Refuse constraints of unknown parameters, and those that allow too little."""
-        # A fault of the parameters is reported by itself.
+        # A fault of the parameters is reported separately.
         if "parameters" in info.data:
             refuse(find_constraint_faults(constraints, info.data["parameters"]))
         return constraints
@@ -230,8 +230,8 @@ class StudyFile(Section):
         for name in targets:
             if name in columns or f"{name}_se" in parameters:
                 allowed = (
-                    "a name that is no parameter's, nor that of another with _se at "
-                    "its end"
+                    "a name that differs from all parameters, and from all other names "
+                    "with _se appended"
                 )
                 faults.append((name, allowed))
         refuse(faults)
@@ -334,7 +334,7 @@ def _check_strategy(config: Mapping[str, Any], source: str | Origin) -> None:
     Parameters
     ----------
     config : mapping
-        The complete configuration. Each section has no faults by itself.
+        The complete configuration. Each section is valid on its own.
     source : str or Origin
         File of the configuration, for an error.
 

@@ -309,7 +309,7 @@ def _print_noise(
     """
     from repose.calibrate.strategies.plan import CERTAINTY
 
-    source = "assumed, as there are no runs yet"
+    source = "assumed, because there are no runs yet"
     if result.measured:
         source = f"measured in {runs_csv}"
     for name, percent in zip(study.targets.names, result.noise_percent, strict=True):

@@ -51,7 +51,7 @@ def require_plain_file(path: str | PathLike) -> Path:
 
 
 def add_to_png(content: bytes, record: Mapping[str, Any]) -> bytes:
-    """Add a record of provenance to the texts inside a PNG.
+    """Add a record of provenance to the text entries of a PNG.
 
     Parameters
     ----------
@@ -63,7 +63,7 @@ def add_to_png(content: bytes, record: Mapping[str, Any]) -> bytes:
     Returns
     -------
     bytes
-        The same picture, with its other texts and its resolution unchanged.
+        The same picture, with its other text entries and its resolution unchanged.
     """
     from PIL import Image
     from PIL.PngImagePlugin import PngImageFile, PngInfo

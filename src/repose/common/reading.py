@@ -93,7 +93,7 @@ class StrictLoader(yaml.SafeLoader):
             the line.
         """
         key = self.construct_object(node, deep=deep)
-        # In Python, True and False are integers, too.
+        # In Python, True and False are also integers.
         is_plain = isinstance(key, str | int | float | None)
         if not is_plain or isinstance(key, bool):
             is_scalar = isinstance(node.value, str)
@@ -337,7 +337,7 @@ def _find_line_without_colon(lines: Sequence[str]) -> tuple[int, str] | None:
 
 
 def _is_complete_document(text: str) -> bool:
-    """Tell whether a text is a valid YAML document by itself."""
+    """Tell whether a text is a complete and valid YAML document."""
     try:
         yaml.compose(text, Loader=yaml.SafeLoader)
     except yaml.YAMLError:

@@ -371,7 +371,7 @@ def _walk_runtime_nodes(tree: ast.Module) -> Iterator[ast.AST]:
         node = waiting.pop()
         yield node
         if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING":
-            # Skip the branch for type checkers, and go on with the `else` branch.
+            # Skip the branch for type checkers, and continue with the `else` branch.
             waiting.extend(node.orelse)
         else:
             waiting.extend(ast.iter_child_nodes(node))

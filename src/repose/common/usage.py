@@ -185,7 +185,7 @@ def _correct_benchmark(path: Path, processes: Iterable[Process]) -> None:
     Parameters
     ----------
     path : Path
-        The benchmark, which is written anew.
+        The benchmark, which is rewritten.
     processes : iterable of Process
         The processes of all runs of the job.
 

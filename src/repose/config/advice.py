@@ -367,9 +367,9 @@ def _compare_with_cone(
     volume_m3 : float
         Volume of the poured grains, with the gaps between them.
     poured_text : str
-        The same volume in words.
+        Description of this volume.
     height_mm, angle_deg : float
-        The targets.
+        Target for the height [mm], and target for the angle [deg].
     """
     cone_m3 = _compute_cone_volume_m3(height_mm, angle_deg)
     sentence = (
@@ -393,7 +393,7 @@ def _compare_slope(volume_m3: float, poured_text: str, height_mm: float) -> Fill
     volume_m3 : float
         Volume of the poured grains, with the gaps between them.
     poured_text : str
-        The same volume in words.
+        Description of this volume.
     height_mm : float
         The target for the height. The study has no target for the angle.
     """

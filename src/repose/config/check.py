@@ -51,7 +51,7 @@ TRIAL_SHARES = {
 # All trial runs begin with the same random numbers.
 TRIAL_SEED = 1
 # A target gets a warning if it lies further outside the results of the trial runs than
-# this share of their span. So few single runs seldom include the extremes. In
+# this share of their span, because so few runs seldom include the extremes. In
 # config/paper.yaml the trial runs span 11.8 degrees and end at 30.5 degrees, and 2.5 %
 # of all runs there are steeper by at least 0.4 spans.
 LARGEST_DISTANCE_FROM_TRIALS = 0.5

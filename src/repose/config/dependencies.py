@@ -283,7 +283,7 @@ def select_sections(config: Config, *keys: str) -> dict[str, Any]:
     Returns
     -------
     dict
-        Values by key. All mappings are sorted, because Snakemake compares their texts.
+        Values by key. All mappings are sorted, because Snakemake compares them as text.
     """
     selected: dict[str, Any] = {}
     for key in keys:
@@ -454,7 +454,7 @@ def _hash_named_files(selected: dict[str, Any]) -> dict[str, Any]:
     """
     hashed = dict(selected)
     for dotted_key in list_file_keys():
-        # The key of the file may have been selected by itself.
+        # The key of the file may have been selected on its own.
         if hashed.get(dotted_key) is not None:
             hashed[dotted_key] = _hash_content(hashed[dotted_key])
         # The whole section around the key may have been selected.
@@ -503,7 +503,7 @@ def find_difference(
     record : mapping or None
         The record of the result; None if the result has no record.
     compares_engine : bool
-        Whether to compare the engine, too.
+        Whether to compare the engine as well.
 
     Returns
     -------

@@ -65,7 +65,7 @@ def _list_named_paths(config: Config) -> list[Any]:
     """
     paths = [get_value(config, key) for key in list_file_keys()]
 
-    # Other tables in the folder of the published solutions are read, too.
+    # Other tables in the folder of the published solutions are also read.
     published = get_value(config, "validation.published")
     if isinstance(published, str):
         paths += [*list_tables(published), find_sibling_table(published, "table1.csv")]

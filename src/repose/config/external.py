@@ -504,7 +504,7 @@ def _map_sections_to_models() -> dict[str, type[Section]]:
     # program may have any names.
     del models["parameters"]
 
-    # Strategies may have sections, too.
+    # Strategies may also have sections.
     for name in names():
         section = strategy(name).settings
         if section is not None:

@@ -549,7 +549,7 @@ def _parse_texts(value: Any) -> Any:
     Returns
     -------
     object
-        A copy with the texts parsed. An empty text stays empty.
+        A copy with the strings parsed. An empty string stays empty.
     """
     from repose.common.reading import parse_yaml
 

@@ -247,8 +247,8 @@ class TargetSettings(Section):
             yield "value", within_limits
             return
 
-        # So must the mean plus or minus two standard errors. A scatter beyond the
-        # limits is wrong, even if the user gave a range.
+        # The same holds for the mean plus or minus two standard errors. A scatter
+        # beyond the limits is wrong, even if the user gave a range.
         scatter_low, scatter_high = compute_target_range(
             self.value, self.sd, self.repetitions
         )
@@ -261,7 +261,7 @@ class TargetSettings(Section):
             )
             return
 
-        # So must the range.
+        # The range must also lie within these limits.
         if not (limits.low <= low and high <= limits.high):
             yield "range", f"a pair [low, high] {within_limits}"
             return

@@ -268,7 +268,7 @@ class PipelineConfig:
         from repose.calibrate.settings import CalibrationSettings
         from repose.calibrate.study import Study
 
-        # Collect the sections of strategies that are no fields of `CalibrationSettings`.
+        # Collect the sections of strategies that `CalibrationSettings` does not have.
         settings = self.settings
         other_sections = {}
         for name in strategies.names():

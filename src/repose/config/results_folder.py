@@ -40,7 +40,7 @@ PROJECT_FOLDERS = (
 FOLDERS_WITHOUT_RESULTS = ("benchmarks", "logs")
 # Table of the times of all runs of the workflow in the folder of results.
 RUN_TIMES_FILE = "benchmarks/calls.csv"
-# Files that a run writes without a record of provenance, because they are no results.
+# Files that a run writes without a record of provenance, because they are not results.
 FILES_WITHOUT_RECORD = (RESOLVED_FILE, RUN_TIMES_FILE)
 # Names of the wildcards in rules that stand for a number.
 NUMBER_WILDCARDS = ("sample", "job", "run", "seed", "batch")
@@ -90,7 +90,7 @@ def count_records_by_folder(records: Iterable[str]) -> list[str]:
     Returns
     -------
     list of str
-        For each folder a text such as ``results/runs/001=2``.
+        For each folder, a string such as ``results/runs/001=2``.
     """
     counts = Counter(record.rpartition("/")[0] for record in records)
     return [f"{folder}={count}" for folder, count in counts.items()]
@@ -449,7 +449,7 @@ def restore_ledgers(results_dir: str, outputs: Iterable[str]) -> list[str]:
     if not results:
         return []
 
-    # The record of a result may be in a file beside it, its sidecar.
+    # The record of a result may be in a file next to it, its sidecar.
     sidecars = [f"{path}{attached.SIDECAR_SUFFIX}" for path in results]
     files_without_record = [f"{results_dir}/{name}" for name in FILES_WITHOUT_RECORD]
     for path in (*results, *sidecars, *files_without_record):

@@ -1,6 +1,6 @@
 """Define and check the material card: the answer of a calibration as one JSON file.
 
-`Card` and `OtherCard` are its content as typed models. `card.schema.json` beside this
+`Card` and `OtherCard` are its content as typed models. `card.schema.json` next to this
 module and docs/card.md are made from them: `python tests/documents/card_files.py`.
 `card_study` makes the card of a study, and `card_text` prints cards.
 """

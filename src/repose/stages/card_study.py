@@ -55,7 +55,7 @@ GRAVITY_KEY = "simulation.gravity_m_s2"
 # This key names the definition of a response that has several.
 CHOSEN_DEFINITION_KEY = "measure.response"
 GRAIN_HEIGHT_KEY = "berry_height_mm"
-# The configuration of a study, beside its card.
+# Name of the configuration of a study, in the folder of its card.
 CONFIG_FILE = "config.json"
 # Relative difference up to which a number of a card equals one of a configuration.
 RELATIVE_TOLERANCE = 1e-6
@@ -399,7 +399,7 @@ def describe_response(
 def _find_chosen_response(study: CardStudy, response: Response) -> Response:
     """Find the response that the study calibrates under a general name.
 
-    The angle of repose has several definitions. Each is a response of its own, and the
+    The angle of repose has several definitions. Each is a separate response, and the
     configuration chooses one of them.
     """
     if CHOSEN_DEFINITION_KEY not in response.definition:

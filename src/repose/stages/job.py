@@ -213,7 +213,7 @@ def measure_runs(scene: Scene, path: Path) -> dict[str, Any]:
     scene : Scene
         The scene, whose settings define the responses.
     path : Path
-        NAME.pours.json of the job. NAME.npz is beside it.
+        NAME.pours.json of the job. NAME.npz is in the same folder.
 
     Returns
     -------

@@ -47,7 +47,7 @@ def find_solutions(
     settings : MigaSettings
         The section `miga`.
     table3_csv : path, optional
-        Published intervals, to be listed beside those of the search.
+        Published intervals, which are listed next to those of the search.
     support : Support, optional
         Region that the samples cover. Parameter sets outside it get a warning.
     source : object, optional

@@ -752,7 +752,7 @@ def _check_outputs(settings: SimulatorSettings, work_folder: Path) -> Ending:
         if not path.exists():
             return Ending("no_output", f"{name} is missing")
         if not path.is_file():
-            return Ending("no_output", f"{name} is no file")
+            return Ending("no_output", f"{name} is not a file")
     return Ending(OK)
 
 

@@ -77,7 +77,7 @@ def measure_sample(
     Parameters
     ----------
     records : iterable of path
-        Records of the runs, each beside the folder of its run.
+        Records of the runs, each next to the folder of its run.
     out_json : path
         The file to write.
     settings : SimulatorSettings

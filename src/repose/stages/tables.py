@@ -29,7 +29,7 @@ def read_dataset(
     Parameters
     ----------
     dataset_csv : path
-        The table. Its summary beside it states how many samples it should have.
+        The table. The summary next to it states how many samples it should have.
     targets : Targets
         The targets, whose responses the table must have.
     parameter_names : sequence of str, optional
@@ -84,7 +84,7 @@ def read_runs(
     dataset : pandas.DataFrame
         The table of samples.
     dataset_csv : path
-        File of the table of samples. The summary beside it states the number of runs.
+        File of the table of samples. The summary next to it states the number of runs.
 
     Returns
     -------
@@ -299,7 +299,7 @@ class _ExpectedRows(NamedTuple):
 
 
 def _read_expected_rows(dataset_csv: StrPath, key: str) -> _ExpectedRows:
-    """Read the number of samples or of runs from the summary beside a dataset.
+    """Read the number of samples or of runs from the summary of a dataset.
 
     Parameters
     ----------

@@ -31,7 +31,7 @@ def box_behnken(factors: int, centres: int) -> np.ndarray:
 
     The design is that of Box and Behnken, Some new three level designs for the study of
     quantitative variables, Technometrics 2 (1960) 455-475. Its blocks are orthogonal if
-    they have equally many centre runs. Simulations may ignore the blocks.
+    they all have the same number of centre runs. Simulations may ignore the blocks.
 
     Parameters
     ----------

@@ -14,8 +14,8 @@ HALF_FRACTION_FROM = (
 class CentralComposite(NamedTuple):
     """A central composite design."""
 
-    coded: np.ndarray  # (n, factors), in coded units and standard order
-    axial_distance: float  # of the axial runs from the centre
+    coded: np.ndarray  # (n, factors), the runs in coded units and standard order
+    axial_distance: float  # distance of the axial runs from the centre
 
 
 def central_composite(factors: int, axial: str, centres: int) -> CentralComposite:

@@ -222,7 +222,7 @@ class _Walk:
         self.recompute_total()
 
     def recompute_total(self) -> None:
-        """Sum all repulsions anew, because the rounding errors of many changes add up.
+        """Sum all repulsions again, because the rounding errors of many changes add up.
 
         Sets the sum and `phi`.
         """

@@ -61,7 +61,7 @@ class MIGA:
     Raises
     ------
     ValueError
-        If there is no gene.
+        If the number of genes is 0.
     """
 
     def __init__(self, dimensions: int, settings: MigaSettings | None = None) -> None:

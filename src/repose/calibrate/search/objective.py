@@ -119,7 +119,7 @@ class Objective:
 
 @dataclass(frozen=True)
 class Preference:
-    """Cost of a deviation from the priors of the parameters, which is small beside F.
+    """Cost of a deviation from the priors of the parameters, which is far below F.
 
     A parameter that deviates by z standard deviations costs `PRIOR_WEIGHT` z^2 / 2. For
     z = 1 this equals a deviation of half a percent of a target's range. So the targets

@@ -155,7 +155,7 @@ class Strategy(ABC, Generic[SectionType]):
         """Propose the next samples, or give the answer.
 
         The same study and the same runs give the same proposal, so a study that was
-        interrupted goes on as it would have.
+        interrupted continues as if it had not been.
 
         Parameters
         ----------

@@ -285,7 +285,7 @@ def compute_share_error(share: pd.Series, trials: pd.Series) -> pd.Series:
     """Compute the standard error of a probability from the share of successful trials.
 
     It is the standard deviation of the beta distribution that follows from these trials
-    and a uniform prior. So it is positive even if all or none of the trials succeeded.
+    and a uniform prior. It is positive even if all or none of the trials succeeded.
     """
     mean = (share * trials + 1) / (trials + 2)
     return np.sqrt(mean * (1 - mean) / (trials + 3))

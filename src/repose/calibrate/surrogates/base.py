@@ -162,7 +162,7 @@ class Surrogate(ABC):
         """Return a copy that has learned other responses of the same samples.
 
         A surrogate may start from its present fit, and keep its hyperparameters. By
-        default, the copy is fitted anew.
+        default, the copy is fitted from scratch.
 
         Parameters
         ----------

@@ -26,12 +26,15 @@ from repose.calibrate.surrogates.samples import (
 from repose.calibrate.surrogates.settings import NetworkSettings
 from repose.calibrate.surrogates.two_layer import compute_widths
 
-VARIANCE_BOUNDS = (1e-2, 1e3)  # of the process, in variances of the response
-LENGTH_BOUNDS = (0.05, 100.0)  # in ranges of an input
-NOISE_BOUNDS = (1e-5, 1e5)  # in variances of the response
-FIRST_VARIANCE = 1.0  # in variances of the response
-FIRST_LENGTH = 1.0  # in ranges of an input
-FIRST_NOISE = 0.1  # in variances of the response
+# Bounds and first values of the hyperparameters. The variances of the process and of
+# the noise are relative to the variance of the response. Lengths are in ranges of an
+# input.
+VARIANCE_BOUNDS = (1e-2, 1e3)
+LENGTH_BOUNDS = (0.05, 100.0)
+NOISE_BOUNDS = (1e-5, 1e5)
+FIRST_VARIANCE = 1.0
+FIRST_LENGTH = 1.0
+FIRST_NOISE = 0.1
 MIN_SAMPLES = 2
 
 

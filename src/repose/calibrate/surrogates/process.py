@@ -8,7 +8,7 @@ module. They differ only in covariance, noise and prior.
   (RW06)  Rasmussen & Williams 2006, Gaussian Processes for Machine Learning: Algorithm
           2.1; section 5.4.2 for the prediction of a value from all the others
   (SG06)  Snelson & Ghahramani 2006, Sparse Gaussian processes using pseudo-inputs,
-          NeurIPS 18: values that depend on each other by way of a few centres alone
+          NeurIPS 18: values that depend on each other only through a few centres
 """
 
 import warnings
@@ -204,7 +204,7 @@ class Process:
 
 
 class SparseProcess:
-    """A process of mean 0, conditioned on many values by way of a few centres (SG06).
+    """A process of mean 0, conditioned on many values through a few centres (SG06).
 
     The values depend on each other only through the process at the M centres. The part
     of the variance at a point that the centres do not explain counts as noise of its

@@ -99,7 +99,7 @@ def make_response_function(
     bottom, top = arrays["scaled_range"]
 
     # A point stands for the parameter set X = (low + high) / 2 + point (high - low) / 2,
-    # which is scaled to x = bottom + (X - input_min) per_unit. So x is linear in the
+    # which is scaled to x = bottom + (X - input_min) per_unit. Thus x is linear in the
     # point. Put the slope into W1 and the constant into b1.
     per_unit = (top - bottom) / compute_widths(arrays["input_min"], arrays["input_max"])
     centre = bottom + ((low + high) / 2 - arrays["input_min"]) * per_unit

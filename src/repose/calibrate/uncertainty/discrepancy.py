@@ -108,7 +108,7 @@ def estimate_from_shape_study(
     weight = np.exp(-(plausible["distance"] ** 2) / 2)
     weight /= weight.sum()
     weight_of_model = weight.groupby([plausible[key] for key in MODEL_COLUMNS]).sum()
-    # n models of equal weight 1 / n have the sum of squares 1 / n. So its inverse is an
+    # n models of equal weight 1 / n have the sum of squares 1 / n. Its inverse is an
     # effective number of models, also for unequal weights.
     sum_of_squares = (weight_of_model**2).sum()
     effective_models = 1 / sum_of_squares if len(plausible) > 0 else 0.0
@@ -144,7 +144,7 @@ def estimate_from_shape_study(
 def _require_larger_variances(
     path: StrPath, columns: Sequence[str], variances: np.ndarray, noise: np.ndarray
 ) -> None:
-    """Refuse differences whose scatter (k,) is no larger than their noise (k,)."""
+    """Refuse differences whose scatter (k,) does not exceed their noise (k,)."""
     for name, variance, noise_variance in zip(columns, variances, noise, strict=True):
         if not variance > noise_variance:
             raise InputError(

@@ -86,7 +86,7 @@ class PriorPoints:
 class Region(NamedTuple):
     """The part of the prior that is not implausible."""
 
-    share: float  # of the prior
+    share: float  # share of the prior
     # A row for each cell of each pair of parameters, with the columns `REGION_COLUMNS`:
     # middle of the cell, least implausibility in it, and share of its points in the region
     projections: pd.DataFrame

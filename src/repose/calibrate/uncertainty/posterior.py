@@ -83,7 +83,7 @@ class Measurement(NamedTuple):
     correlation: np.ndarray  # (k, k), of the measured responses
     pairs: noise.PairCorrelations  # correlations of simulated runs within a bench test
     discrepancy: np.ndarray  # S_d (k, k)
-    evidence: str  # of the discrepancy, `STATED` or `SHAPE_STUDY`
+    evidence: str  # source of the discrepancy, `STATED` or `SHAPE_STUDY`
 
 
 class InputFiles(NamedTuple):

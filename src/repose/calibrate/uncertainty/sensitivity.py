@@ -98,7 +98,7 @@ def compute_sobol_indices(
         If an output does not vary.
     """
     # A and B (samples, d) are independent points of the unit cube. In AB[i], column i
-    # of A is replaced by that of B. So f_A and f_AB[i] differ only by the effect of
+    # of A is replaced by that of B. Thus f_A and f_AB[i] differ only by the effect of
     # input i.
     d = len(low)
     sequence = stats.qmc.Sobol(2 * d, rng=seed)

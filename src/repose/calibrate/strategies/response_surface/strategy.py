@@ -24,7 +24,7 @@ from repose.calibrate.study import Study
 def propose(study: Study, data: pd.DataFrame) -> Batch | Answer:
     """Propose the samples of the next step, or give the answer after the last step.
 
-    Each step is computed anew from the runs of the previous steps. The first step
+    Each step is computed again from the runs of the previous steps. The first step
     without runs is proposed. The notes have the tables of all steps so far, and `why`,
     a sentence that explains the last decision.
 

@@ -383,7 +383,7 @@ def find_nearest(
     observed : ObservedSamples
         The runs so far.
     points : numpy.ndarray, (m, d)
-        Points of the unit cube from which the search starts, beside the samples.
+        Points of the unit cube from which the search starts, besides the samples.
 
     Returns
     -------
@@ -519,7 +519,7 @@ def _select_sound(
 ) -> np.ndarray:
     """Select `count` points, sound ones first.
 
-    A point is sound if it is no nearer to a failed sample than to a good one.
+    A point is sound if it is not nearer to a failed sample than to a good one.
     """
     order = np.argsort(~observed.is_sound(points), kind="stable")
     return points[order[:count]]

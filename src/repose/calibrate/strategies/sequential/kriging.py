@@ -121,7 +121,7 @@ class ObservedSamples(NamedTuple):
         return sd <= ROUNDING_SHARE * np.abs(self.means).max(axis=0)
 
     def is_sound(self, unit: np.ndarray) -> np.ndarray:
-        """Mark the points (m, d) that are no nearer to a failed sample than to a good one."""
+        """Mark points (m, d) at least as near to a good sample as to a failed one."""
         from scipy.spatial.distance import cdist
 
         if not len(self.failed):
@@ -201,7 +201,7 @@ class Kriging(CombinedOutputs):
     unit: np.ndarray  # (n, d), the samples, about the centre of the ranges
     noise: np.ndarray  # (k, k), covariance of a single run
     errors: np.ndarray  # (n, k), variances of the scaled combinations at the samples
-    sets: list  # for each draw of variance and lengths a process of each combination
+    sets: list  # processes of all combinations, for each draw of variance and lengths
     factor: float  # on the variance of each draw
 
     def __init__(
@@ -370,7 +370,7 @@ def _estimate_mean_variances(
 
     The columns of `mixing` are the combinations. In each of them, the noise of all
     samples has the variance 1. This value counts as much as `PRIOR_FREEDOM` degrees of
-    freedom, beside those of the sample itself.
+    freedom, in addition to those of the sample itself.
     """
     squares = ((observed.residuals @ mixing) ** 2).sum(axis=1)
     counts = observed.counts[:, None]
