@@ -151,7 +151,7 @@ def test_what_a_call_of_run_may_hold(passed, command, tmp_path, monkeypatch):
     message = command("run", "--config", "mine.yaml", status=2).err
     assert "a file is given by --configfile mine.yaml" in message
     missing = command("run", "--directory", str(tmp_path / "new"), status=2).err
-    assert "expected a folder that is there" in missing
+    assert "expected an existing folder" in missing
     assert not (tmp_path / "new").exists()
     command("run", "--cores", "2", "--cores", "3")
     assert passed[passed.index("--cores") + 1] == "3"
@@ -212,7 +212,7 @@ def test_ctrl_c_ends_with_the_sentence_that_says_how_to_go_on_and_another_end_ke
     call = "uncertainty --cores 2 -s Snakefile"
     message = command("run", *call.split(), status=130 if interrupted else 1).err
     assert (
-        (f"the same command goes on: repose run {call}" in message)
+        (f"the same command continues: repose run {call}" in message)
         is ("Stopped" in message)
         is interrupted
     )
@@ -440,7 +440,7 @@ def test_an_ended_run_goes_on_with_the_same_command(naps, end):
     else:
         assert status == 128 + SIGNALS.get(end, signal.SIGINT)
         assert took_s < 10
-        goes_on = "the same command goes on: repose run -s Snakefile --cores 2"
+        goes_on = "the same command continues: repose run -s Snakefile --cores 2"
         assert goes_on in first.shown
     (naps / "seconds").write_text("0.1")
     again = Terminal(naps)

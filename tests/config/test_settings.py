@@ -329,7 +329,7 @@ BAD_VALUES = (
     (
         "figures.format",
         ["png", "eps"],
-        "a list of png and, beside it, pdf or svg or both",
+        "a list of png and optionally pdf, svg or both",
     ),
 )
 

@@ -237,5 +237,5 @@ def test_two_groups_of_sizes_are_described_with_what_is_poured():
         assert check._describe_groups(groups, distribution) == (
             "sizes: WARNING: the grains form two groups: 75 % of the grains have about "
             f"1.2 mm, 25 % of the grains have about 3 mm; {poured}; calibrate each group "
-            "by itself"
+            "separately"
         )

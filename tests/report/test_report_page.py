@@ -273,7 +273,7 @@ def test_a_row_of_the_answer_tells_bounds(tmp_path):
             for name in PARAMETERS
         }
         assert "at the lower bound of the range" in row_of["mur_gp"]
-        assert ("interval widened to hold the answer" in row_of["e_gg"]) is posterior
+        assert ("interval widened to contain the answer" in row_of["e_gg"]) is posterior
         assert ("0.2 to 0.35" in row_of["e_gg"]) is posterior
         assert "widened" not in row_of["mus_gg"] + row_of["mur_gp"]
 

@@ -175,12 +175,12 @@ def test_a_card_has_the_intervals_of_the_sets_or_of_the_posterior(config, soluti
         (
             0.3,
             {"low": 0.3, "high": 0.6, "widened": True},
-            "friction; interval widened to hold the answer",
+            "friction; interval widened to contain the answer",
         ),
         (
             0.65,
             {"low": 0.4, "high": 0.65, "widened": True},
-            "friction; interval widened to hold the answer",
+            "friction; interval widened to contain the answer",
         ),
         (
             0.2,
@@ -195,7 +195,7 @@ def test_a_card_has_the_intervals_of_the_sets_or_of_the_posterior(config, soluti
         (
             0.2006,
             {"low": 0.2006, "high": 0.6, "widened": True},
-            "friction; interval widened to hold the answer",
+            "friction; interval widened to contain the answer",
         ),
         (
             0.7,
@@ -205,7 +205,7 @@ def test_a_card_has_the_intervals_of_the_sets_or_of_the_posterior(config, soluti
         (
             0.6994,
             {"low": 0.4, "high": 0.6994, "widened": True},
-            "friction; interval widened to hold the answer",
+            "friction; interval widened to contain the answer",
         ),
     ],
 )
@@ -259,7 +259,7 @@ def test_bounds_and_widened_intervals_are_on_the_card_and_in_its_text(
     assert line_of["e_gg"].endswith(
         "restitution, grain-grain; at the lower bound of the range"
     )
-    assert line_of["mus_gp"].endswith("; interval widened to hold the answer")
+    assert line_of["mus_gp"].endswith("; interval widened to contain the answer")
     assert line_of["mus_gg"].endswith("static friction, grain-grain")
 
 

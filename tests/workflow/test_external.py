@@ -163,7 +163,7 @@ def test_faults_end_before_any_run(tmp_path):
     simulator = STUDY["simulator"] | {"command": "python toy.py"}
     folder = written(tmp_path, STUDY | {"simulator": simulator})
     text = repose(folder, "run", "-n", status=2)
-    assert "simulator.command is 'python toy.py'; expected a list of texts" in text
+    assert "simulator.command is 'python toy.py'; expected a list of strings" in text
     assert not (folder / "results").exists()
 
 

@@ -559,7 +559,7 @@ class Result:
         lines += [f"  {describe_differences(self.checks)}", f"  {self._probability}"]
         lines.append(
             f"Tables: {self.tables}; all solutions: {self.solutions}; after the whole "
-            f"study the report: {self.folder / REPORT_FILE}, and the material card: "
+            f"study, also the report: {self.folder / REPORT_FILE}, and the material card: "
             f"{self.folder / CARD_FILE}"
         )
         if self.why:
@@ -664,7 +664,7 @@ def describe_undecided(probability: float | None, checks: Sequence[Check]) -> st
         A sentence without its full stop.
     """
     if probability is None:
-        return "Fewer than two runs gave a number, so that their mean has no error"
+        return "Fewer than two runs gave a number, so their mean has no standard error"
     n_runs = count_further_runs(checks)
     if n_runs is None:
         ending = f"more than {MAX_FURTHER_RUNS} further runs would decide"

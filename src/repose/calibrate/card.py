@@ -260,7 +260,7 @@ def add_remark(text: str, interval: Mapping[str, Any]) -> str:
     if "at_bound" in interval:
         return f"{text}; at the {interval['at_bound']} bound of the range"
     if "widened" in interval:
-        return f"{text}; interval widened to hold the answer"
+        return f"{text}; interval widened to contain the answer"
     return text
 
 

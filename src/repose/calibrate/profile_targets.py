@@ -186,7 +186,7 @@ def expand_own_profiles(targets: Any, source: Any) -> Any:
                 source=source,
                 key=f"targets.{name}",
                 value=repeated_names,
-                allowed="a profile whose scores have names of no other target",
+                allowed="a profile whose scores have other names than all targets",
             )
         entries.update(score_targets)
     return entries

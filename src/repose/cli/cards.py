@@ -103,7 +103,7 @@ def card(args: argparse.Namespace) -> int:
     ),
     Option(
         "--posterior",
-        help="posterior.csv; with --draws its intervals and correlations stand in the card",
+        help="posterior.csv; with --draws its intervals and correlations are in the card",
     ),
     Option("--draws", help="draws.csv of the same posterior"),
     Option(

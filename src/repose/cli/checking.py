@@ -148,8 +148,8 @@ def _print_cost(study: PipelineConfig, grain_step_s: float, n_cores: int) -> Non
     minutes = work["total_s"] / n_cores / 60
     print(
         f"about {format_significant(work['pour_s'], 2)} s per pour, and "
-        f"{format_significant(minutes, 2)} min on {n_cores} cores for the study, as fast as "
-        "this machine is now"
+        f"{format_significant(minutes, 2)} min on {n_cores} cores for the study, at the "
+        "present speed of this machine"
     )
 
 

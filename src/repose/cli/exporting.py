@@ -130,7 +130,7 @@ def _require_one_parameter_option(args: argparse.Namespace) -> None:
             "command line",
             key="--card",
             value=args.card,
-            allowed="no --set and no --samples beside it, which give the parameters too",
+            allowed="no --set or --samples with it, which also give the parameters",
         )
     if not (has_card or has_values or args.names):
         raise InputError(

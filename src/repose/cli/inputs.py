@@ -189,5 +189,5 @@ def _print_allowed_share(space: "ParameterSpace") -> None:
         rules = ", ".join(constraint.text for constraint in space.constraints)
         print(
             f"{rules}: {100 * space.allowed_share:.0f} % of the ranges are allowed; the "
-            "samples are spread evenly over them and are no Latin hypercube"
+            "samples are spread evenly over them, but do not form a Latin hypercube"
         )

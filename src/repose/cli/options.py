@@ -36,8 +36,8 @@ FEASIBLE = Option(
 )
 OPTIMISM = Option(
     "--optimism",
-    help="file of the subcommand optimism; with it predictions stand beside their "
-    "optimism",
+    help="file of the subcommand optimism; adds the expected optimism to the "
+    "predictions",
 )
 JSON = Option("--json", action="store_true", help="print as JSON")
 

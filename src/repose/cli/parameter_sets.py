@@ -33,7 +33,7 @@ PARAMETER_SET = (
     Option(
         "--sample",
         type=int,
-        help="number in the column sample; the files are named by it",
+        help="number in the column sample, which names the files",
     ),
 )
 

@@ -143,7 +143,7 @@ def _check_folder(args: argparse.Namespace) -> None:
                 "command line",
                 key="--directory",
                 value=args.directory,
-                allowed="a folder that is there",
+                allowed="an existing folder",
             )
         return
     is_dry = not DRY_RUN_WORDS.isdisjoint(args.rest)
@@ -162,7 +162,7 @@ def _print_how_to_continue(words: list[str]) -> None:
     # Ignore the error if the terminal is closed.
     with contextlib.suppress(OSError):
         print(
-            f"\nStopped. What is finished stays; the same command goes on: {command}",
+            f"\nStopped. Finished results are kept; the same command continues: {command}",
             file=sys.stderr,
         )
 

@@ -312,7 +312,7 @@ def _describe_groups(groups: "SizeGroups", distribution: str) -> str:
         poured = "sizes of one normal distribution are poured"
     return (
         f"sizes: WARNING: the grains form two groups: {', '.join(parts)}; {poured}; "
-        "calibrate each group by itself"
+        "calibrate each group separately"
     )
 
 

@@ -309,7 +309,7 @@ def _require_whole_study(merged: loader.MergedConfig) -> None:
         key="parameters",
         value=None,
         allowed="a section with a range for each parameter; a file with a section simulator is "
-        "a whole study by itself, or stands after the file of one, as in "
+        "a complete study, or follows the file of one, as in "
         f"`--configfile config.yaml {file}`",
     )
 

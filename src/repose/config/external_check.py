@@ -217,8 +217,8 @@ def make_trial_run(
             run_folder,
             key="trial run",
             value=describe_failure(run["status"], run["reason"]),
-            allowed=f"a run that ends well; {simulate.PRINTED_FILE} there has what the program "
-            "printed",
+            allowed=f"a run that ends normally; {simulate.PRINTED_FILE} there has what the "
+            "program printed",
         )
 
     # Compare the responses with the targets.

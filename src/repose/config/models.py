@@ -304,7 +304,7 @@ class FiguresSettings(Section):
 
     format: Annotated[
         Annotated[tuple[Literal["png", "pdf", "svg"], ...], Field(strict=False)],
-        Allowed("a list of png and, beside it, pdf or svg or both"),
+        Allowed("a list of png and optionally pdf, svg or both"),
     ] = Field(
         default=("png",),
         description="formats of each figure; its files differ only in their endings",

@@ -175,7 +175,7 @@ def write_conclusion(
             folders[0],
             key="batches",
             value=1,
-            allowed="the folders of all batches, that of the answer last",
+            allowed="the folders of all batches, with that of the answer last",
         )
     proposals = _read_proposals(folders)
     answer_proposal = proposals[-1]
@@ -311,7 +311,7 @@ def _make_summary(
         Number of the answer's runs in each bench test.
     """
     notes = proposal["notes"]
-    check_step = f"Check: {n_pours} pours of the answer that were in no fit."
+    check_step = f"Check: {n_pours} pours of the answer that no fit has used."
     return {
         "feasible": proposal["feasible"],
         "message": proposal["message"],
@@ -554,7 +554,7 @@ def read_runs_of_batches(
         if repeated:
             path = Path(folder) / "dataset.csv"
             raise InputError(
-                path, key="sample", value=min(repeated), allowed="in one batch alone"
+                path, key="sample", value=min(repeated), allowed="in one batch only"
             )
         earlier_samples.update(dataset["sample"])
         batches.append(

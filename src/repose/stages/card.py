@@ -211,7 +211,7 @@ class AnyCard(Section):
         "central 95 % of the posterior", "range of the parameter sets found"
     ] = Field(
         description="what low and high are; a range of sets shows where a search ended "
-        "and is no uncertainty"
+        "and is not an uncertainty"
     )
     correlations: dict[str, dict[str, Annotated[float, Field(ge=-1, le=1)]]] = Field(
         description="of the free parameters, within the same sets"

@@ -116,7 +116,7 @@ def _describe_tests(card: Card) -> Iterator[str]:
 def _describe_interval_kind(card: Card) -> str:
     """Describe the interval that follows each parameter in brackets."""
     if card["interval"] == SOLUTION_RANGE:
-        return f"{SOLUTION_RANGE}, which is no uncertainty"
+        return f"{SOLUTION_RANGE}, which is not an uncertainty"
     return str(card["interval"])
 
 

@@ -287,7 +287,7 @@ def _require_all_samples(jobs: Jobs, samples: Iterable[int]) -> None:
                 f"jobs of the {bench_test}",
                 key="samples without a file",
                 value=missing_samples,
-                allowed="one file a sample",
+                allowed="one file per sample",
             )
 
 

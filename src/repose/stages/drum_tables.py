@@ -36,7 +36,7 @@ SUMMARY_COLUMNS = [
     "highest",
     "runs",
 ]
-EXPECTED_FILES = "a JSON file of `repose stage drum`, its .npz beside it"
+EXPECTED_FILES = "a JSON file of `repose stage drum`, with its .npz next to it"
 
 
 class MeasuredRun(NamedTuple):

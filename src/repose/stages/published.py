@@ -41,7 +41,7 @@ STORED_COLUMNS: tuple[str | Column, ...] = (
 )
 STALE_WARNING = (
     "stale: simulated with another engine or scene than today's; `snakemake "
-    "published_sets` pours the sets anew"
+    "published_sets` pours the sets again"
 )
 
 

@@ -76,7 +76,7 @@ Line = Annotated[
     Field(max_length=200, pattern=r"^[^\n]*\S[^\n]*$"),
     Allowed("text of one line"),
 ]
-COMMAND_FORM = "a list of texts: the program, then its arguments"
+COMMAND_FORM = "a list of strings: the program, then its arguments"
 Argument = Annotated[str, Field(min_length=1, max_length=4000)]
 
 

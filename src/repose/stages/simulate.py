@@ -48,7 +48,7 @@ HIGHEST_SEED = 899_999_999
 STOP_TIME_S = 10.0
 # What error messages expect of the program and of a named file.
 EXPECTED_PROGRAM = "a program on PATH, or the path of one that may be run"
-EXPECTED_FILE = "a file that is there"
+EXPECTED_FILE = "an existing file"
 # Largest number of characters that the reason of a failed run quotes from the last
 # line.
 MAX_REASON_LENGTH = 200

@@ -91,7 +91,7 @@ def test_a_response_that_is_steep_at_an_end_is_simulated_there_before_a_verdict(
     assert proposal.samples["gamma"].min() < 0.01
     early = study.answer()
     assert early.card["out_of_reach"] is False
-    assert "no run stands at an end of a range" in early.why
+    assert "there is no run at an end of a range" in early.why
     assert "o parameter set is predicted" not in str(early)
 
 

@@ -193,7 +193,7 @@ def test_too_few_pours_are_refused():
     value_error("at least 2", Kriging, poured(n=1, seeds=9))
     observed = poured()
     observed.values[:] = observed.values[:, :1]
-    value_error("all alike", Kriging, observed)
+    value_error("the same responses", Kriging, observed)
 
 
 @pytest.mark.parametrize(

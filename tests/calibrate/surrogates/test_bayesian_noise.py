@@ -171,7 +171,7 @@ def test_a_known_noise_is_kept():
     expected = np.sqrt(np.diagonal(covariance))
     np.testing.assert_allclose(model.noise_std_, expected, rtol=1e-3)
     value_error(
-        r"noise_freedom is 3; expected from 0, and 0 without noise_cov",
+        r"noise_freedom is 3; expected 0 or more, and 0 without noise_cov",
         model.fit,
         X,
         Y,

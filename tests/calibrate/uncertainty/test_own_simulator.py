@@ -144,7 +144,7 @@ def test_an_interval_is_widened_to_hold_the_answer(found):
     moved = found._replace(posterior=found.posterior._replace(parameters=table))
     for name in FREE:
         assert moved.intervals[name]["high"] == found.parameters[name]
-    assert str(moved).count("; interval widened to hold the answer") == 2
+    assert str(moved).count("; interval widened to contain the answer") == 2
     assert str(found).count("widened") == 0
     assert "friction" in moved._repr_html_()
 

@@ -448,7 +448,7 @@ def test_what_is_wrong_is_told_by_its_name(tmp_path):
             ),
             "targets is 'y, z'; .* none of",
         ),
-        (lambda: Study({"y_se": (0, 1)}, {"y": (1.0, 0.1)}), "with _se at its end"),
+        (lambda: Study({"y_se": (0, 1)}, {"y": (1.0, 0.1)}), "with _se appended"),
         (
             lambda: (c := Study({"c": (1e-10, 9e-10)}, {"y": (1.0, 0.1)})).tell(
                 c.ask().assign(c=3e-10, y=1)

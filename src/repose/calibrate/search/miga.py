@@ -304,7 +304,7 @@ def islands_ga(
         if fitness.shape != (n_points,) or np.isnan(fitness).any():
             raise ValueError(
                 f"objective returned shape {fitness.shape} "
-                f"with {np.isnan(fitness).sum()} NaN; expected ({n_points},) without"
+                f"with {np.isnan(fitness).sum()} NaN; expected ({n_points},) without NaN"
             )
         miga.tell(fitness)
         history.append(miga.best_fitness)

@@ -160,7 +160,7 @@ def _check_finite(content: Mapping[str, Any], path: object) -> None:
             source=path,
             key="numbers",
             value="not all finite",
-            allowed="finite ones, as a surrogate has them",
+            allowed="finite numbers, as in every surrogate",
         ) from None
 
 

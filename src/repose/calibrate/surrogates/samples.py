@@ -148,7 +148,7 @@ def compute_pure_error(
     if noise_covariance is None or not freedom > 0:
         raise ValueError(
             f"noise_freedom is {freedom!r}; "
-            "expected from 0, and 0 without noise_covariance"
+            "expected 0 or more, and 0 without noise_covariance"
         )
     scaled = np.asarray(noise_covariance, dtype=float) / np.outer(stretch, stretch)
     return Scatter(

@@ -23,8 +23,8 @@ from repose.calibrate.targets import Targets
 from repose.calibrate.training import Training, train_surrogate
 
 NOT_LATIN_WARNING = (
-    "the samples are spread evenly over what the constraints allow; they are no Latin "
-    "hypercube"
+    "the samples are spread evenly over what the constraints allow; they are not a "
+    "Latin hypercube"
 )
 
 

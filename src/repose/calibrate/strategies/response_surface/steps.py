@@ -220,5 +220,5 @@ def describe_new_runs(table: pd.DataFrame) -> str:
         return ""
     return (
         f" The constraints forbid {count} of the {len(table)} runs of the design; "
-        "D-optimal runs and the centre of what is allowed took their places."
+        "D-optimal runs and the centre of the allowed region replace them."
     )

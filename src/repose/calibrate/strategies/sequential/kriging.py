@@ -157,7 +157,7 @@ class ObservedSamples(NamedTuple):
         sd = np.sqrt(np.diagonal(covariance))
         if self.alike.any() or not _has_full_rank(covariance / np.outer(sd, sd)):
             raise ValueError(
-                "pours of a sample are all alike; expected seeds that differ"
+                "all pours of a sample gave the same responses; expected different seeds"
             )
         return covariance
 

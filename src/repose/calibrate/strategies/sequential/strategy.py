@@ -41,16 +41,14 @@ from repose.calibrate.targets import Targets
 from repose.common.errors import InputError
 
 NEAREST_REMARK = "the answer is the nearest"
-NO_RUN_AT_END_REMARK = (
-    "no run stands at an end of a range where the targets may be met, so simulate there"
-)
+NO_RUN_AT_END_REMARK = "there is no run at an end of a range where the targets may be met, so simulate there"
 # A sentence for each reason to stop of `Advice`.
 STOP_SENTENCES = {
     "probability": "the answer meets the targets with the requested probability",
     "out_of_reach": f"probably no parameter set meets the targets: {NEAREST_REMARK}",
     "budget": "the budget of pours is used up",
     "noise": (
-        "the pours that are left cannot make the answer more probable: the noise is "
+        "the remaining pours cannot make the answer more probable: the noise is "
         "too large"
     ),
 }
@@ -469,7 +467,7 @@ def _describe_end(
     steps = (
         f"Start: {section.start_samples} parameter sets all over the ranges, each "
         f"poured {section.seeds} times.",
-        f"Batches: each about the best point so far; {len(data)} pours in all. They "
+        f"Batches: each around the best point so far; {len(data)} pours in total. They "
         f"stopped: {notes['why']}.",
         "Model: kriging of the samples' means with their known errors. The answer lies "
         f"within {tolerance:g} % of all targets with probability "
