@@ -101,7 +101,10 @@ def test_a_pile_of_particles_has_a_section_measure():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        (simulator(command="python toy.py"), r"simulator\.command .* a list of strings"),
+        (
+            simulator(command="python toy.py"),
+            r"simulator\.command .* a list of strings",
+        ),
         (simulator(command=[]), r"simulator\.command"),
         (simulator(output="../out.json"), r"simulator\.output"),
         (simulator(shell=True), r"simulator\.shell .* known key"),

@@ -134,7 +134,7 @@ class _ParameterBounds:
             yield from self._find_scale_faults(entry)
 
     def _find_scale_faults(self, entry: Mapping[str, Any]) -> Contradictions:
-        """Yield (key, what is allowed) for a fault of a scale; the range is good."""
+        """Yield the key and what is allowed if the scale is unknown or does not fit."""
         scale = entry.get("scale", LINEAR)
         if not isinstance(scale, str) or scale not in SCALES:
             yield "scale", " or ".join(SCALES)
@@ -142,7 +142,7 @@ class _ParameterBounds:
             yield "range", f"a pair [low, high] with low above 0, where scale is {LOG}"
 
     def _find_prior_faults(self, prior: Any) -> Contradictions:
-        """Yield (key, what is allowed) for a fault of a prior."""
+        """Yield the key and what is allowed for each fault of a prior."""
         if not isinstance(prior, Mapping) or set(prior) != {"mean", "sd"}:
             yield "prior", "a section with the keys mean and sd"
         elif not self._is_within_bounds(prior["mean"]):

@@ -46,7 +46,7 @@ def propose(args: argparse.Namespace, study: PipelineConfig) -> None:
     Option(
         "batches",
         nargs="+",
-        help="folders of all batches, and last of the answer, with its proposal.json",
+        help="folders of all batches; the last one is that of the answer",
     ),
     out=DEFAULT_FOLDER,
 )

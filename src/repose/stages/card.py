@@ -296,8 +296,8 @@ def make_schema() -> dict[str, Any]:
         "$schema": "https://json-schema.org/draft/2020-12/schema",
         "title": "repose material card",
         "description": "A calibrated granular material: the grain, the contact laws, "
-        "the parameters and the tests they stand on. SI units but where a name says "
-        "another.",
+        "the parameters and the tests on which they are based. Units are SI, unless a "
+        "name states another.",
     }
     return TypeAdapter(Card | OtherCard).json_schema() | head
 

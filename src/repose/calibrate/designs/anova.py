@@ -1,7 +1,8 @@
 """Make the analysis of variance of a polynomial model.
 
 Columns and statistics are those of Design-Expert. The sum of squares of a term is
-partial: the residual sum of squares would rise by it if this term alone were left out.
+partial. It is the amount by which the residual sum of squares would rise if only this
+term were left out.
 """
 
 import math

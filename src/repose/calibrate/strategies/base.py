@@ -209,7 +209,7 @@ class Strategy(ABC, Generic[SectionType]):
     def contradictions(
         self, section: SectionType, free: int, responses: int
     ) -> Contradictions:
-        """Yield values of the strategy's section with which it cannot run.
+        """Yield the keys of the strategy's section with which it cannot run.
 
         Parameters
         ----------

@@ -165,7 +165,7 @@ def _make_region_of_ranges(space: ParameterSpace) -> Region | None:
 def split_corners_and_centre(
     table: pd.DataFrame, centres: int
 ) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Split the samples of the screening into the corners and the `centres` last ones."""
+    """Split the samples of the screening into the corners and the last `centres` ones."""
     return table[:-centres], table[-centres:]
 
 
