@@ -1,6 +1,6 @@
 """Compute mean size, sphericity and elastic moduli of measured grains.
 
-Equations 1 to 4 of the paper.
+The functions implement Equations 1 to 4 of the paper.
 """
 
 import math
@@ -31,9 +31,9 @@ AXIS_BY_TEST_COLUMN = {
     "width_1_mm": "minor_mm",
     "breadth_mm": "major_mm",
 }
-# A force whose modulus differs from the median by a larger factor is a mistake.
+# A force is implausible if its modulus differs from the median by a larger factor.
 LARGEST_MODULUS_RATIO = 30.0
-# Limits of plausible elastic moduli: of a jelly, and of diamond
+# Smallest and largest plausible elastic modulus: those of a jelly and of diamond
 PLAUSIBLE_MODULI_PA = (1e3, 1e12)
 
 # Columns of the published table of sizes
@@ -65,13 +65,16 @@ class _Elasticity(NamedTuple):
 def equivalent_diameter(long: Numbers, major: Numbers, minor: Numbers) -> Numbers:
     """Compute the diameter of the sphere with the volume of an ellipsoid (Eq. 1).
 
-    Its cube is the product of the three full axes.
+    The cube of this diameter is the product of the three full axes.
     """
     return np.cbrt(long * major * minor)
 
 
 def sphericity(long: Numbers, major: Numbers, minor: Numbers) -> Numbers:
-    """Compute equivalent diameter over long axis (Eq. 1, where it is in percent)."""
+    """Compute the sphericity: the equivalent diameter over the long axis (Eq. 1).
+
+    The result is a fraction; the paper gives it in percent.
+    """
     return equivalent_diameter(long, major, minor) / long
 
 
@@ -82,18 +85,18 @@ def elastic_modulus(
     width_1_m: Numbers,
     width_2_m: Numbers,
 ) -> Numbers:
-    """Compute the elastic modulus [Pa], the ratio of stress and strain (Eq. 2).
+    """Compute the elastic modulus [Pa]: stress over strain along the load (Eq. 2).
 
-    Both are along the load. The loaded section is an ellipse.
+    The cross-section that carries the load is an ellipse.
 
     Parameters
     ----------
     force_n : float
         Force on the grain.
     length_m, breadth_m : float
-        Full axes of the loaded section.
+        Full axes of this cross-section.
     width_1_m, width_2_m : float
-        Width along the load before and under it.
+        Width of the grain along the load, before loading and under load.
     """
     section = math.pi / 4 * length_m * breadth_m
     strain = (width_1_m - width_2_m) / width_1_m
@@ -105,8 +108,8 @@ def poisson_ratio(
 ) -> Numbers:
     """Compute the absolute value of Poisson's ratio (Eq. 3).
 
-    It is the strain of the length divided by the strain of the loaded width. The number
-    1 stands for the size before the load, and 2 for the size under it.
+    The ratio is the strain of the length divided by the strain of the loaded width. The
+    suffix 1 marks a size before loading, and 2 the same size under load.
     """
     length_strain = (length_2 - length_1) / length_1
     width_strain = (width_2 - width_1) / width_1
@@ -240,15 +243,16 @@ def compute_mean_grain(
     sizes_csv : path
         File of the sizes.
     compression_csv : path or None
-        File of the compression tests. None is possible if both moduli are given.
+        File of the compression tests. It may be None if both `poisson_ratio` and
+        `shear_modulus_pa` are given.
     table1_csv : path or None
-        File of the published statistics of the sizes. None leaves their columns in the
-        statistics empty.
+        File of the published statistics of the sizes. If it is None, the columns of
+        published values are empty.
     density_kg_m3 : float
         Density of a grain.
     poisson_ratio, shear_modulus_pa : float, optional
-        Moduli of the grain. A modulus that is None is computed from the compression
-        tests. The elastic modulus follows from these two (Eq. 4).
+        Elastic constants of the grain. One that is None is computed from the
+        compression tests. The elastic modulus follows from both (Eq. 4).
     keeps_volume : bool
         Whether the mean grain has the mean volume (`compute_mean_axes`).
 
@@ -257,12 +261,12 @@ def compute_mean_grain(
     statistics : DataFrame
         A row for each dimension (`summarise_sizes`).
     grain : dict
-        The mean grain: axes, moduli, density and spread of the sizes, by key.
+        The mean grain: axes, elastic constants, density and spread of the sizes, by key.
 
     Raises
     ------
     InputError
-        If a file or a number is not plausible.
+        If a file is faulty, or if a number is implausible.
     """
     check_positive(
         "berry", density_kg_m3=density_kg_m3, shear_modulus_pa=shear_modulus_pa
@@ -271,7 +275,7 @@ def compute_mean_grain(
         _check_poisson_ratio("berry", poisson_ratio)
 
     sizes = read_sizes(sizes_csv)
-    # Moduli that are not given come from the compression tests.
+    # Compute elastic constants that are not given from the compression tests.
     if poisson_ratio is None or shear_modulus_pa is None:
         elasticity = _compute_elasticity(
             sizes_csv, sizes, compression_csv, poisson_ratio, shear_modulus_pa
@@ -300,8 +304,8 @@ def compute_mean_grain(
         dict(zip(size_distribution.SPREAD_KEYS, spread, strict=True))
     )
 
-    # The published statistics are of the crop whose sizes were reconstructed. Other
-    # sizes are compared with an empty table.
+    # The published statistics describe only the crop whose sizes were reconstructed. For
+    # other sizes, an empty table takes their place.
     reference = published if has_reconstructed_sizes else published.iloc[:0]
     return summarise_sizes(sizes, reference), grain
 
@@ -328,11 +332,12 @@ def _compute_elasticity(
     sizes_csv : path
         File of the grains' sizes, for messages.
     sizes : DataFrame
-        The table of this file. The sizes of the tested grains are compared with it.
+        The contents of this file, with which the sizes of the tested grains are
+        compared.
     compression_csv : path or None
         File of the tests. If it is None, an error says that the file is missing.
     poisson_ratio, shear_modulus_pa : float or None
-        A number replaces the result of the tests. None keeps the result.
+        Known values, which replace the results of the tests; None if unknown.
 
     Returns
     -------
@@ -342,14 +347,14 @@ def _compute_elasticity(
     Raises
     ------
     InputError
-        If the tests are missing or not plausible.
+        If the tests are missing or implausible.
     """
     if compression_csv is None:
         allowed = "a file, unless poisson_ratio and shear_modulus_pa are both given"
         raise InputError("berry", "compression", None, allowed)
     tests = read_compression(compression_csv)
-    # A force is checked by the modulus that it gives. If the sizes are wrong, so are
-    # the moduli; then the forces are not checked.
+    # The check of a force compares the elastic moduli, which also depend on the sizes. So
+    # it makes sense only if the sizes are plausible.
     faults = _find_size_faults(compression_csv, tests, sizes_csv, sizes)
     if not faults:
         faults = _find_force_faults(compression_csv, tests)
@@ -378,19 +383,19 @@ def _find_size_faults(
 ) -> list[InputError]:
     """Find the first column of the tests whose sizes are far from those of the grains.
 
-    The unit of such a column is probably wrong.
+    Such a column is probably in the wrong unit.
 
     Parameters
     ----------
     tests_csv, sizes_csv : path
         Files of the tests and of the grains' sizes, for messages.
     tests, sizes : DataFrame
-        The tables of these files (`read_compression`, `read_sizes`).
+        The contents of these files (`read_compression`, `read_sizes`).
 
     Returns
     -------
     list of InputError
-        The fault; empty if the sizes agree.
+        The fault of this column. The list is empty if the sizes agree.
     """
     for column, axis in AXIS_BY_TEST_COLUMN.items():
         tested_mm = float(tests[column].median())
@@ -407,22 +412,23 @@ def _find_size_faults(
 def _find_force_faults(
     tests_csv: str | PathLike, tests: pd.DataFrame
 ) -> list[InputError]:
-    """Find implausible forces by the elastic moduli that they give.
+    """Find forces that lead to implausible elastic moduli.
 
-    A single force is a fault if the modulus of its test is far from the median. All
-    forces together are a fault if their mean modulus is impossible for a grain.
+    The force of a single test is a fault if the modulus of this test is far from the
+    median. A further fault is reported if the mean modulus of all tests is impossible
+    for a grain.
 
     Parameters
     ----------
     tests_csv : path
         The file of the tests, for messages.
     tests : DataFrame
-        The table of this file.
+        The contents of this file.
 
     Returns
     -------
     list of InputError
-        The faults; empty if all forces are plausible.
+        The faults. The list is empty if all forces are plausible.
     """
     faults = []
     # Check each test against the median of all tests.
@@ -455,7 +461,7 @@ def _find_force_faults(
 def compute_configured_grain(
     section: GrainSettings, table1_csv: str | PathLike | None
 ) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """Compute statistics and mean grain from the section `berry` of a configuration.
+    """Compute the statistics and the mean grain of the section `berry` of a study.
 
     Parameters
     ----------
@@ -492,7 +498,7 @@ def run(
     table1_csv : path or None
         File of the published statistics.
     out_dir : path
-        Folder of both files.
+        Folder to which both files are written.
     """
     statistics, grain = compute_configured_grain(section, table1_csv)
     out = Path(out_dir)
@@ -508,7 +514,7 @@ def _compute_size_spread(
     Parameters
     ----------
     sizes : DataFrame
-        Axes of the grains, with the attribute ``reconstruction`` of `read_sizes`.
+        Axes of the grains, as `read_sizes` returns them.
     published : DataFrame
         The published statistics (Table 1), which may be empty.
 

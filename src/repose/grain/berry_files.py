@@ -24,19 +24,19 @@ COMPRESSION_COLUMNS = (
 )
 
 # Limits of plausible measurements
-# A grain of 20 mm would be below them in metres, and above them in micrometres.
+# The size of a 20 mm grain lies outside them if it is given in metres or micrometres.
 PLAUSIBLE_LENGTHS_MM = (0.5, 2000.0)
-# Ratio of minor and major axis. If the minor axis is in cm, the ratio is 0.1 or less.
+# Minor axis over major axis. If only the minor axis is in cm, the ratio is at most 0.1.
 SMALLEST_WIDTH_RATIO = 0.12
-# Sizes of grains of one crop differ by a smaller factor from their median.
+# Grains of one crop differ from their median size by less than this factor.
 LARGEST_SIZE_RATIO = 5.0
-# With more strain a compression test gives no elastic modulus.
+# Beyond this strain a compression test does not measure the elastic modulus.
 LARGEST_STRAIN = 0.5
 
-# The file of the mean grain, in words for messages
+# How messages refer to the file of the mean grain
 GRAIN_FILE = "the file of the verb berry"
 MODULI = ("shear_modulus_pa", "poisson_ratio")  # keys that a simulation needs
-# Keys of its positive quantities besides the axes
+# Keys of the mean grain, besides the axes, whose values must be positive
 POSITIVE_KEYS = (
     "density_kg_m3",
     "elastic_modulus_pa",
@@ -44,7 +44,7 @@ POSITIVE_KEYS = (
     "scale_low",
     "scale_high",
 )
-# Largest values of the quantities that may be 0, by key
+# Keys of the mean grain whose values may be 0, and the largest value of each
 LARGEST_VALUES = {"poisson_ratio": 0.5, "scale_sd": 10.0}
 
 # A comment line with this word marks a file whose rows were not measured but made to
@@ -63,20 +63,20 @@ def read_sizes(path: str | PathLike) -> "pd.DataFrame":
     Returns
     -------
     DataFrame
-        A row for each grain, with `long_mm`, `major_mm` and `minor_mm`. Its attribute
-        ``reconstruction`` tells whether the rows were not measured.
+        A row for each grain, with `long_mm`, `major_mm` and `minor_mm`. The attribute
+        ``reconstruction`` is True if the rows were reconstructed instead of measured.
 
     Raises
     ------
     InputError
-        If the file is no such table, or its sizes are not plausible.
+        If the file does not contain such a table, or if a size is implausible.
     """
     sizes = _read_numbers(path, SIZE_COLUMNS)
     if len(sizes) < 2:
         allowed = "at least 2 grains: a single one has no standard deviation"
         raise InputError(path, "rows", len(sizes), allowed)
 
-    # Medians that are impossible for grains show a wrong unit.
+    # A median that is impossible for grains indicates a wrong unit.
     long_mm, major_mm, minor_mm = sizes.median().tolist()
     low, high = PLAUSIBLE_LENGTHS_MM
     if not low <= long_mm <= high:
@@ -89,8 +89,8 @@ def read_sizes(path: str | PathLike) -> "pd.DataFrame":
         )
         raise InputError(path, "minor_mm", minor_mm, allowed)
 
-    # Check single grains: a size may be far from the median of its column, or larger
-    # than the axis in the column before.
+    # Check each grain. A size must not be far from the median of its column, and an axis
+    # must not be longer than the one in the previous column.
     faults: list[Fault] = []
     axis_before = None
     for axis in SIZE_COLUMNS:
@@ -105,14 +105,14 @@ def read_sizes(path: str | PathLike) -> "pd.DataFrame":
 def _find_longer_axes(
     sizes: "pd.DataFrame", axis: str, longer_axis: str
 ) -> list[Fault]:
-    """Find grains with an axis that exceeds another axis which should be the longer one.
+    """Find grains in which one axis exceeds another that should be at least as long.
 
     Parameters
     ----------
     sizes : DataFrame
         A row for each grain. The rows are numbered from 1.
     axis : str
-        Column of an axis.
+        Column of the axis to check.
     longer_axis : str
         Column of the axis that should be at least as long.
 
@@ -133,9 +133,9 @@ def _find_longer_axes(
 def read_compression(path: str | PathLike) -> "pd.DataFrame":
     """Read compression tests of single grains.
 
-    The grain lies on its broad side. The load is along its minor diameter, the width.
-    The loaded section has the axes length and breadth. The number 1 in a column stands
-    for the size before the load, and 2 for the size under it.
+    The grain lies on its broad side, and the load acts along its minor diameter, the
+    width. The cross-section that carries the load has the axes length and breadth. In
+    the name of a column, 1 marks a size before loading, and 2 the same size under load.
 
     Parameters
     ----------
@@ -145,13 +145,13 @@ def read_compression(path: str | PathLike) -> "pd.DataFrame":
     Returns
     -------
     DataFrame
-        A row for each test, with the columns `COMPRESSION_COLUMNS` and the attribute
-        ``reconstruction`` of `read_sizes`.
+        A row for each test, with the columns `COMPRESSION_COLUMNS`. The attribute
+        ``reconstruction`` is the same as in `read_sizes`.
 
     Raises
     ------
     InputError
-        If the file is no such table, or its numbers are not plausible.
+        If the file does not contain such a table, or if a number is implausible.
     """
     tests = _read_numbers(path, COMPRESSION_COLUMNS)
     if len(tests) < 1:
@@ -166,10 +166,10 @@ def read_compression(path: str | PathLike) -> "pd.DataFrame":
 
 
 def _find_strain_faults(tests: "pd.DataFrame") -> list[Fault]:
-    """Find sizes under the load that the sizes before the load make impossible.
+    """Find sizes under load that are impossible, given the sizes before loading.
 
-    The load makes a grain narrower along its width and longer across it. Each change is
-    at most the share `LARGEST_STRAIN`.
+    The load compresses the width of a grain and may lengthen the grain. Neither size
+    changes by more than the fraction `LARGEST_STRAIN`.
 
     Parameters
     ----------
@@ -183,7 +183,7 @@ def _find_strain_faults(tests: "pd.DataFrame") -> list[Fault]:
     """
     faults: list[Fault] = []
     for row, test in enumerate(tests.itertuples(index=False)):
-        # The width may only shrink.
+        # The width must shrink.
         width_mm = test.width_1_mm
         if not (1 - LARGEST_STRAIN) * width_mm <= test.width_2_mm < width_mm:
             allowed = (
@@ -191,7 +191,7 @@ def _find_strain_faults(tests: "pd.DataFrame") -> list[Fault]:
                 "half of it"
             )
             faults.append((row, "width_2_mm", test.width_2_mm, allowed))
-        # The length may only grow.
+        # The length must not shrink.
         length_mm = test.length_1_mm
         if not length_mm <= test.length_2_mm <= (1 + LARGEST_STRAIN) * length_mm:
             allowed = (
@@ -205,7 +205,7 @@ def _find_strain_faults(tests: "pd.DataFrame") -> list[Fault]:
 def read_grain(
     path: str | PathLike, needed: Iterable[str] = SIZE_COLUMNS
 ) -> dict[str, Any]:
-    """Read the file of the mean grain, which the command `berry` writes.
+    """Read the file of the mean grain that the command `berry` writes.
 
     Parameters
     ----------
@@ -217,16 +217,16 @@ def read_grain(
     Returns
     -------
     dict
-        The content of the file.
+        The contents of the file.
 
     Raises
     ------
     InputError
-        If a key is missing, or a number is impossible.
+        If a key is missing, or if a number is impossible.
     """
     grain = read_json(path, needed, GRAIN_FILE)
-    # Check the needed keys, and other known keys that the file may have. A needed key
-    # may be checked twice.
+    # Check the needed keys, and all other known keys in the file. A key that belongs to
+    # both groups is checked twice.
     known_keys = [key for key in (*POSITIVE_KEYS, *LARGEST_VALUES) if key in grain]
     for key in (*needed, *known_keys):
         value = grain[key]
@@ -273,18 +273,18 @@ def _read_numbers(path: str | PathLike, names: Sequence[str]) -> "pd.DataFrame":
     path : path
         The file.
     names : sequence of str
-        The names of the columns. The column `test` has labels instead of numbers.
+        The names of the columns. The column `test` contains labels instead of numbers.
 
     Returns
     -------
     DataFrame
-        The columns, with rows numbered from 1. The attribute ``reconstruction`` tells
-        whether a comment in the file says that its rows were not measured.
+        The columns, with rows numbered from 1. The attribute ``reconstruction`` is True
+        if a comment in the file says that its rows were not measured.
     """
     # pandas is slow to import, so it is imported only where a table is read.
     import pandas as pd
 
-    # Each label of a test may occur once. All numbers must be above 0.
+    # The labels of the tests must be unique, and all numbers must be above 0.
     columns = []
     for name in names:
         if name == "test":

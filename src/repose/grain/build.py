@@ -31,17 +31,18 @@ from repose.grain.support import support
 MESH_FILE = "berry.stl"
 N_DIRECTIONS = 2000  # directions in which a particle is fitted to a mesh
 
-# Largest deviation of the support values, in mean radii of the mesh
+# Largest allowed deviation of the support values, in mean radii of the mesh
 LARGEST_DEVIATION = 0.15
-# Relative difference of the volumes of particle and mesh. A smooth body leaves out the
-# sharp edges of a mesh, and a single ellipsoid fits less well than a sum of a few.
+# Largest allowed relative difference between the volumes of particle and mesh. A smooth
+# body cannot follow the sharp edges of a mesh, and a single ellipsoid fits less well than
+# a sum of several.
 VOLUME_TOLERANCE = 0.1
 ELLIPSOID_VOLUME_TOLERANCE = 0.2
 
 # Comparison of a scan with the table of sizes
 SIDE_NAMES = ("shortest", "middle", "longest")
-# If a side differs from the mean of the sizes by a larger factor, the unit of one of
-# them is wrong, or they are of two crops.
+# If a side differs from the mean of the sizes by a larger factor, one of them has the
+# wrong unit, or the scan is of another crop.
 LARGEST_SIDE_RATIO = 1.8
 
 
@@ -68,7 +69,7 @@ def fit_particle(
     density_kg_m3 : float
         Density of the grain.
     stl : str
-        Name of the mesh's file, which the particle keeps.
+        Name of the mesh's file, which is stored in the particle.
     source : object
         The mesh's file, for messages.
     kind : str
@@ -82,11 +83,11 @@ def fit_particle(
     Raises
     ------
     InputError
-        If the particle does not represent the mesh.
+        If the fitted particle differs too much from the mesh.
     """
     check_positive(source, density_kg_m3=density_kg_m3)
-    # The support values are the extents of the mesh from its centre [m]. The mean radius
-    # is that of a ball with the volume of the mesh.
+    # A support value is the extent of the mesh from its centre in one direction [m]. The
+    # mean radius is that of a ball with the volume of the mesh.
     directions = sphere_directions(N_DIRECTIONS)
     mesh_support = compute_support(mesh, directions) * MM
     mean_radius = np.cbrt(mesh.volume * 3 / (4 * math.pi)) * MM
@@ -99,7 +100,7 @@ def fit_particle(
         fitted_axes = support_fit.fit_components(
             directions, mesh_support, mean_radius, counts
         )
-    # Round to nanometres, because smaller digits are only rounding errors of the file.
+    # Round to nanometres, because further digits are only rounding errors of the file.
     semi_axes = np.round(fitted_axes, 9)
 
     # Refuse a particle that does not represent the mesh.
@@ -148,14 +149,14 @@ def _check_fit(
     volume_ratio : float
         Volume of the particle over that of the mesh.
     volume_tolerance : float
-        Allowed difference of this ratio from 1.
+        Largest allowed difference between this ratio and 1.
     source : object
         The mesh's file, for messages.
 
     Raises
     ------
     InputError
-        If the deviation or the difference of the volumes is too large.
+        If the deviation or the difference between the volumes is too large.
     """
     if relative_deviation > LARGEST_DEVIATION:
         key = "largest deviation of the particle over the mesh's mean radius"
@@ -181,7 +182,7 @@ def make_particle(
     stl: str = "",
     source: object = "mesh",
 ) -> Particle:
-    """Make a particle of any of the `KINDS` from a mesh.
+    """Make a particle of the given kind from a mesh.
 
     Parameters
     ----------
@@ -192,11 +193,11 @@ def make_particle(
     kind : str
         One of `KINDS`.
     spheres : int or str
-        Number of spheres of a multisphere, or "fewest".
+        Number of spheres of a multisphere, or "fewest" for as few as fit the mesh.
     surface : str
         Kind of surface of a multisphere, see `sphere_packing.pack`.
     stl : str
-        Name of the mesh's file, which the particle keeps.
+        Name of the mesh's file, which is stored in the particle.
     source : object
         The mesh's file, for messages.
 
@@ -243,19 +244,20 @@ def make_particle(
 def compare_particles(
     particles: Mapping[str, Particle | InputError],
 ) -> list[dict[str, Any]]:
-    """Compare the particles of one mesh.
+    """Compare particles that were made from the same mesh.
 
     Parameters
     ----------
     particles : mapping
-        The particles by name. An error stands for a particle that could not be made.
+        The particles by name. If a particle could not be made, the error is in its place.
 
     Returns
     -------
     list of dict
         A row for the mesh, if any particle could be made, and a row for each particle.
-        A row has volume, mass, principal moments of inertia, extents and deviations. For
-        a particle that could not be made, the key `refused` has the error instead.
+        A row has volume, mass, principal moments of inertia and extents. The row of a
+        particle also has its deviations from the mesh. For a particle that could not be
+        made, the row has only its name and, as `refused`, the message of the error.
     """
     rows = []
     # All particles have the same mesh, so the first particle gives the row of the mesh.
@@ -279,7 +281,7 @@ def compare_particles(
 
 
 def _make_comparison_row(name: str, body: Particle | Body) -> dict[str, Any]:
-    """Make the row of a body: its volume, mass, principal moments and extents."""
+    """Make the row with the volume, mass, principal moments and extents of a body."""
     row: dict[str, Any] = {
         "body": name,
         "volume_mm3": body.volume_m3 / MM**3,
@@ -295,7 +297,7 @@ def _make_comparison_row(name: str, body: Particle | Body) -> dict[str, Any]:
 def make_configured_particle(
     grain: Mapping[str, Any], section: GrainSettings
 ) -> Particle:
-    """Make the particle of a configuration, the same that `run` writes to a file.
+    """Make the particle of a configuration, as `run` would write it to a file.
 
     Parameters
     ----------
@@ -303,6 +305,11 @@ def make_configured_particle(
         The mean grain with its axes and its density.
     section : GrainSettings
         The section `berry`.
+
+    Returns
+    -------
+    Particle
+        The particle in SI units.
     """
     source = section.stl or MESH_FILE
     density_kg_m3 = grain["density_kg_m3"]
@@ -316,8 +323,8 @@ def make_configured_particle(
     )
 
 
-# A particle takes a second to fit, and every load of a configuration needs it again. So
-# the last results are kept.
+# It takes a second to fit a particle, and each time a configuration is loaded the
+# particle is needed again. Therefore the most recent results are cached.
 @functools.lru_cache(maxsize=8)
 def _make_particle_from_stl(
     stl_content: bytes,
@@ -328,7 +335,7 @@ def _make_particle_from_stl(
     surface: str,
     source: str,
 ) -> Particle:
-    """Make a particle from the content of an STL file, see `make_particle`."""
+    """Make a particle from the contents of an STL file, see `make_particle`."""
     return make_particle(
         read_stl(stl_content, source),
         density_kg_m3,
@@ -343,7 +350,7 @@ def _make_particle_from_stl(
 def _make_stl(
     grain: Mapping[str, Any], stl: str | PathLike | None, mass_g: float | None
 ) -> bytes:
-    """Make the content of the STL file of a grain.
+    """Make the contents of the STL file of a grain.
 
     Parameters
     ----------
@@ -358,13 +365,13 @@ def _make_stl(
     Returns
     -------
     bytes
-        The content of the file.
+        The contents of the file.
 
     Raises
     ------
     InputError
-        If the scan is faulty or has other sizes than the grain, or if no grain has
-        these axes and this mass.
+        If the scan is faulty or differs too much in size from the grain, or if no grain
+        with these axes can have this mass.
     """
     axes_mm = [grain[name] for name in SIZE_COLUMNS]
     if stl is not None:
@@ -378,9 +385,9 @@ def _make_stl(
 def _make_stl_from_axes(
     axes_mm: tuple[float, ...], mass_g: float | None, density_kg_m3: float
 ) -> bytes:
-    """Make the content of the STL file of a grain without a scan.
+    """Make the contents of the STL file of a grain without a scan.
 
-    The result is kept for the next call with the same numbers.
+    The most recent results are cached.
 
     Parameters
     ----------
@@ -394,12 +401,12 @@ def _make_stl_from_axes(
     Returns
     -------
     bytes
-        The content of the file.
+        The contents of the file.
 
     Raises
     ------
     InputError
-        If no grain has these axes and this mass.
+        If no grain with these axes can have this mass.
     """
     if mass_g is None:
         return write_stl(ellipsoid_mesh(list(axes_mm)))
@@ -408,8 +415,8 @@ def _make_stl_from_axes(
     except InputError as error:
         if error.key != "mass_g":
             raise
-        # If the sizes of the grains differ much, the mean mass may be too large for the
-        # mean axes. Tell the user what to do about it.
+        # If the grains vary widely in size, their mean mass may be too large for the mean
+        # axes. Tell the user what to do about it.
         allowed = f"{error.allowed}; without it, the mean volume of the sizes is taken"
         raise InputError(error.source, error.key, error.value, allowed) from error
     return write_stl(mesh)
@@ -418,7 +425,7 @@ def _make_stl_from_axes(
 def _check_scan_size(
     scan: trimesh.Trimesh, axes_mm: list[float], stl: str | PathLike
 ) -> None:
-    """Check that the sides of a scan are near the mean axes of the measured grains.
+    """Check that the sides of a scan are close to the mean axes of the measured grains.
 
     Parameters
     ----------
@@ -432,7 +439,7 @@ def _check_scan_size(
     Raises
     ------
     InputError
-        If a side is far from its mean.
+        If a side is far from the corresponding mean axis.
     """
     extents = sorted(scan.extents)
     for name, extent, mean in zip(SIDE_NAMES, extents, sorted(axes_mm), strict=True):
@@ -458,9 +465,9 @@ def run(
     """Write the mesh, the particle, and a comparison of all kinds of particles.
 
     The files are berry.stl, particle.json and particles.csv. The mesh is the user's
-    scan, or it is made from the mean axes and the mass. Without a mass it is the
-    ellipsoid of the mean axes. The particle is made from the mesh as a program reads it
-    from the file, in single precision.
+    scan. Without a scan, it is made from the mean axes and the mass, or from the axes
+    alone as an ellipsoid. The particle is made from the mesh after rounding to the
+    single precision of the STL file, so that it belongs to the mesh in the file.
 
     Parameters
     ----------
@@ -469,26 +476,26 @@ def run(
     stl : path, optional
         The user's scan.
     out_dir : path
-        Folder of the files.
+        Folder to which the files are written.
     kind : str
         Kind of the particle, one of `KINDS`.
     mass_g : float, optional
         Mass of the mean grain.
     spheres : int or str
-        Number of spheres of a multisphere, or "fewest".
+        Number of spheres of a multisphere, or "fewest" for as few as fit the mesh.
     surface : str
         Kind of surface of a multisphere, see `sphere_packing.pack`.
 
     Returns
     -------
     Particle
-        The particle of particle.json.
+        The particle that particle.json describes.
 
     Raises
     ------
     InputError
         If this particle cannot be made. If a particle of another kind cannot be made,
-        its row of particles.csv has the reason.
+        particles.csv gives the reason instead.
     """
     # pandas is slow to import, and only this function needs it.
     import pandas as pd
@@ -510,8 +517,8 @@ def run(
             source=source,
         )
 
-    # The particle of this kind must be possible. The other kinds are made only for the
-    # comparison.
+    # Make the particle of this kind, or fail. The other kinds are needed only for the
+    # comparison, which lists the errors that they raise.
     particle = make_particle_of_kind(kind)
     particles: dict[str, Particle | InputError] = {}
     for other_kind in KINDS:

@@ -17,18 +17,18 @@ from repose.grain.particle import MM, Body
 
 # Volume of a mesh over that of its convex hull
 SMALLEST_HULL_SHARE = 0.95
-ROUNDING = 1e-6  # by which this share may exceed 1
+ROUNDING = 1e-6  # rounding errors may increase this ratio to 1 + ROUNDING
 # Shortest side of a mesh over its longest
 SMALLEST_SIDE_RATIO = 0.01
 FEWEST_FACES = 4  # of a closed surface: a tetrahedron
 # Number of directions whose support values are computed at once, to save memory
 DIRECTIONS_PER_CHUNK = 500
 
-# A binary STL file has a header, which ends with the number of facets, and the facets.
+# A binary STL file is a header, which ends with the number of facets, and the facets.
 STL_HEADER_BYTES = 84
 STL_FACET_BYTES = 50
-# An STL file in text has no control characters in its beginning. A decimal comma there
-# is an error.
+# A text STL file has no control characters near its beginning. A decimal comma there is
+# an error.
 CONTROL_CHARACTER = re.compile(rb"[\0-\x08\x0e-\x1f]")
 DECIMAL_COMMA = re.compile(rb"vertex\s+[-+\d]+,\d\S*")
 BEGINNING_BYTES = 1000
@@ -43,7 +43,12 @@ def ellipsoid_mesh(axes_mm: ArrayLike, subdivisions: int = 4) -> trimesh.Trimesh
     axes_mm : array_like
         Full axes (3,) of the ellipsoid along x, y and z.
     subdivisions : int
-        How often each triangle of an icosahedron is divided into four.
+        Number of times that each triangle of an icosahedron is divided into four.
+
+    Returns
+    -------
+    Trimesh
+        The mesh in mm.
     """
     mesh = trimesh.creation.icosphere(subdivisions=subdivisions, radius=0.5)
     mesh.apply_scale(np.asarray(axes_mm, dtype=float))
@@ -68,7 +73,7 @@ def load_mesh(path: str | PathLike) -> trimesh.Trimesh:
     Raises
     ------
     InputError
-        If the file is missing or has no mesh of a grain.
+        If the file is missing, or if its mesh cannot be the surface of a grain.
     """
     path = Path(path)
     if not path.is_file():
@@ -80,24 +85,25 @@ def load_mesh(path: str | PathLike) -> trimesh.Trimesh:
 
 
 def _trim_stl(content: bytes, source: object) -> bytes:
-    """Cut off whatever follows the only body in the content of an STL file.
+    """Remove anything that follows the body in the contents of an STL file.
 
     Parameters
     ----------
     content : bytes
-        Content of the file, as text or binary.
+        Contents of the file, text or binary.
     source : object
         The file, for messages.
 
     Returns
     -------
     bytes
-        An STL file of one body.
+        The contents up to the end of the body.
 
     Raises
     ------
     InputError
-        If the file is cut off, or has two bodies.
+        If the file is truncated, if its numbers have decimal commas, or if a second body
+        follows in a binary file.
     """
     text = content.removeprefix(BYTE_ORDER_MARK).lower().replace(b"\r", b"\n")
     beginning = text[:BEGINNING_BYTES]
@@ -105,8 +111,8 @@ def _trim_stl(content: bytes, source: object) -> bytes:
     if decimal_comma:
         allowed = "numbers with a decimal point"
         raise InputError(source, "numbers", decimal_comma[0].decode(), allowed)
-    # A binary file may begin with the word "solid" like a text, but it also has control
-    # characters.
+    # A binary file may begin with the word "solid", as a text file does, but it also
+    # contains control characters.
     is_text = b"facet" in text and not CONTROL_CHARACTER.search(beginning)
     if is_text:
         return _trim_text_stl(text, source)
@@ -114,32 +120,32 @@ def _trim_stl(content: bytes, source: object) -> bytes:
 
 
 def _trim_text_stl(text: bytes, source: object) -> bytes:
-    """Check an STL file in text, and end it with a single `endsolid`.
+    """Check a text STL file, and make it end with a single `endsolid`.
 
     Parameters
     ----------
     text : bytes
-        Content of the file in lower case.
+        Contents of the file in lower case.
     source : object
         The file, for messages.
 
     Returns
     -------
     bytes
-        The text up to its last facet, and `endsolid`.
+        The text up to its last facet, followed by `endsolid`.
 
     Raises
     ------
     InputError
-        If the file is cut off within a facet.
+        If the file is truncated in the middle of a facet.
     """
     n_begun = len(re.findall(rb"(?m)^\s*facet\b", text))
     n_ended = len(re.findall(rb"(?m)^\s*endfacet\b", text))
     if n_begun != n_ended:
         allowed = f"{n_begun}, as many as begin: the file is cut off"
         raise InputError(source, "facets", n_ended, allowed)
-    # Replace the last `endsolid` and everything after it. If the file has no
-    # `endsolid`, only add one.
+    # Remove the last `endsolid`, if it follows the last facet, and everything after it.
+    # Then add an `endsolid`.
     end = text.rfind(b"endsolid")
     if end > text.rfind(b"endfacet"):
         text = text[:end]
@@ -147,24 +153,24 @@ def _trim_text_stl(text: bytes, source: object) -> bytes:
 
 
 def _trim_binary_stl(content: bytes, source: object) -> bytes:
-    """Cut off whatever follows the last facet of a binary STL file.
+    """Remove anything that follows the last facet of a binary STL file.
 
     Parameters
     ----------
     content : bytes
-        Content of the file.
+        Contents of the file.
     source : object
         The file, for messages.
 
     Returns
     -------
     bytes
-        The header, and as many facets as it says.
+        The header, followed by as many facets as the header states.
 
     Raises
     ------
     InputError
-        If the file is cut off, or if another body follows.
+        If the file is truncated, or if a second body follows.
     """
     # The header ends with the number of facets, in four bytes.
     header = content[:STL_HEADER_BYTES]
@@ -176,8 +182,8 @@ def _trim_binary_stl(content: bytes, source: object) -> bytes:
         raise InputError(source, "facets", n_facets, allowed)
     end = STL_HEADER_BYTES + STL_FACET_BYTES * n_in_header
     rest = content[end:].strip(b"\0\t\r\n ")
-    # A rest that could hold another header and a facet is taken for another body. A
-    # shorter rest, such as a comment of a program, is cut off.
+    # If the rest is long enough for a header and a facet, it is taken for a second body.
+    # A shorter rest, such as a comment that a program has added, is removed.
     if len(rest) >= STL_HEADER_BYTES + STL_FACET_BYTES:
         allowed = f"{n_in_header}, as its header says: one body"
         raise InputError(source, "facets", n_facets, allowed)
@@ -185,14 +191,15 @@ def _trim_binary_stl(content: bytes, source: object) -> bytes:
 
 
 def _read_mesh(file: Any, file_type: str | None, source: object) -> trimesh.Trimesh:
-    """Read a mesh by trimesh, check it and move it to its principal pose.
+    """Read a mesh with trimesh, check it, and move it to its principal pose.
 
     Parameters
     ----------
     file : path or file object
-        The file that trimesh reads.
+        The file to read.
     file_type : str or None
-        Name of the format in trimesh. If it is None, the suffix of the path decides.
+        The name that trimesh gives to the format. If it is None, the suffix of the path
+        determines the format.
     source : object
         The file, for messages.
 
@@ -204,11 +211,11 @@ def _read_mesh(file: Any, file_type: str | None, source: object) -> trimesh.Trim
     Raises
     ------
     InputError
-        If trimesh cannot read the file, or if the mesh is not that of a grain.
+        If trimesh cannot read the file, or if the mesh cannot be the surface of a grain.
     """
     try:
         mesh: Any = trimesh.load(file, file_type=file_type, force="mesh")
-    except Exception as error:  # each parser of a format raises errors of its own
+    except Exception as error:  # the parsers of the formats raise many kinds of errors
         # Some formats need a package that is not installed.
         if isinstance(error, ImportError):
             problem = "in a format that is not read here"
@@ -220,21 +227,26 @@ def _read_mesh(file: Any, file_type: str | None, source: object) -> trimesh.Trim
 
 
 def write_stl(mesh: trimesh.Trimesh) -> bytes:
-    """Write a mesh [mm] as the content of a binary STL file, in single precision."""
+    """Convert a mesh [mm] to the contents of a binary STL file, in single precision."""
     content = mesh.export(file_type="stl")
     assert isinstance(content, bytes)
     return content
 
 
 def read_stl(stl: bytes, source: object) -> trimesh.Trimesh:
-    """Read a mesh from the content of an STL file, and check it as `load_mesh` does.
+    """Read a mesh from the contents of an STL file, and check it as `load_mesh` does.
 
     Parameters
     ----------
     stl : bytes
-        Content of the file, with lengths in mm.
+        Contents of the file, with lengths in mm.
     source : object
         The file, for messages.
+
+    Returns
+    -------
+    Trimesh
+        The mesh in mm, in its principal pose.
     """
     return _read_mesh(BytesIO(stl), "stl", source)
 
@@ -245,8 +257,8 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> trimesh.Trimesh:
     Parameters
     ----------
     mesh : Trimesh
-        The mesh in mm. It is changed: equal vertices are merged, and bad facets may be
-        removed (`_remove_bad_facets`).
+        The mesh in mm. It is changed in place: equal vertices are merged, and bad facets
+        may be removed (`_remove_bad_facets`).
     source : object
         The mesh's file, for messages.
 
@@ -258,8 +270,8 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> trimesh.Trimesh:
     Raises
     ------
     InputError
-        Unless the mesh is a single closed body of a plausible size. Its faces must look
-        outwards, and it must be nearly convex.
+        If the mesh is not a single closed body of a plausible size, if it is far from
+        convex, or if the normals of its faces do not point outwards.
     """
     if len(mesh.faces) < FEWEST_FACES:
         allowed = f"a closed surface of at least {FEWEST_FACES} faces"
@@ -268,7 +280,8 @@ def check_mesh(mesh: trimesh.Trimesh, source: object) -> trimesh.Trimesh:
         allowed = "finite coordinates in millimetres"
         raise InputError(source, "vertices", "not finite", allowed)
     _check_extents(mesh, source)
-    # A file may divide one body into several groups. Their common vertices become one.
+    # A file may divide one body into several groups of faces. Merge the vertices that
+    # these groups share.
     mesh.merge_vertices(merge_norm=True, merge_tex=True)
     _remove_bad_facets(mesh, source)
     if not mesh.is_watertight or not mesh.is_winding_consistent:
@@ -310,21 +323,21 @@ def _check_extents(mesh: trimesh.Trimesh, source: object) -> None:
 
 
 def _remove_bad_facets(mesh: trimesh.Trimesh, source: object) -> None:
-    """Remove facets without an area, and then repeated facets, from an open mesh.
+    """Remove facets of zero area, and then duplicate facets, from an open mesh.
 
-    A closed mesh keeps them, because a facet without an area may close a gap.
+    A closed mesh keeps them, because a facet of zero area may close a gap.
 
     Parameters
     ----------
     mesh : Trimesh
-        The mesh, which is changed.
+        The mesh, which is changed in place.
     source : object
         The mesh's file, for messages.
 
     Raises
     ------
     InputError
-        If at least half of the facets are bad, also in a closed mesh.
+        If at least half of the facets are bad, even if the mesh is closed.
     """
     for find_good_facets in (mesh.nondegenerate_faces, mesh.unique_faces):
         is_good = find_good_facets()
@@ -339,9 +352,10 @@ def _remove_bad_facets(mesh: trimesh.Trimesh, source: object) -> None:
 
 
 def _make_open_surface_error(mesh: trimesh.Trimesh, source: object) -> InputError:
-    """Make the error that a mesh is not closed; it counts the bad edges of each kind.
+    """Make the error for a mesh that is not closed, with the number of its bad edges.
 
-    Each edge of a closed surface belongs to two facets that look outwards.
+    Each edge of a closed surface belongs to two facets, and the normals of both point
+    outwards.
 
     Parameters
     ----------
@@ -353,15 +367,16 @@ def _make_open_surface_error(mesh: trimesh.Trimesh, source: object) -> InputErro
     Returns
     -------
     InputError
-        The error.
+        The error, which counts the bad edges of each kind.
     """
     # `mesh.edges` lists an edge once for each of its facets, as a pair of vertices. Give
     # equal edges the same number, and count the facets of each edge.
     _, edge_numbers, n_facets = np.unique(
         mesh.edges_sorted, axis=0, return_inverse=True, return_counts=True
     )
-    # Two facets that look to the same side pass their common edge in opposite
-    # directions. So exactly one of them passes it from its lower vertex to the higher.
+    # If the normals of two neighbouring facets point to the same side of the surface,
+    # their corner sequences traverse the common edge in opposite directions. Then the
+    # vertex numbers ascend along the edge in exactly one of the two facets.
     is_ascending = mesh.edges[:, 0] < mesh.edges[:, 1]
     n_ascending = np.bincount(edge_numbers.ravel(), is_ascending)
     n_single = (n_facets == 1).sum()
@@ -379,7 +394,7 @@ def _make_open_surface_error(mesh: trimesh.Trimesh, source: object) -> InputErro
 
 
 def _check_volume(mesh: trimesh.Trimesh, source: object) -> None:
-    """Check that the faces of a mesh look outwards, and that it is nearly convex.
+    """Check that the normals of a mesh point outwards, and that it is nearly convex.
 
     Parameters
     ----------
@@ -391,9 +406,10 @@ def _check_volume(mesh: trimesh.Trimesh, source: object) -> None:
     Raises
     ------
     InputError
-        If one of both is not the case.
+        If the normals point inwards, if the mesh has deep dents, or if its surface
+        crosses itself.
     """
-    # The volume of a mesh whose faces look inwards is negative.
+    # If the normals point inwards, the volume is negative.
     volume = float(mesh.volume)
     if volume <= 0:
         allowed = "positive; the faces must look outwards"
@@ -415,8 +431,8 @@ def _check_volume(mesh: trimesh.Trimesh, source: object) -> None:
 def move_to_principal_pose(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     """Copy a mesh and move the copy to the principal pose.
 
-    In this pose the centre of mass lies in the origin, and the principal axes lie along
-    x, y and z. The axis of the smallest moment of inertia, the longest one, is x.
+    In this pose the centre of mass is at the origin, and the principal axes lie along x,
+    y and z. The axis with the smallest moment of inertia, usually the longest, is x.
 
     Parameters
     ----------
@@ -428,15 +444,15 @@ def move_to_principal_pose(mesh: trimesh.Trimesh) -> trimesh.Trimesh:
     Trimesh
         The copy.
     """
-    # The rows of this matrix are the principal axes, ordered by their moments. The
-    # smallest moment belongs to the longest axis.
+    # The rows of this matrix are the principal axes, in ascending order of their moments
+    # of inertia.
     axes = np.linalg.eigh(mesh.moment_inertia).eigenvectors.T
-    # An eigenvector may point to either side. The largest component of an axis is made
-    # positive, so that the pose does not depend on the routine for eigenvectors.
+    # The sign of an eigenvector is arbitrary. Make the largest component of each axis
+    # positive, so that the pose does not depend on the routine that computes them.
     for axis in axes[:2]:
         largest = np.argmax(np.abs(axis))
         axis *= np.sign(axis[largest])
-    # The third axis follows from the others, because the frame is right-handed.
+    # The frame is right-handed, so the third axis follows from the other two.
     axes[2] = np.cross(axes[0], axes[1])
     moved_mesh = mesh.copy()
     moved_mesh.vertices = (mesh.vertices - mesh.center_mass) @ axes.T
@@ -454,6 +470,11 @@ def compute_body(mesh: trimesh.Trimesh, density_kg_m3: float) -> Body:
         The mesh in mm, in its principal pose.
     density_kg_m3 : float
         Density of the body.
+
+    Returns
+    -------
+    Body
+        The properties in SI units.
     """
     volume_m3 = float(mesh.volume) * MM**3
     moments = np.diag(mesh.moment_inertia)
@@ -466,14 +487,14 @@ def compute_body(mesh: trimesh.Trimesh, density_kg_m3: float) -> Body:
 
 
 def compute_support(mesh: trimesh.Trimesh, n: np.ndarray) -> np.ndarray:
-    """Compute the support values of a mesh: its extents from the origin.
+    """Compute the support values of a mesh: its extents from the origin by direction.
 
     Parameters
     ----------
     mesh : Trimesh
         The mesh.
     n : ndarray
-        Unit vectors (N, 3), the directions of the extents.
+        Unit vectors (N, 3) in these directions.
 
     Returns
     -------
@@ -481,7 +502,7 @@ def compute_support(mesh: trimesh.Trimesh, n: np.ndarray) -> np.ndarray:
         The values (N,), in the unit of the mesh.
     """
     vertices = np.asarray(mesh.convex_hull.vertices)
-    # The directions are treated in chunks. All directions times all vertices of a scan
-    # would fill gigabytes.
+    # Process the directions in chunks. An array of all directions times all vertices of a
+    # scan would take gigabytes.
     chunks = np.array_split(n, 1 + len(n) // DIRECTIONS_PER_CHUNK)
     return np.concatenate([(chunk @ vertices.T).max(axis=1) for chunk in chunks])
