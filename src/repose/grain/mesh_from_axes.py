@@ -18,11 +18,11 @@ SHAPE_LIMITS = (1.0, 30.0)
 # Accuracy of a shape number, near the precision of a float
 SHAPE_TOLERANCE = 1e-12
 LARGEST_TAPER = 0.5
-LARGEST_GROOVE = 0.15  # depth of a groove over the smallest radius of the grain
-WRINKLES = (3, 40)  # fewest and most grooves
+LARGEST_GROOVE = 0.15  # depth of a groove over half of the shortest axis
+WRINKLES = (3, 40)  # smallest and largest number of grooves
 RINGS = 64  # steps along the outline of a mesh, from tip to tip
 SECTORS = 96  # points around the long axis
-# Points of one half of the outline, from which the steps are interpolated
+# Number of points on one half of the outline, from which the steps are interpolated
 OUTLINE_POINTS = 4000
 
 Axes = Sequence[float] | np.ndarray
@@ -30,9 +30,9 @@ Axes = Sequence[float] | np.ndarray
 
 @dataclass(frozen=True)
 class _Details:
-    """Taper and grooves of a grain, which its axes and its volume leave open."""
+    """Taper and grooves of a grain, which its axes and volume do not determine."""
 
-    taper: float  # excess width at an end over the mean width
+    taper: float  # the width changes by this fraction towards one end
     wrinkles: int  # number of grooves along the grain
     wrinkle_depth_mm: float  # depth of the grooves where the grain is widest
 
@@ -40,9 +40,9 @@ class _Details:
 def compute_profile_exponents(shape: float) -> tuple[float, float]:
     """Compute the exponents m and k of the profile r(t) = (1 - abs(t)^m)^k.
 
-    A body with a larger shape number has more volume in the same axes. The number 2
-    gives an ellipsoid. A larger number is the exponent m of a profile with k = 1 / m. A
-    smaller number is 1 / k of a profile with m = 2.
+    Of two bodies with the same axes, the one with the larger shape number has the larger
+    volume. The shape number 2 gives an ellipsoid. Above 2, the shape number is m, and
+    k = 1 / m. Below 2, the shape number is 1 / k, and m = 2.
     """
     if shape >= 2:
         return shape, 1 / shape
@@ -52,22 +52,21 @@ def compute_profile_exponents(shape: float) -> tuple[float, float]:
 def _compute_outline(shape: float, taper: float) -> tuple[np.ndarray, np.ndarray]:
     """Compute points at equal distances along the outline of a grain.
 
-    The outline is the profile r(t) = (1 - |t|^m)^k, times a factor that the taper makes
-    larger towards one end.
+    The outline is the profile r(t) = (1 - |t|^m)^k, times 1 + taper * t.
 
     Parameters
     ----------
     shape : float
         Shape number, see `compute_profile_exponents`.
     taper : float
-        Excess width at the end t = 1 over the mean width.
+        Fraction by which the width increases towards the end t = 1.
 
     Returns
     -------
     positions : ndarray
         Positions t (RINGS + 1,) along the grain, from -1 to 1.
     radii : ndarray
-        The radii r (RINGS + 1,) there, relative to the largest one of the outline.
+        The radii r (RINGS + 1,) at these positions, relative to the largest radius.
     """
     m, k = compute_profile_exponents(shape)
     # One half of the outline goes from the end t = -1 to the middle. Its points are
@@ -93,7 +92,7 @@ def _compute_outline(shape: float, taper: float) -> tuple[np.ndarray, np.ndarray
 def _make_mesh(axes_mm: Axes, shape: float, details: _Details) -> trimesh.Trimesh:
     """Make the closed mesh of a grain whose long axis lies along x.
 
-    The mesh has rings of points around the long axis, and a point at each tip.
+    The mesh consists of rings of points around the long axis and a point at each tip.
 
     Parameters
     ----------
@@ -113,8 +112,8 @@ def _make_mesh(axes_mm: Axes, shape: float, details: _Details) -> trimesh.Trimes
     angles = np.arange(SECTORS) * (2 * math.pi / SECTORS)
     half_length, half_width, half_height = np.asarray(axes_mm, float) / 2
 
-    # The largest cross-section (SECTORS, 2) is an ellipse. The grooves are a cosine wave
-    # around it, which makes it smaller.
+    # Without grooves, the largest cross-section (SECTORS, 2) is an ellipse. The grooves
+    # lie inside this ellipse, and have the form of a cosine wave.
     depth = details.wrinkle_depth_mm / half_height
     groove_factors = 1 - depth * (1 - np.cos(details.wrinkles * angles)) / 2
     y = half_width * np.cos(angles)
@@ -144,12 +143,12 @@ def _list_faces(n_rings: int) -> np.ndarray:
     Returns
     -------
     ndarray of int
-        Numbers (T, 3) of the three corners of each triangle, counter-clockwise seen
+        Numbers (T, 3) of the corners of each triangle, in counter-clockwise order as seen
         from outside.
     """
     n_points = n_rings * SECTORS + 2
-    # The points of the first ring, and the next point around the ring for each of them.
-    # The first number of another ring is added to both.
+    # Number the points of the first ring, and for each of them the next point around the
+    # ring. For another ring, the number of its first point is added to both.
     point = np.arange(SECTORS)
     neighbour = (point + 1) % SECTORS
     last_ring = (n_rings - 1) * SECTORS
@@ -187,12 +186,12 @@ def make_grain_mesh(
     Parameters
     ----------
     axes_mm : sequence of float
-        Full axes, the longest first. They are measured over the ridges between grooves
-        and where a tapered grain is widest.
+        Full axes, the longest first. They are measured across the ridges between the
+        grooves, and where a tapered grain is widest.
     mass_g, density_kg_m3 : float
         Mass and density of the grain.
     taper : float
-        Excess width at an end over the mean width.
+        Fraction by which the width increases from the middle towards one end.
     wrinkles : int
         Number of grooves along the grain.
     wrinkle_depth_mm : float
@@ -210,7 +209,7 @@ def make_grain_mesh(
     Raises
     ------
     InputError
-        If a number is impossible, or if no shape has this mass.
+        If an argument is impossible, or if no shape with these axes has this mass.
     """
     axes = _check_axes(axes_mm, source)
     check_positive(source, mass_g=mass_g, density_kg_m3=density_kg_m3)
@@ -218,8 +217,8 @@ def make_grain_mesh(
     _check_details(details, axes, source)
     volume = mass_g * 1e-3 / density_kg_m3 / MM**3  # mm3
 
-    # The volume of a grain grows with its shape number, so both limits of the shape
-    # give the limits of the mass.
+    # The volume grows with the shape number, so the limits of the shape number give the
+    # limits of the mass.
     lowest_shape, highest_shape = SHAPE_LIMITS
     smallest_volume = _make_mesh(axes, lowest_shape, details).volume
     largest_volume = _make_mesh(axes, highest_shape, details).volume
@@ -246,7 +245,7 @@ def make_grain_mesh(
 
 
 def _check_axes(axes_mm: Axes, source: object) -> np.ndarray:
-    """Return the axes (3,), or raise InputError unless they are positive and descend."""
+    """Return the axes (3,); raise InputError unless positive and in descending order."""
     axes = np.asarray(axes_mm, float)
     is_possible = axes.shape == (3,) and np.isfinite(axes).all()
     if not is_possible or not axes[0] >= axes[1] >= axes[2] > 0:
@@ -270,8 +269,8 @@ def _check_details(details: _Details, axes: np.ndarray, source: object) -> None:
     Raises
     ------
     InputError
-        If a number is impossible, or if the grooves have a number but no depth or a
-        depth but no number.
+        If a value is impossible, or if only one of the number and the depth of the
+        grooves is given.
     """
     if not abs(details.taper) <= LARGEST_TAPER:
         allowed = f"from -{LARGEST_TAPER:g} to {LARGEST_TAPER:g}"
@@ -281,7 +280,7 @@ def _check_details(details: _Details, axes: np.ndarray, source: object) -> None:
     if not 0 <= depth <= largest_depth:
         allowed = f"from 0 to {format_significant(largest_depth, 3)}"
         raise InputError(source, "wrinkle_depth_mm", depth, allowed)
-    # Number and depth of the grooves belong together: both are 0, or neither is.
+    # Either the number and the depth of the grooves are both 0, or neither is.
     if not details.wrinkles and not depth:
         return
     fewest, most = WRINKLES

@@ -1,6 +1,6 @@
 """Describe the simulated particle, and write and read its file.
 
-It is a convex body with a support function, or a rigid clump of spheres.
+The particle is a convex body with a support function, or a rigid clump of spheres.
 """
 
 import math
@@ -26,7 +26,7 @@ SURFACES = ("smooth", "rough", "rough_full")  # of a multisphere
 FILE_DESCRIPTION = "a file of `repose stage shape`"
 # Fields of `Particle` that have the same name and unit in the file
 UNCHANGED_FIELDS = ("kind", "density_kg_m3", "stl")
-# The other fields, with their key in the file and the unit there
+# The other fields, with their keys and units in the file
 CONVERTED_FIELDS = {
     "semi_axes_m": ("semi_axes_mm", MM),
     "spheres_m": ("spheres_mm", MM),
@@ -40,7 +40,7 @@ CONVERTED_FIELDS = {
     "mesh_inertia_kg_m2": ("mesh_inertia_g_mm2", 1e-9),
     "mesh_axes_m": ("mesh_axes_mm", MM),
 }
-# Shapes of the arrays in the file, by key; every other key has a single number
+# Shapes of the arrays in the file, by key; each other key holds a single number
 ARRAY_SHAPES: dict[str, tuple[int, ...]] = {
     "semi_axes_mm": (-1, 3),
     "spheres_mm": (-1, 4),
@@ -68,7 +68,7 @@ def check_positive(source: object, **numbers: float | None) -> None:
     source : object
         Where the numbers come from, for messages.
     **numbers : float or None
-        The numbers by key. None is not checked.
+        The numbers by key. A value of None is accepted.
 
     Raises
     ------
@@ -84,10 +84,11 @@ def check_positive(source: object, **numbers: float | None) -> None:
 class Particle:
     """Rigid particle in its body frame.
 
-    The axes of the frame are the principal axes of the particle, and x is the longest.
-    The origin is the centre of mass. The support function of a convex particle is the
-    sum of the support functions of K co-axial ellipsoids. A multisphere has the mass and
-    the moments of its mesh, and the volume of the union of its spheres.
+    The axes of the frame are the principal axes of the particle, of which x has the
+    smallest moment of inertia. The origin is the centre of mass. The support function of
+    a convex particle is the sum of the support functions of K co-axial ellipsoids. A
+    multisphere has the mass and the moments of its mesh, and the volume of the union of
+    its spheres.
 
     Attributes
     ----------
@@ -98,12 +99,13 @@ class Particle:
     density_kg_m3, volume_m3, mass_kg : float
         Density, volume and mass of the particle.
     inertia_kg_m2 : ndarray
-        Principal moments (3,).
+        Principal moments of inertia (3,).
     bounding_radius_m : float
         Distance of the farthest point from the centre.
     deviation_max_m, deviation_rms_m : float
-        Largest and root mean square deviation from the mesh: of the support values for a
-        convex particle, of the surfaces for a multisphere.
+        Largest and root mean square deviation from the mesh. For a convex particle, these
+        are deviations of the support values, and for a multisphere distances between the
+        surfaces.
     mesh_volume_m3 : float, optional
         Volume of the mesh; None without a mesh.
     stl : str
@@ -158,12 +160,14 @@ class Particle:
         )
 
     def support(self, n: np.ndarray) -> np.ndarray:
-        """Compute the support values [m]: the extents of the particle from its centre.
+        """Compute the support values [m]: the extents of the particle by direction.
+
+        They are measured from the centre of mass.
 
         Parameters
         ----------
         n : ndarray
-            Unit vectors (..., 3) in the body's frame, the directions of the extents.
+            Unit vectors (..., 3) in these directions, in the body's frame.
 
         Returns
         -------
@@ -201,12 +205,17 @@ class Particle:
         return n @ self.spheres_m[:, :3].T + self.spheres_m[:, 3]
 
     def dem_shape(self, material: str) -> "dem.Shape | dem.Clump":
-        """Make the shape of the particle for the engine.
+        """Convert the particle to a shape of the simulation engine.
 
         Parameters
         ----------
         material : str
             Name of the material of the shape.
+
+        Returns
+        -------
+        Shape or Clump
+            A clump for a multisphere, otherwise a convex shape.
         """
         if self.is_clump:
             return dem.Clump(self.spheres_m, self.mass_kg, self.inertia_kg_m2, material)
@@ -229,7 +238,7 @@ class Particle:
         Parameters
         ----------
         record : mapping
-            The values by key in the units of the file, see `record`.
+            The values by key, in the units of the file, as `record` returns them.
 
         Returns
         -------
@@ -271,7 +280,7 @@ class Particle:
         Raises
         ------
         InputError
-            If the file is not that of a particle, or has an impossible number.
+            If the file does not describe a particle, or contains an impossible number.
         """
         number_keys = [key for key, _ in CONVERTED_FIELDS.values()]
         record = read_json(path, (*UNCHANGED_FIELDS, *number_keys), FILE_DESCRIPTION)
@@ -296,7 +305,7 @@ def _check_numbers(path: str | PathLike, key: str, value: object) -> None:
     path : path
         The file, for messages.
     key : str
-        The key. It decides how many numbers there must be, see `ARRAY_SHAPES`.
+        The key, which determines the required shape of the value (`ARRAY_SHAPES`).
     value : object
         The value of the key.
 
@@ -315,8 +324,8 @@ def _check_numbers(path: str | PathLike, key: str, value: object) -> None:
         numbers = array.reshape(ARRAY_SHAPES.get(key, ()))
     except (TypeError, ValueError):
         raise error from None
-    # `reshape` also accepts the right number of values in a wrong arrangement. An empty
-    # list stands for an array without rows.
+    # `reshape` accepts any array with the right number of values, so compare the shapes,
+    # too. An empty list stands for an array without rows.
     has_right_shape = array.size == 0 or array.shape == numbers.shape
     if not has_right_shape or not np.all(np.isfinite(numbers)):
         raise error

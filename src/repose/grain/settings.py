@@ -7,7 +7,7 @@ from pydantic import Field, ValidationInfo, field_validator
 from repose.common.section import Allowed, OneOf, Path, PathOrNull, Section, refuse
 from repose.grain.particle import KINDS, SURFACES
 
-# Of grains and of walls, here and in a card.
+# These types apply to grains and walls, both here and in a card.
 ShearModulus = Annotated[float, Field(ge=1.0e3, le=1.0e12)]
 Density = Annotated[float, Field(ge=10, le=25000)]
 
@@ -83,7 +83,7 @@ class GrainSettings(Section):
     def keeps_volume(self) -> bool:
         """Whether the mean grain has the mean volume of the measured grains.
 
-        A scan or a mass gives another volume.
+        With a scan or a mass, the volume follows from these instead.
         """
         return self.mean_size == "volume" and self.stl is None and self.mass_g is None
 

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.integrate import quad
 
 FEWEST_GRAINS = 4  # enough for two groups of two grains
-# Probability that grains of a single group are taken for two groups
+# Probability that grains of a single group are mistaken for two groups
 SIGNIFICANCE = 0.01
-# Number of random samples from which the limit is estimated, and their seed
+# Number of random samples from which this probability is estimated, and their seed
 N_SAMPLES = 2000
 SEED = 2026
 
@@ -55,9 +55,9 @@ class SizeGroups(NamedTuple):
 def find_best_split(values: np.ndarray) -> Split:
     """Split values into small and large ones so that the split explains most variance.
 
-    The result is the exact solution of k-means for two groups in one dimension. It
-    explains the share 2/pi of the variance of many normally distributed values, and the
-    share 3/4 of the variance of many uniformly distributed values.
+    The result is the exact solution of k-means for two groups in one dimension. For many
+    normally distributed values it explains the share 2/pi of the variance, and for many
+    uniformly distributed values the share 3/4.
 
     Parameters
     ----------
@@ -95,8 +95,18 @@ def estimate_chance_share(n_values: int) -> float:
     """Estimate the share of the variance that the best split explains by chance.
 
     The best split of uniformly distributed values exceeds this share with the
-    probability `SIGNIFICANCE`. The uniform distribution is the widest one with a single
-    mode. The dip test compares with it, too.
+    probability `SIGNIFICANCE`. The dip test also compares a sample with the uniform
+    distribution, because it is the least favourable one with a single mode.
+
+    Parameters
+    ----------
+    n_values : int
+        Number of values.
+
+    Returns
+    -------
+    float
+        The share, from 0 to 1.
 
     Notes
     -----
@@ -112,7 +122,7 @@ def find_size_groups(diameters_mm: np.ndarray) -> SizeGroups | None:
     """Find out whether the sizes of grains form two groups, and describe the groups.
 
     The sizes form two groups if the best split of their logarithms explains more of the
-    variance than it does by chance (`estimate_chance_share`).
+    variance than it would by chance (`estimate_chance_share`).
 
     Parameters
     ----------
@@ -122,7 +132,7 @@ def find_size_groups(diameters_mm: np.ndarray) -> SizeGroups | None:
     Returns
     -------
     SizeGroups or None
-        The groups; None if the grains may be a single group.
+        The groups; None if the grains may well be a single group.
     """
     logarithms = np.sort(np.log(np.asarray(diameters_mm, float)))
     n_grains = len(logarithms)
@@ -141,8 +151,9 @@ def compute_largest_volume(axes: Sequence[float]) -> float:
     """Compute the largest volume that a body with given full axes can have.
 
     The long axis is the largest extent of the body in any direction. If the body is
-    symmetric to three planes, it lies in the ball whose diameter is the long axis, and
-    in the box around the axes. The result is the volume of the part that both share.
+    symmetric about three perpendicular planes, it lies both in the ball whose diameter is
+    the long axis and in the box around the axes. The result is the volume of the
+    intersection of the ball and the box.
 
     Parameters
     ----------
@@ -162,21 +173,21 @@ def compute_largest_volume(axes: Sequence[float]) -> float:
     ball_radius, half_width, half_height = (0.5 * axis for axis in axes)
 
     def compute_quarter_area(y: float) -> float:
-        """Compute a quarter of the area of the section at the distance y.
+        """Compute a quarter of the area of the cross-section at the distance y.
 
-        The section of the ball is a circle. The box cuts it off at the half height.
+        The cross-section of the ball is a disc, which the box cuts off at half its height.
         """
         # Rounding errors could make the differences of squares negative.
         circle_radius = math.sqrt(max(ball_radius**2 - y**2, 0.0))
         cut_height = min(half_height, circle_radius)
         if cut_height == 0:
             return 0.0
-        # The quarter consists of a triangle and a sector of the circle.
+        # The quarter consists of a triangle and a sector of the disc.
         half_chord = math.sqrt(max(circle_radius**2 - cut_height**2, 0.0))
         sector_angle = math.asin(min(cut_height / circle_radius, 1.0))
         return 0.5 * (cut_height * half_chord + circle_radius**2 * sector_angle)
 
-    # The integral of a quarter of the section over half of the width is an eighth of the
-    # volume.
+    # Integrating a quarter of the cross-section over half the width gives an eighth of
+    # the volume.
     eighth, _error = quad(compute_quarter_area, 0.0, half_width)
     return 8 * float(eighth)

@@ -14,7 +14,7 @@ from repose.common.errors import InputError
 PUBLISHED_RANGE_SD = 4.498
 # Keys of the mean grain for the spread of its sizes
 SPREAD_KEYS = ("scale_sd", "scale_low", "scale_high")
-# The sizes of a pour have a random stream of their own. So the positions and the
+# The sizes of a pour are drawn from a random stream of their own, so that positions and
 # orientations are the same as in a pour of equal grains.
 SIZE_STREAM = 1
 QUADRATURE_NODES = 60  # of the Gauss-Legendre rule
@@ -57,7 +57,8 @@ def estimate_spread(maximum: float, minimum: float, mean: float) -> Spread:
 def compute_normalisation(sd: float, low: float, high: float) -> float:
     """Compute the cube root of E[x^3] for sizes x with a truncated normal distribution.
 
-    Sizes that are divided by this number have the mean volume of grains of size 1.
+    If the sizes are divided by this number, their mean volume is that of a grain of
+    size 1.
 
     Parameters
     ----------
@@ -65,8 +66,13 @@ def compute_normalisation(sd: float, low: float, high: float) -> float:
         Standard deviation before the truncation, above 0.
     low, high : float
         Smallest and largest size. The mean before the truncation is 1.
+
+    Returns
+    -------
+    float
+        The cube root.
     """
-    # Integrate by Gauss-Legendre quadrature. Its nodes are moved from the interval
+    # Integrate by Gauss-Legendre quadrature, with its nodes mapped from the interval
     # (-1, 1) to the interval (low, high).
     nodes, weights = np.polynomial.legendre.leggauss(QUADRATURE_NODES)
     x = low + (high - low) * (nodes + 1) / 2
@@ -115,16 +121,16 @@ def draw_sizes(
     Returns
     -------
     ndarray
-        Sizes s (count,) with E[s^3] = 1, which keeps the mean volume. To this end they
-        are divided by `compute_normalisation`.
+        Sizes s (count,) with E[s^3] = 1, so that the mean volume is preserved. To achieve
+        this, the drawn sizes are divided by `compute_normalisation`.
     """
     if sd == 0:
         return np.ones(count)
     # This module is slow to import, and equal grains do not need it.
     from scipy.special import ndtr, ndtri
 
-    # Draw uniform numbers between the probabilities of the two ends. The inverse of the
-    # normal distribution converts them to sizes.
+    # Draw probabilities uniformly between those of the two ends. The inverse of the
+    # cumulative normal distribution converts them to sizes.
     low_probability = ndtr((low - 1) / sd)
     high_probability = ndtr((high - 1) / sd)
     uniform_numbers = rng.random(count)
@@ -149,7 +155,7 @@ def _read_spread(distribution: str, grain: Mapping[str, float]) -> Spread:
     Returns
     -------
     Spread
-        The spread of sizes of mean 1.
+        The spread of the sizes relative to their mean.
 
     Raises
     ------
@@ -169,7 +175,7 @@ def _read_spread(distribution: str, grain: Mapping[str, float]) -> Spread:
 def draw_scales(
     distribution: str, grain: Mapping[str, Any], seed: int, count: int
 ) -> tuple[np.ndarray, float]:
-    """Draw the scales of the grains of a pour, their sizes over that of the mean grain.
+    """Draw the scale of each grain of a pour: its size over that of the mean grain.
 
     Parameters
     ----------

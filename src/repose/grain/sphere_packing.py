@@ -12,34 +12,35 @@ from repose.common.errors import InputError
 from repose.dem.kernels.state import MOST_SPHERES
 from repose.grain.particle import MM, SURFACES
 
-# Search for the fewest spheres: the numbers that are tried, and the allowed relative
+# Search for the fewest spheres: the range of numbers to try, and the allowed relative
 # differences from the volume and the shortest axis of the mesh
 FEWEST = "fewest"
 LOWEST_COUNT = 14
 HIGHEST_COUNT = 60
 VOLUME_TOLERANCE = 0.02
 SHORTEST_AXIS_TOLERANCE = 0.03
-# A volume by a sixteenth of the points is quick. It is accurate enough to refuse a
-# packing whose volume differs by more than this.
+# A volume is quick to estimate if the number of points is divided by
+# `SCREENING_REDUCTION`. The estimate is accurate enough to refuse a packing whose volume
+# differs by more than `SCREENING_TOLERANCE`.
 SCREENING_TOLERANCE = 0.03
 SCREENING_REDUCTION = 16
 
-# Placement of spheres; lengths are in radii of the largest inscribed ball
+# Placement of spheres; the unit of length is the radius of the largest inscribed ball
 # A further sphere must lower the mean squared gap by the square of this length.
 SMALLEST_GAIN = 1e-4
 SMALLEST_BALL = 0.25  # smallest radius in a smooth packing
 ROUGH_RADIUS = 0.62  # radius of all spheres in a rough packing
-# Smallest distance of centres in a smooth packing. Two spheres at nearly the same place
-# would act like one stiffer sphere.
+# Smallest distance between centres in a smooth packing. Two spheres at nearly the same
+# place would act like a single stiffer sphere.
 SPACING = 0.35
-MAX_EXCHANGES = 3  # rounds in which single balls are exchanged
-# Margin around a mesh in which its spheres may grow, over its largest coordinate
+MAX_EXCHANGES = 3  # largest number of rounds in which single balls are exchanged
+# Margin around a mesh for the growth of its spheres, over the mesh's largest coordinate
 GROWTH_MARGIN = 0.2
 
 N_CANDIDATES = 3000  # approximate number of balls from which a packing is chosen
 N_SURFACE_POINTS = 1500
 N_VOLUME_POINTS = 2**17
-# Parts in which the points of a volume are treated, to save memory
+# Number of parts in which the points for a volume are processed, to save memory
 N_CHUNKS = 16
 # Largest number of distances between points and faces that are computed at once
 DISTANCES_PER_CHUNK = 2_000_000
@@ -84,7 +85,8 @@ def pack(
     Raises
     ------
     InputError
-        If the number or the surface is unknown, or if no number of spheres is enough.
+        If `count` or `surface` is not an allowed value, or if "fewest" finds no number of
+        spheres that represents the mesh.
     """
     is_number = isinstance(count, int) and 1 <= count <= MOST_SPHERES
     if not is_number and count != FEWEST:
@@ -99,7 +101,7 @@ def pack(
     else:
         spheres = packer.pack_fewest(source)
 
-    # The deviations are the distances of points on the surface of the mesh.
+    # Measure how far points on the surface of the mesh are from that of the union.
     gaps = compute_union_distances(spheres, packer.surface_points)
     return Packing(
         spheres_m=np.round(spheres * MM, 9),
@@ -110,7 +112,7 @@ def pack(
 
 
 class _SpherePacker:
-    """Packs spheres into one mesh, for one kind of surface. All lengths are in mm.
+    """Packer of spheres for one mesh and one kind of surface. All lengths are in mm.
 
     Parameters
     ----------
@@ -121,7 +123,7 @@ class _SpherePacker:
     """
 
     def __init__(self, mesh: trimesh.Trimesh, surface: str) -> None:
-        """Find the balls from which a packing is chosen."""
+        """Sample the surface, and find the balls from which a packing is chosen."""
         self.mesh = mesh
         self.surface = surface
         self.surface_points, self.normals = sample_surface(mesh)
@@ -136,9 +138,9 @@ class _SpherePacker:
         return _place_equal_balls(self.surface_points, self.normals, radius, count)
 
     def pack(self, count: int) -> np.ndarray:
-        """Pack at most `count` spheres (M, 4), and let them grow to the mesh's volume.
+        """Pack at most `count` spheres (M, 4), whose union has the volume of the mesh.
 
-        Spheres of the surface "rough" do not grow.
+        To reach this volume, the spheres grow, unless the surface is "rough".
         """
         spheres = self.place_spheres(count)
         if self.surface != "rough":
@@ -147,6 +149,8 @@ class _SpherePacker:
 
     def pack_fewest(self, source: object) -> np.ndarray:
         """Find the fewest spheres with nearly the volume and shortest axis of the mesh.
+
+        The numbers from `LOWEST_COUNT` to `HIGHEST_COUNT` are tried in ascending order.
 
         Parameters
         ----------
@@ -161,7 +165,7 @@ class _SpherePacker:
         Raises
         ------
         InputError
-            If no number of spheres is enough.
+            If none of these numbers is sufficient.
         """
         for count in range(LOWEST_COUNT, HIGHEST_COUNT + 1):
             spheres = self.place_spheres(count)
@@ -181,8 +185,8 @@ class _SpherePacker:
     def _grow_within_tolerances(self, spheres: np.ndarray) -> np.ndarray | None:
         """Let spheres grow until their union has the volume of the mesh.
 
-        They grow only as far as the shortest axis of the mesh allows. Spheres of the
-        surface "rough" do not grow, and are only checked.
+        They stop growing earlier if the union would become too thick along the shortest
+        axis of the mesh. If the surface is "rough", the spheres are only checked.
 
         Parameters
         ----------
@@ -192,20 +196,20 @@ class _SpherePacker:
         Returns
         -------
         ndarray or None
-            The grown spheres; None if their volume or their extent along the shortest
-            axis is outside the tolerances.
+            The grown spheres; None if the volume of their union, or its extent along the
+            shortest axis, is outside the tolerances.
         """
         mesh_extents = np.ptp(self.box, axis=0)
         shortest_axis = int(mesh_extents.argmin())
         shortest_extent = mesh_extents[shortest_axis]
         mesh_volume = abs(self.mesh.volume)
 
-        # The radii may grow until the union is too thick along the shortest axis. A
-        # growth of all radii extends the union at both ends of the axis.
+        # Find the growth at which the union reaches the largest allowed extent along the
+        # shortest axis. When all radii grow, the union grows at both ends of the axis.
         largest_extent = (1 + SHORTEST_AXIS_TOLERANCE) * shortest_extent
         largest_growth = (largest_extent - _measure_extent(spheres, shortest_axis)) / 2
 
-        # Use few points first. This is much faster, and refuses most packings.
+        # Use few points first, which is much faster and is enough to refuse most packings.
         for n_points, tolerance in (
             (N_VOLUME_POINTS // SCREENING_REDUCTION, SCREENING_TOLERANCE),
             (N_VOLUME_POINTS, VOLUME_TOLERANCE),
@@ -218,7 +222,7 @@ class _SpherePacker:
             if abs(volume / mesh_volume - 1) > tolerance:
                 return None
 
-        # The growth may have reached the tolerance exactly, but for rounding errors.
+        # If the growth was limited, the extent equals its limit up to rounding errors.
         extent = _measure_extent(grown_spheres, shortest_axis)
         if abs(extent / shortest_extent - 1) > SHORTEST_AXIS_TOLERANCE + 1e-9:
             return None
@@ -251,10 +255,10 @@ def sample_surface(
     points : ndarray
         The points (count, 3).
     normals : ndarray
-        The outward normals (count, 3) of the surface there.
+        The outward normals (count, 3) of the surface at these points.
     """
-    # The Halton sequence gives evenly spread numbers (count, 3) between 0 and 1. Its
-    # first row, three zeros, is left out.
+    # The Halton sequence gives evenly spread numbers (count, 3) between 0 and 1. Skip its
+    # first row, which is three zeros.
     numbers = qmc.Halton(3, scramble=False).random(count + 1)[1:]
     # The first number chooses the face, in proportion to its area.
     cumulated_areas = np.cumsum(mesh.area_faces)
@@ -299,8 +303,8 @@ def _find_candidate_balls(
     grid = np.stack(np.meshgrid(*coordinates, indexing="ij"), axis=-1).reshape(-1, 3)
 
     # The depth of a point is its distance below the nearest face of the convex hull.
-    # The points are treated in chunks. All points times all faces of a scan would fill
-    # gigabytes.
+    # Process the points in chunks. An array of all points times all faces of a scan would
+    # take gigabytes.
     hull = mesh.convex_hull
     # Distances of the planes of the faces from the origin, along their normals
     plane_distances = np.einsum("fi,fi->f", hull.face_normals, hull.triangles[:, 0])
@@ -319,7 +323,7 @@ def _find_candidate_balls(
 
 
 def compute_union_distances(spheres: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Compute the distances of points from the surface of a union of spheres.
+    """Compute the signed distances of points from the surface of a union of spheres.
 
     Parameters
     ----------
@@ -331,8 +335,8 @@ def compute_union_distances(spheres: np.ndarray, points: np.ndarray) -> np.ndarr
     Returns
     -------
     ndarray
-        The distances (N,). They are negative inside the union. There the surface may be
-        farther away than their absolute value.
+        The distances (N,). They are negative inside the union, where their absolute
+        values are only lower bounds of the true distances.
     """
     offsets = points[:, None, :] - spheres[None, :, :3]
     return (np.linalg.norm(offsets, axis=2) - spheres[:, 3]).min(axis=1)
@@ -341,7 +345,7 @@ def compute_union_distances(spheres: np.ndarray, points: np.ndarray) -> np.ndarr
 def compute_union_volume(
     spheres: np.ndarray, box: np.ndarray, count: int = N_VOLUME_POINTS
 ) -> float:
-    """Compute the volume of a union of spheres by counting the points inside it.
+    """Estimate the volume of a union of spheres by counting the points inside it.
 
     The points fill a box evenly, and are the same in each call. With the default number
     of points, the error is below 0.2 % for unions of up to 60 spheres, as a test shows.
@@ -351,8 +355,8 @@ def compute_union_volume(
     spheres : ndarray
         Centres and radii (M, 4).
     box : ndarray
-        Lower and upper corner (2, 3) of a box around most of the union. The box is
-        extended to the whole union.
+        Lower and upper corner (2, 3) of a box. If it does not contain the whole union, it
+        is enlarged.
     count : int
         Number of points.
 
@@ -380,10 +384,10 @@ def _find_growth(
 ) -> float:
     """Find the growth of all radii that gives the union the volume of the mesh.
 
-    The union of the grown spheres contains all points whose distance from the spheres is
-    less than the growth. Points fill a box around the mesh evenly. The share of them
-    within this distance must equal the share of the mesh in the volume of the box. So
-    the growth is a quantile of the distances of the points.
+    The grown union contains exactly those points whose distance from the original union
+    is less than the growth. Points are spread evenly over a box around the mesh. The
+    fraction of these points in the grown union must equal the fraction of the box that
+    the mesh fills. Therefore the growth is a quantile of the distances.
 
     Parameters
     ----------
@@ -429,7 +433,7 @@ def _choose_balls(
     points : ndarray
         Points (P, 3) on the surface of the mesh.
     count : int
-        Largest number of balls. Fewer balls are chosen if a further one gains little.
+        Largest number of balls. Fewer are chosen if a further ball would gain little.
 
     Returns
     -------
@@ -442,14 +446,14 @@ def _choose_balls(
     centres = centres[is_large]
     radii = radii[is_large]
 
-    # Compute the gap between each surface point and each ball (P, N), and whether two
-    # balls are far enough apart (N, N).
+    # Compute the gap between each surface point and each ball (P, N), and find out which
+    # pairs of balls are far enough apart (N, N).
     gaps = np.linalg.norm(points[:, None, :] - centres[None], axis=2) - radii
     squared_gaps = np.square(gaps).astype(np.float32)
     centre_distances = np.linalg.norm(centres[:, None] - centres[None], axis=2)
     is_separated = centre_distances >= SPACING * largest_radius
 
-    # Add the best ball to the chosen ones, until a further ball gains little.
+    # Add the best remaining ball again and again, until a further one would gain little.
     smallest_gain = (SMALLEST_GAIN * largest_radius) ** 2
     chosen: list[int] = []
     best_score = np.inf
@@ -478,9 +482,9 @@ def _score_candidates(
 ) -> np.ndarray:
     """Compute the score of each candidate for the next ball; the lowest is the best.
 
-    The score is the mean squared gap between the surface and the nearest ball, if the
-    candidate joins the chosen balls. It is infinite for a candidate that is too near to
-    a chosen ball.
+    The score is the mean squared gap between the surface and the nearest ball after the
+    candidate has joined the chosen balls. It is infinite for a candidate that is too
+    close to a chosen ball.
 
     Parameters
     ----------
@@ -489,7 +493,7 @@ def _score_candidates(
     is_separated : ndarray
         Whether two candidates (N, N) are far enough apart.
     chosen : list of int
-        Indices of the balls that are chosen already.
+        Indices of the balls chosen so far.
 
     Returns
     -------
@@ -508,8 +512,8 @@ def _place_equal_balls(
 ) -> np.ndarray:
     """Place balls of one radius so that each of them touches a surface from inside.
 
-    The first ball lies at the end of the x axis. The centre of each further ball is as
-    far as possible from the centres before it.
+    The first ball is the one whose centre has the largest x. The centre of each further
+    ball is as far as possible from all previous centres.
 
     Parameters
     ----------

@@ -1,6 +1,6 @@
 """Compute the support function of a body that is a sum of co-axial ellipsoids.
 
-The value of this function in a direction is the extent of the body from its centre.
+The value of this function is the extent of the body from its centre in a direction.
 """
 
 import numpy as np

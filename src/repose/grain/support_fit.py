@@ -10,9 +10,9 @@ from scipy.optimize import least_squares
 from repose.dem.rotations import sphere_directions
 from repose.grain.support import component_supports, support, support_point
 
-# Recognition of an ellipsoid; lengths are in mean radii of the mesh
+# Recognition of an ellipsoid; the unit of length is the mean radius of the mesh
 FEWEST_VERTICES = 12  # more than the nine coefficients of a quadric
-# Largest distance of a vertex from the ellipsoid, for the rounding of the file
+# Largest distance of a vertex from the ellipsoid, which allows for rounding in the file
 ELLIPSOID_TOLERANCE = 1e-4
 DEEPEST_CUT = 0.03  # largest depth of the slices that the facets cut off
 # Quadratic terms of a quadric, as pairs of coordinates that are multiplied
@@ -20,9 +20,10 @@ QUADRIC_PAIRS = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]
 
 # Fit of several ellipsoids
 COMPONENT_COUNTS = (1, 2, 3)
-# Root mean square deviation, in mean radii, of a fit that needs no further component
+# Largest root mean square deviation, in mean radii, of a fit that is good enough
 GOOD_RMS = 2e-3
-# Largest deviation of such a fit, over the smallest extent of the body
+# A fit is also good enough if its largest deviation, over the smallest extent of the
+# body, is at most this.
 GOOD_DEVIATION = 0.01
 # A further component is kept only if it lowers the rms to this share or less.
 LARGEST_RMS_RATIO = 0.9
@@ -30,7 +31,7 @@ LARGEST_RMS_RATIO = 0.9
 # vanishing radius of curvature, and the contact force would vanish with it.
 AXIS_BOUNDS = (0.05, 10.0)
 MAX_EVALUATIONS = 200  # of a fit by least squares
-# Random divisions of the extents of a body, from which fits begin
+# Number of random divisions of the extents of a body from which fits begin
 N_RANDOM_STARTS = 3
 
 
@@ -52,13 +53,13 @@ def recognise_ellipsoid(
     Parameters
     ----------
     vertices : ndarray
-        The vertices (V, 3).
+        The vertices (V, 3) of the mesh, in any unit of length.
     radius : float
         Mean radius of the mesh, in the unit of the vertices.
     directions : ndarray
-        Unit vectors (N, 3).
+        Unit vectors (N, 3) in which the fit is compared with the mesh.
     support_values : ndarray
-        Support values (N,) of the mesh in these directions.
+        Support values (N,) of the mesh in these directions, in the unit of the vertices.
 
     Returns
     -------
@@ -88,7 +89,7 @@ def recognise_ellipsoid(
     if np.abs(heights).max() * relative_axes.max() > ELLIPSOID_TOLERANCE:
         return None
 
-    # The facets between the vertices may cut off only thin slices.
+    # The facets of the mesh must cut only thin slices off the ellipsoid.
     semi_axes = radius * relative_axes[None]
     deviations = support(semi_axes, directions) - support_values
     if np.abs(deviations).max() > DEEPEST_CUT * radius:
@@ -114,7 +115,7 @@ def _fit_quadric(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     linear : ndarray
         The vector b (3,).
     """
-    # A coefficient off the diagonal of A occurs twice.
+    # Because A is symmetric, a coefficient off its diagonal occurs twice.
     quadratic_terms = []
     for i, j in QUADRIC_PAIRS:
         factor = 1 if i == j else 2
@@ -123,7 +124,7 @@ def _fit_quadric(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     right_side = np.ones(len(points))
     coefficients, *_ = np.linalg.lstsq(columns, right_side, rcond=None)
 
-    # The coefficients have the order of the columns: first A, then b.
+    # The coefficients are in the order of the columns: first those of A, then those of b.
     matrix = np.zeros((3, 3))
     for (i, j), value in zip(QUADRIC_PAIRS, coefficients[:6], strict=True):
         matrix[i, j] = value
@@ -139,7 +140,7 @@ def fit_components(
 ) -> np.ndarray:
     """Fit a sum of co-axial ellipsoids to the support values of a body.
 
-    The numbers of ellipsoids are tried in their order until a fit is good. Otherwise the
+    The numbers in `counts` are tried in turn until a fit is good enough. If none is, the
     best fit is returned.
 
     Parameters
@@ -151,7 +152,7 @@ def fit_components(
     radius : float
         Mean radius of the body, in the unit of the support values.
     counts : sequence of int
-        Numbers of ellipsoids that are tried, the smallest first.
+        Numbers of ellipsoids to try, the smallest first.
 
     Returns
     -------
@@ -178,8 +179,8 @@ def fit_components(
             break
         if count == 1:
             continue
-        # The fit is also good if a second fit can make its largest deviation small. This
-        # is not tried for a single ellipsoid.
+        # The fit is also good enough if a second fit can make its largest deviation small
+        # enough. This is not tried for a single ellipsoid.
         changed_axes = _reduce_largest_deviation(
             directions, support_values, radius, semi_axes
         )
@@ -228,7 +229,7 @@ def _reduce_largest_deviation(
         # `least_squares` squares these third powers.
         return ((support(axes, directions) - support_values) / largest) ** 3
 
-    # The start of a fit must lie within its bounds; rounding errors may move it beyond.
+    # The start of a fit must lie within the bounds, but rounding errors could move it out.
     lower, upper = np.log(AXIS_BOUNDS)
     start = np.clip(np.log(semi_axes / radius).ravel(), lower, upper)
     fit = least_squares(
@@ -243,10 +244,10 @@ def _reduce_largest_deviation(
 def _make_starts(
     count: int, half_extents: np.ndarray, radius: float
 ) -> list[np.ndarray]:
-    """Make the half axes from which the fits of a number of ellipsoids begin.
+    """Make the half axes from which fits with a given number of ellipsoids begin.
 
-    Each start divides the half extents of the body among the ellipsoids in another way.
-    The starts are the same in each call.
+    Each start divides the half extents of the body among the ellipsoids in a different
+    way. The starts are the same in each call.
 
     Parameters
     ----------
@@ -264,21 +265,21 @@ def _make_starts(
     """
     if count == 1:
         return [half_extents[None]]
-    # A division (count, 3) has the share of each ellipsoid in each half extent. The
-    # first divisions are random. Their seed is the number of ellipsoids.
+    # A division (count, 3) is the share of each ellipsoid in each half extent. The first
+    # divisions are random, with the number of ellipsoids as the seed.
     rng = np.random.default_rng(count)
     divisions = [
         rng.dirichlet(np.full(count, 2.0), size=3).T for _ in range(N_RANDOM_STARTS)
     ]
     # In the other divisions the first ellipsoid is a needle along one axis, and the last
-    # one has most of the rest. They suit bodies that are blunter or more pointed than an
-    # ellipsoid.
+    # one gets most of the rest. These starts lead to good fits of bodies that are blunter
+    # or more pointed than an ellipsoid.
     for axis in range(3):
         shares = np.full((count, 3), 0.1)
         shares[0, axis] = 0.7
         shares[-1] = 1 - shares[:-1].sum(axis=0)
         divisions.append(shares)
-    # A fit cannot begin on its bounds, so the half axes stay 1 % within them.
+    # A fit cannot begin on its bounds, so keep the half axes slightly within them.
     smallest = 1.01 * AXIS_BOUNDS[0] * radius
     largest = 0.99 * AXIS_BOUNDS[1] * radius
     return [np.clip(shares * half_extents, smallest, largest) for shares in divisions]
@@ -329,7 +330,7 @@ def _fit_by_least_squares(
         values = component_supports(axes, directions)
         return (numerators / values[:, :, None]).reshape(len(directions), -1)
 
-    # The start of a fit must lie within its bounds; rounding errors may move it beyond.
+    # The start of a fit must lie within the bounds, but rounding errors could move it out.
     lower, upper = np.log(AXIS_BOUNDS)
     start_logarithms = np.clip(np.log(start / radius).ravel(), lower, upper)
     fit = least_squares(
@@ -348,10 +349,10 @@ def _make_quadrature(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Make directions and weights for integrals over the solid angle.
 
-    The integrand must be an even function of x, y and z. So the directions fill only one
-    octant, and the weights stand for all eight. The directions lie on rings around the x
-    axis. The positions of the rings along x are the nodes of a Gauss-Legendre rule, and
-    the directions of a ring have equal distances.
+    The integrand must be an even function of x, y and z. Therefore the directions fill
+    only one octant, and the weights account for all eight. The directions lie on rings
+    around the x axis. The positions of the rings along x are the nodes of a
+    Gauss-Legendre rule, and the directions on a ring are equally spaced.
 
     Parameters
     ----------
@@ -388,12 +389,12 @@ def volume_integrals(semi_axes: np.ndarray) -> tuple[float, np.ndarray]:
     Parameters
     ----------
     semi_axes : ndarray
-        Half axes (K, 3) in m.
+        Half axes (K, 3) of the ellipsoids in m.
 
     Returns
     -------
     tuple
-        The volume [m3], and the integrals (3,) of x^2, y^2 and z^2 over it [m5].
+        The volume [m3], and the integrals (3,) of x^2, y^2 and z^2 over the body [m5].
 
     Notes
     -----
@@ -444,12 +445,12 @@ def bounding_radius(semi_axes: np.ndarray) -> float:
     float
         The distance, in the unit of the half axes.
     """
-    # Choose the best of many directions.
+    # Begin with the directions in which the support values are largest.
     trial_directions = np.concatenate([np.eye(3), sphere_directions(1000)])
     order = np.argsort(-support(semi_axes, trial_directions))
     directions = trial_directions[order[:50]]
-    # Replace each direction by that of its support point, again and again. Because h is
-    # convex and homogeneous, it never decreases in such a step.
+    # Repeatedly replace each direction by that of its support point. Because h is convex
+    # and homogeneous, its value never decreases in such a step.
     for _ in range(200):
         points = support_point(semi_axes, directions)
         directions = points / np.linalg.norm(points, axis=1, keepdims=True)
