@@ -17,12 +17,12 @@ import numpy as np
 from repose.common.errors import NoFlankError
 from repose.measure.photographs.sheet import SheetCorners, compute_size_mm
 
-# Notes on a camera whose photographs have too few corners for a calibration
+# Notes on a camera whose photographs show too few corners for a calibration
 NO_DISTORTION = "lens not corrected: the sheet is seen in too few places"
 NO_FOCAL_LENGTH = (
     "lens not corrected, focal length {origin}: the sheet is seen in too few places"
 )
-# Origin of the focal length if neither the corners nor the camera tell it
+# Origin of the focal length if neither the corners nor the camera determine it
 PHONE_FOCAL_ORIGIN = (
     "assumed (with a zoom from 5 m the angle reads 0.3 degrees too steep)"
 )
@@ -42,22 +42,24 @@ LARGEST_FOCAL_CHANGE = (
     1.6  # factor between the focal length with and without distortion
 )
 SINGULAR_FIT = 1e-6  # a smaller relative error of the focal length means a singular fit
-# An assumed focal length is kept within this number of standard errors of the best one.
+# An assumed focal length is kept if it lies within this number of standard errors of the
+# best one.
 KEPT_STANDARD_ERRORS = 3
 
 # Limits of the pose of a camera
-LARGEST_RESIDUAL = 1.5e-3  # rms distance of the corners from a flat sheet, longer sides
+# Rms distance of the corners from those of a flat sheet, over the picture's longer side
+LARGEST_RESIDUAL = 1.5e-3
 LARGEST_TILT_DEG = 25.0
 LARGEST_LOOK_DOWN_DEG = 8.0
 
-# A view coarser than this, in pixels of the photograph, is blurred before it is drawn.
-# The standard deviation of the blur is given in pixels of the view.
+# If a pixel of a view is larger than this, in pixels of the photograph, the photograph is
+# blurred before the view is drawn.
 SMALLEST_BLURRED_REDUCTION = 1.5
-BLUR_SHARE = 0.4
+BLUR_SHARE = 0.4  # standard deviation of the blur, in pixels of the view
 
 STRIP_BELOW_PLATE_MM = 3.0  # height of the strip below the plate in a side view
 POINTS_PER_BORDER = 9  # on each border of a photograph, to find what it shows
-# Width of a strip around the sheet that counts as hidden, too, in widths of the sheet
+# Width of a strip around the sheet that also counts as hidden, in widths of the sheet
 SHEET_MARGIN_SHARE = 0.02
 # OpenCV solves for a sheet in the plane of its first two axes: (x, y, z) of the world
 # is (x, z, -y) there.
@@ -70,7 +72,7 @@ class Camera:
 
     matrix: np.ndarray  # (3, 3), focal length and middle of the picture in pixels
     distortion: np.ndarray  # (5,), in OpenCV's order; all but k1 and k2 are 0
-    note: str  # corrections that are missing because of too few corners; may be empty
+    note: str  # corrections that are missing for lack of corners; may be empty
 
 
 @dataclass(frozen=True)
@@ -99,7 +101,20 @@ class Plane(NamedTuple):
     right: np.ndarray  # (3,), level unit vector
 
     def compute_points(self, along: np.ndarray, up: np.ndarray) -> np.ndarray:
-        """Compute the points (H, W, 3) of a grid with places along (W,) and up (H,)."""
+        """Compute the points (H, W, 3) of a grid in the plane.
+
+        Parameters
+        ----------
+        along : ndarray
+            Distances (W,) in mm from the origin, to the right.
+        up : ndarray
+            Heights (H,) in mm over the plate.
+
+        Returns
+        -------
+        ndarray
+            The points of the world in mm.
+        """
         vertical = np.array([0, 0, 1.0])
         return (
             self.origin
@@ -111,8 +126,8 @@ class Plane(NamedTuple):
 class _LensFit(NamedTuple):
     """Result of OpenCV's calibration, with standard errors."""
 
-    matrix: np.ndarray
-    distortion: np.ndarray
+    matrix: np.ndarray  # (3, 3), focal length and middle of the picture in pixels
+    distortion: np.ndarray  # (5,), in OpenCV's order
     focal_error: float  # pixels
     k1_error: float
     k2_error: float
@@ -121,13 +136,13 @@ class _LensFit(NamedTuple):
 def calibrate_camera(
     views: Sequence[SheetCorners], size: tuple[int, int], focal_px: float | None = None
 ) -> Camera:
-    """Estimate focal length and distortion of a camera from photographs of the sheet.
+    """Estimate the focal length and distortion of a camera from photographs of the sheet.
 
-    The model assumes that the lens is centred on the picture, that pixels are square, and
-    that the distortion is radial. It has two coefficients of distortion, one or none: as
-    many as the corners determine (`_is_reliable`). If the corners do not even determine
-    the focal length, it is that of `_estimate_focal`: `focal_px`, unless the corners
-    clearly contradict it.
+    The model assumes that the lens is centred on the picture, that the pixels are square,
+    and that the distortion is radial. It has as many coefficients of distortion as the
+    corners determine (`_is_reliable`): two, one or none. If the corners do not even
+    determine the focal length, `_estimate_focal` provides it. It then equals `focal_px`,
+    unless the corners clearly contradict this.
 
     Parameters
     ----------
@@ -136,12 +151,12 @@ def calibrate_camera(
     size : tuple of int
         Width and height of the photographs in pixels.
     focal_px : float, optional
-        The focal length that the camera states. The default is that of a phone.
+        The focal length in pixels that the camera states. The default is that of a phone.
 
     Returns
     -------
     Camera
-        The camera. It has a note for the user if the distortion or the focal length is
+        The camera. Its note tells the user if the distortion or the focal length is
         unknown.
 
     References
@@ -187,12 +202,12 @@ def _fit_lens(
     guess : ndarray
         Camera matrix (3, 3) from which the fit begins.
     fixed_flags : int
-        OpenCV's flags of the coefficients that stay 0.
+        OpenCV's flags for the coefficients that stay 0.
 
     Returns
     -------
     _LensFit or None
-        The fit, or None if there are fewer corners than the unknowns need.
+        The fit; None if OpenCV finds none, because there are too few corners.
     """
     object_points = [view.object_points_mm.astype(np.float32) for view in views]
     image_points = [view.pixels.astype(np.float32) for view in views]
@@ -226,9 +241,9 @@ def _is_reliable(fit: _LensFit, undistorted_focal: float, longer_side: int) -> b
     """Tell whether the corners determine all unknowns of a fit.
 
     Three conditions must hold: the fit is not singular, the focal length is plausible
-    and has a small error, and the error of the distortion hardly moves a point. A fit
-    counts as singular if its focal length has an error of nearly 0, or differs much from
-    the one that fits best without distortion.
+    and has a small error, and the errors of the distortion hardly move a point. A fit
+    counts as singular if the error of its focal length is nearly 0, or if its focal
+    length differs greatly from the one that fits best without distortion.
 
     Parameters
     ----------
@@ -255,7 +270,8 @@ def _is_reliable(fit: _LensFit, undistorted_focal: float, longer_side: int) -> b
         fit.focal_error < LARGEST_FOCAL_ERROR * focal
         and shortest < focal / longer_side < longest
     )
-    # Distance from the centre of a point at half the longer side, in focal lengths
+    # Take a point whose distance from the centre is half the longer side, and express
+    # this distance in focal lengths.
     distance = 0.5 * longer_side / focal
     has_distortion = (
         fit.k1_error * distance**2 < LARGEST_LENS_ERROR
@@ -317,14 +333,14 @@ def _make_camera_matrix(focal: float, size: tuple[int, int]) -> np.ndarray:
 
 
 def _sum_squared_residuals(views: Sequence[SheetCorners], matrix: np.ndarray) -> float:
-    """Sum the squared distances [px2] of the corners from those of flat sheets.
+    """Sum the squared distances [px2] of the corners from those of a flat sheet.
 
     Parameters
     ----------
     views : sequence of SheetCorners
         The sheet in each photograph.
     matrix : ndarray
-        Camera matrix (3, 3), by which the flat sheet of each view is projected without
+        Camera matrix (3, 3), with which the sheet of each view is projected without
         distortion.
 
     Returns
@@ -335,7 +351,7 @@ def _sum_squared_residuals(views: Sequence[SheetCorners], matrix: np.ndarray) ->
     total = 0.0
     no_distortion = np.zeros(5)
     for view in views:
-        # Two poses of a flat sheet may fit its corners. The better one counts.
+        # Two poses of a flat sheet may fit its corners. Use the better one.
         residuals = []
         for rotation, translation in _find_poses(view, matrix, no_distortion):
             projected, _ = cv2.projectPoints(
@@ -351,7 +367,7 @@ def _find_poses(
 ) -> list[tuple[np.ndarray, np.ndarray]]:
     """Find the two poses of a flat sheet that fit its corners.
 
-    Seen from a distance, the two poses look nearly alike.
+    From a distance, the sheet looks nearly the same in both poses.
 
     Parameters
     ----------
@@ -365,8 +381,8 @@ def _find_poses(
     Returns
     -------
     list of tuple
-        The poses, the better one first: a rotation vector and a translation, each (3,
-        1).
+        The poses, the better one first. Each consists of a rotation vector (3, 1) and a
+        translation (3, 1) in mm.
     """
     points = view.object_points_mm
     _, rotations, translations, _ = cv2.solvePnPGeneric(
@@ -381,7 +397,7 @@ def _find_poses(
 
 
 class Pose:
-    """Position and direction of a camera, from the sheet in one photograph.
+    """Position and direction of a camera, determined from the sheet in a photograph.
 
     Parameters
     ----------
@@ -401,7 +417,7 @@ class Pose:
     def __init__(
         self, camera: Camera, sheet: SheetCorners, size: tuple[int, int]
     ) -> None:
-        """Find the pose that fits the corners of the sheet best; see the class."""
+        """Find the pose that best fits the corners of the sheet; see the class."""
         self.camera = camera
         self.size = size
         self.paper_mm = compute_size_mm(sheet.square_mm)
@@ -424,7 +440,12 @@ class Pose:
             )
 
     def project(self, world: np.ndarray) -> np.ndarray:
-        """Compute where points of the world (..., 3) in mm lie in the photograph.
+        """Compute where points of the world lie in the photograph.
+
+        Parameters
+        ----------
+        world : ndarray
+            Coordinates (..., 3) of the points in mm.
 
         Returns
         -------
@@ -461,7 +482,7 @@ class Pose:
     def compute_look_down_deg(self, axis_mm: float, height_mm: float) -> float:
         """Compute the angle below the horizontal at which the camera sees a crest.
 
-        It is negative if the camera looks up.
+        The angle is negative if the camera looks up at the crest.
 
         Parameters
         ----------
@@ -469,6 +490,11 @@ class Pose:
             Distance of the crest from the sheet's lower left corner, along the sheet.
         height_mm : float
             Height of the crest over the plate.
+
+        Returns
+        -------
+        float
+            The angle in degrees.
         """
         x, y, z = self.position_mm
         distance = math.hypot(x - axis_mm, y)
@@ -476,7 +502,7 @@ class Pose:
 
     @property
     def tilt_deg(self) -> float:
-        """The larger of the camera's roll and pitch; 180 for a camera upside down."""
+        """The larger of the camera's roll and pitch [degrees]; 180 if upside down."""
         roll = math.degrees(math.atan2(self.rotation[0][2], -self.rotation[1][2]))
         pitch = math.degrees(math.asin(np.clip(self.rotation[2][2], -1, 1)))
         return max(abs(roll), abs(pitch))
@@ -528,7 +554,7 @@ def draw_side_view(
             top=min(extent.top, crop.top),
         )
 
-    # The view is as fine as the photograph, but has at most `longest_side_px` pixels.
+    # The view is as fine as the photograph, unless a side would become too long.
     width_mm = extent.right - extent.left
     height_mm = extent.top + STRIP_BELOW_PLATE_MM
     pixels_per_mm = _measure_resolution(pose, plane)
@@ -539,7 +565,7 @@ def draw_side_view(
     n_rows = math.ceil(height_mm / mm_per_pixel)
     base_row = n_rows - 1 - STRIP_BELOW_PLATE_MM / mm_per_pixel
 
-    # Find the place in the photograph of each pixel of the view, and take its colour.
+    # Find where the photograph shows each pixel of the view, and take the colour there.
     along = extent.left + mm_per_pixel * np.arange(n_columns)
     up = mm_per_pixel * (base_row - np.arange(n_rows))
     pixels = pose.project(plane.compute_points(along, up)).astype(np.float32)
@@ -575,7 +601,7 @@ def _require_upright_camera(pose: Pose) -> None:
 
 
 def _measure_resolution(pose: Pose, plane: Plane) -> float:
-    """Measure how many pixels of a photograph show 1 mm of a plane, at its origin."""
+    """Compute how many pixels of a photograph show 1 mm of a plane, at its origin."""
     ends_of_1_mm = plane.origin + np.outer([0, 1.0], plane.right)
     return float(np.linalg.norm(np.diff(pose.project(ends_of_1_mm), axis=0)))
 
@@ -597,8 +623,8 @@ def _take_colours(
     Returns
     -------
     ndarray
-        The view (H, W, 3). A pixel of a coarse view averages those of the photograph that
-        fall into it.
+        The view (H, W, 3). A pixel of a coarse view is an average over the part of the
+        photograph that it covers.
     """
     source = image
     if reduction > SMALLEST_BLURRED_REDUCTION:
@@ -613,19 +639,19 @@ def _take_colours(
 
 
 def _mark_outside(pixels: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """Mark the places that lie outside a photograph or on its border.
+    """Mark the pixels of a view that lie outside a photograph or on its border.
 
     Parameters
     ----------
     pixels : ndarray
-        Columns and rows (H, W, 2).
+        Column and row (H, W, 2) in the photograph for each pixel of the view.
     size : tuple of int
-        Width and height of the photograph.
+        Width and height of the photograph in pixels.
 
     Returns
     -------
     ndarray
-        Mask (H, W).
+        Mask (H, W) of these pixels.
     """
     width, height = size
     return (
@@ -683,8 +709,8 @@ def _find_visible_extent(pose: Pose, plane: Plane) -> Extent:
     Raises
     ------
     NoFlankError
-        If a part of the photograph does not show the plane, or if the photograph shows
-        nothing over the plate.
+        If a part of the photograph does not show the plane, or if the photograph does not
+        show the plane above the plate.
     """
     # Choose points on the border of the photograph, as shares of its width and height.
     shares = np.linspace(0, 1, POINTS_PER_BORDER)
@@ -695,7 +721,8 @@ def _find_visible_extent(pose: Pose, plane: Plane) -> Extent:
                 border.append((x_share, y_share))
     pixels = np.array(border) * np.subtract(pose.size, 1)
 
-    # Find the rays through them, first in the frame of the camera, which looks along z.
+    # Find the rays through these points: first in the frame of the camera, which looks
+    # along z, and then in that of the world.
     camera = pose.camera
     rays = cv2.undistortPoints(pixels[:, None], camera.matrix, camera.distortion)[:, 0]
     directions = np.column_stack([rays, np.ones(len(rays))]) @ pose.rotation
@@ -730,10 +757,10 @@ def _intersect(
     Returns
     -------
     distances : ndarray
-        Distance (N,) of each intersection from the camera, in lengths of the ray's
-        direction. It is negative behind the camera.
+        Distance (N,) of each intersection from the camera, as a multiple of the ray's
+        direction vector. It is negative behind the camera.
     places : ndarray
-        Its place (N, 2) on the plane, along and up in mm.
+        Position (N, 2) of each intersection on the plane, along and up in mm.
     """
     normal = np.cross(plane.right, [0, 0, 1.0])
     distances = (plane.origin - position) @ normal / (directions @ normal)

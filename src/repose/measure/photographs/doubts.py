@@ -1,7 +1,8 @@
 """List doubts about a measured photograph: signs that it does not show a single pile.
 
-A doubt is a sentence for the user. A photograph with a doubt is measured, but does not
-count in the mean. Worse signs raise NoFlankError, which refuses the photograph.
+A doubt is a sentence for the user. A photograph with a doubt is measured, but by default
+it does not count in the mean. Worse signs raise NoFlankError, which refuses the
+photograph.
 """
 
 import math
@@ -30,9 +31,9 @@ LOW_BASE_REASON = (
     f"{BASE_ROW_ADVICE}"
 )
 
-MIN_HEIGHT_PX = 80  # of a pile: with fewer pixels its angle is off by up to 1.5 degrees
+MIN_HEIGHT_PX = 80  # of a pile: the angle of a lower one is off by up to 1.5 degrees
 
-TYPICAL_PILE_GRAINS = 8  # height of a pile whose grains are not known, in grains
+TYPICAL_PILE_GRAINS = 8  # height of a pile in grains, if the size of these is unknown
 
 # Limits of the pile's shape, in heights of a grain and in heights of the pile
 LOWEST_PILE_GRAINS = 1.5  # below it is a layer
@@ -40,15 +41,17 @@ LOWEST_MEETING = 0.7  # of the lines of both flanks, in heights of the pile
 HIGHEST_MEETING = 1.3
 
 # Limits of a base that was found without the sheet
-LARGEST_SHADOW_GRAINS = 0.3  # rows of shadow below the grains
-LARGEST_UNDERSIDE_GRAINS = 0.6  # rows below the widest one
-WIDEST_SHARE = 0.99  # width of a row that counts as widest, over that of the widest one
-# Round grains have upright ends of less than 0.75 of their height.
+LARGEST_SHADOW_GRAINS = 0.3  # height of the shadow below the grains
+LARGEST_UNDERSIDE_GRAINS = 0.6  # height of the pile below its widest row
+WIDEST_SHARE = 0.99  # share of the largest width from which a row counts as widest
+# The end of a row of round grains is upright over less than this height.
 LARGEST_UPRIGHT_GRAINS = 0.75
 LARGEST_UPRIGHT_PX = 12
 SMALLEST_STRIP_PX = 4  # height of the strip below the base that is compared
-SMALLEST_STEP = 30  # tones between what lies below the pile and beside it: no plate
-LARGEST_SHADOW_SHARE = 0.03  # of a pile of another colour than the background's
+# Largest difference in tones between the strip below the pile and that beside it, if both
+# show a plate
+SMALLEST_STEP = 30
+LARGEST_SHADOW_SHARE = 0.03  # of a pile that differs in colour from the background
 
 
 class _Margins(NamedTuple):
@@ -60,14 +63,14 @@ class _Margins(NamedTuple):
 
 
 def estimate_grain_mm(height_mm: float) -> float:
-    """Estimate the height of a grain, if it is not known, from that of a pile."""
+    """Estimate the unknown height of a grain from the height of a pile."""
     return height_mm / TYPICAL_PILE_GRAINS
 
 
 def list_doubts_of_pile(
     pile: Segmentation, measurement: Measurement, grain_mm: float, mm_per_pixel: float
 ) -> list[str]:
-    """List the doubts whether a photograph shows a single pile, and in enough pixels.
+    """List doubts about whether a photograph shows a single pile in enough pixels.
 
     Parameters
     ----------
@@ -88,7 +91,7 @@ def list_doubts_of_pile(
     Raises
     ------
     NoFlankError
-        If the grains are a layer and not a pile.
+        If the grains form a layer instead of a pile.
     """
     height_mm = measurement.height_mm
     if height_mm < LOWEST_PILE_GRAINS * grain_mm:
@@ -124,7 +127,7 @@ def _find_rise_doubt(sides: Sequence[np.ndarray], size: PileSize) -> str:
     Returns
     -------
     str
-        The doubt, or an empty text.
+        The doubt; empty if there is none.
     """
     rise_mm = measure_rise(sides, size)
     if rise_mm <= size.largest_rise_mm:
@@ -148,7 +151,7 @@ def _find_drop_doubt(sides: Sequence[np.ndarray], size: PileSize) -> str:
     Returns
     -------
     str
-        The doubt, or an empty text.
+        The doubt; empty if there is none.
     """
     drop_mm = measure_drop(sides, size)
     if drop_mm <= size.largest_drop_mm:
@@ -167,7 +170,7 @@ def _find_flank_doubt(
     Parameters
     ----------
     measurement : Measurement
-        Result of the photograph.
+        Measurement of the photograph.
     base_row : float
         Row of the plate.
     mm_per_pixel : float
@@ -176,8 +179,8 @@ def _find_flank_doubt(
     Returns
     -------
     str
-        The doubt. The text is empty if the lines meet near the crest, or if the flanks
-        have no lines.
+        The doubt. It is empty if the lines meet near the crest, or if no lines were
+        fitted to the flanks.
     """
     flank = measurement.angles.get("flank")
     if flank is None:
@@ -198,7 +201,7 @@ def _find_flank_doubt(
 
 
 def _find_resolution_doubt(measurement: Measurement, mm_per_pixel: float) -> str:
-    """Find out whether the pile has enough pixels; if not, return a doubt."""
+    """Return a doubt if the pile is too few pixels high, otherwise an empty string."""
     height_px = math.floor(measurement.height_mm / mm_per_pixel)
     if height_px >= MIN_HEIGHT_PX:
         return ""
@@ -211,7 +214,7 @@ def _find_resolution_doubt(measurement: Measurement, mm_per_pixel: float) -> str
 
 
 def _compute_angle_error(measurement: Measurement) -> float:
-    """Compute the angle's error in degrees if an end of a line is off by a pixel."""
+    """Compute the error of the angle [degrees] if one end of a line is a pixel off."""
     (_, lower_row), (_, upper_row) = measurement.angle.lines[0]
     sine = math.sin(2 * math.radians(measurement.aor_deg))
     return math.degrees(sine / abs(lower_row - upper_row))
@@ -223,7 +226,7 @@ def _compute_meeting_height(lines: tuple, base_row: float) -> float:
     Parameters
     ----------
     lines : tuple
-        The left and the right line, each by two ends (column, row).
+        The left and the right line, each given by two points (column, row).
     base_row : float
         Row of the plate.
 
@@ -235,7 +238,8 @@ def _compute_meeting_height(lines: tuple, base_row: float) -> float:
     ((x1, row1), (x2, row2)), ((x3, row3), (x4, row4)) = lines
     slope = (row2 - row1) / (x2 - x1)
     other_slope = (row4 - row3) / (x4 - x3)
-    # Distance of the meeting point from the first end, times the difference of slopes
+    # Horizontal distance of the meeting point from the first point, times the difference
+    # of the slopes
     offset = row3 - row1 + other_slope * (x1 - x3)
     return base_row - (row1 + slope * offset / (slope - other_slope))
 
@@ -245,8 +249,8 @@ def require_foot(
 ) -> None:
     """Check that the lowest rows of a pile show its foot.
 
-    Without the printed sheet, these rows may instead show a shadow, or the near rim of a
-    pile that is seen from above.
+    In a photograph without the printed sheet, these rows may instead show a shadow, or
+    the near rim of a pile if the camera looks down on it.
 
     Parameters
     ----------
@@ -255,14 +259,15 @@ def require_foot(
     pile : Segmentation
         The pile found in it.
     grain_mm : float or None
-        Height of a grain. If it is None, `estimate_grain_mm` estimates it.
+        Height of a grain. If it is None, it is estimated (`estimate_grain_mm`).
     mm_per_pixel : float
         Scale of the picture.
 
     Raises
     ------
     NoFlankError
-        If the lowest rows do not show the foot, or if the picture cuts the pile off.
+        If the lowest rows do not show the foot, or if the picture does not contain the
+        whole foot.
     """
     if pile.mask[-1].any():
         raise NoFlankError(
@@ -281,8 +286,8 @@ def require_foot(
         depth = n_shadow_rows / rows.size
         raise NoFlankError(LOW_BASE_REASON.format(depth=depth, part=part))
 
-    # The lower rows of a pile that is seen from above show its near rim, which is
-    # narrower than the rows over it. Count the rows below the lowest of the widest rows.
+    # If the camera looks down on the pile, the lowest rows show its near rim, which is
+    # narrower than the rows above. Count the rows below the lowest of the widest rows.
     is_widest = widths[rows] >= WIDEST_SHARE * widths.max()
     lowest_widest_row = rows[np.flatnonzero(is_widest)[-1]]
     n_rim_rows = rows[-1] - lowest_widest_row
@@ -294,7 +299,7 @@ def require_foot(
 def list_doubts_of_base(
     image: np.ndarray, pile: Segmentation, grain_px: float
 ) -> list[str]:
-    """List the doubts about the base and the flanks of a pile found without the sheet.
+    """List doubts about the base and the flanks of a pile found without the sheet.
 
     Parameters
     ----------
@@ -345,13 +350,19 @@ def list_doubts_of_base(
 def _count_upright_rows(margin: np.ndarray) -> int:
     """Count the rows in which a pile ends within 2 pixels of its outermost end.
 
-    Grains end within so few pixels in a few rows only. Many such rows are an upright
-    edge.
+    At the end of a pile of grains there are only few such rows. Many of them mean that
+    the end is an upright edge.
 
     Parameters
     ----------
     margin : ndarray
-        Pixels (N,) between the pile and the border of the picture, on one side, by row.
+        Number of pixels (N,) between the pile and the border of the picture on one side,
+        for each row of the pile.
+
+    Returns
+    -------
+    int
+        The number of rows.
     """
     return int((margin <= margin.min() + 2).sum())
 
@@ -361,8 +372,8 @@ def _continues_below(
 ) -> bool:
     """Tell whether the picture below the base has the pile's colour.
 
-    The colour below the middle of the foot is compared with two others: the colour of
-    the grains, and the colour in the same rows beside the foot.
+    The colour below the middle of the foot is compared with that of the grains, and with
+    that beside the foot in the same rows.
 
     Parameters
     ----------
@@ -371,18 +382,18 @@ def _continues_below(
     pile : Segmentation
         The pile found in it.
     margins : _Margins
-        The background on both sides of the pile.
+        Widths of the background on both sides of the pile.
     grain_px : float
         Height of a grain in pixels.
 
     Returns
     -------
     bool
-        True if the colour below the base is nearer to that of the grains, and clearly
-        differs from that beside the foot.
+        True if the colour below the base is closer to that of the grains than to that
+        beside the foot, and clearly differs from the latter.
     """
     # Select a strip below the base. It is about a grain high, and begins 2 rows below the
-    # base to keep away from the edge of the pile.
+    # base, away from the edge of the pile.
     channels = image.reshape(*image.shape[:2], -1)
     first_row = math.ceil(pile.base_row) + 2
     n_rows = max(SMALLEST_STRIP_PX, round(grain_px))
@@ -402,8 +413,8 @@ def _continues_below(
     middle = slice(columns[len(columns) // 3], columns[2 * len(columns) // 3] + 1)
     grains = channels[rows[len(rows) // 2] : rows[-1], middle]
 
-    # Under a pile on a plate, the strip has the colour of the plate beside it, and not
-    # that of the grains.
+    # If the pile stands on a plate, the strip has the colour of the plate beside it, and
+    # not that of the grains.
     colour_below = np.median(strip[:, middle], axis=(0, 1))
     colour_beside = np.median(beside_foot, axis=(0, 1))
     grain_colour = np.median(grains, axis=(0, 1))

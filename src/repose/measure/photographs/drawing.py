@@ -10,10 +10,10 @@ from repose.measure.settings import MeasureSettings
 
 # Ends of a nearly level line may lie beyond the coordinates that OpenCV draws.
 LARGEST_COORDINATE = 1e6  # pixels
-# OpenCV takes coordinates as whole numbers, here in units of 1/256 of a pixel.
+# OpenCV takes coordinates as whole numbers, here in units of 1/2^SUBPIXEL_BITS of a pixel.
 SUBPIXEL_BITS = 8
 PICTURE_OVER_LINE = 500  # longer side of a picture over the width of a line in it
-HALF_BAR = 12  # half the length of the bar at the crest over the width of a line
+HALF_BAR = 12  # half the length of the bar at the crest, over the width of a line
 # Colours, BGR
 RED = (40, 40, 230)
 GREEN = (60, 170, 40)
@@ -32,7 +32,7 @@ def overlay(image: np.ndarray, measurement: Measurement) -> np.ndarray:
     image : ndarray
         The measured picture, (H, W) or BGR (H, W, 3).
     measurement : Measurement
-        Its result.
+        The measurement of this picture.
 
     Returns
     -------
@@ -60,7 +60,7 @@ def overlay(image: np.ndarray, measurement: Measurement) -> np.ndarray:
 
 
 def draw_refused_overlay(image: np.ndarray, pile: Segmentation | None) -> np.ndarray:
-    """Draw boundary and base of a supposed pile into a refused picture.
+    """Draw the boundary and the base of a supposed pile into a refused picture.
 
     Parameters
     ----------
@@ -120,18 +120,18 @@ def _draw_outline(image: np.ndarray, contour: np.ndarray) -> tuple[np.ndarray, i
 def draw_line(
     picture: np.ndarray, start: tuple, end: tuple, colour: tuple, thickness: int
 ) -> None:
-    """Draw a smooth line into a picture, between places that may lie between pixels.
+    """Draw a smooth line into a picture; its ends may lie between pixels.
 
     Parameters
     ----------
     picture : ndarray
         The picture (H, W, 3), BGR, which is changed.
     start, end : tuple
-        Column and row of both ends.
+        Column and row of each end.
     colour : tuple
-        Blue, green and red.
+        Blue, green and red, each from 0 to 255.
     thickness : int
-        Width in pixels.
+        Width of the line in pixels.
     """
     cv2.line(
         picture,
@@ -145,7 +145,7 @@ def draw_line(
 
 
 def _convert_to_fixed_point(point: tuple) -> tuple[int, ...]:
-    """Convert a place (column, row) to the whole numbers with which OpenCV draws."""
+    """Convert a point (column, row) to the whole numbers that OpenCV expects."""
     limit = LARGEST_COORDINATE
     scale = 1 << SUBPIXEL_BITS
     return tuple(round(scale * min(max(value, -limit), limit)) for value in point)
@@ -165,11 +165,11 @@ def draw_steps(
     image : ndarray
         The picture, (H, W) or BGR (H, W, 3).
     mm_per_pixel : float
-        Its scale.
+        Scale of the picture.
     settings : MeasureSettings, optional
-        Settings of the lines; the default ones if left out.
+        Settings of the lines. By default, the default settings are used.
     base_row : float, optional
-        Row of the plate; the default is the pile's lowest row.
+        Row of the plate. By default, it is found in the picture (`segment`).
 
     Returns
     -------

@@ -1,11 +1,11 @@
-"""Find the pile in the upright view of a photograph, before a background that varies.
+"""Find the pile in the upright view of a photograph, in front of an uneven background.
 
 Each pixel has three features: two ratios of the colour channels, and the brightness,
-which has a small weight. A shadow changes the brightness of a surface and hardly its
-ratios. A first guess of the pile is what differs from the background, row by row.
-GrabCut corrects the guess: it models the colours of both sides by mixtures and prefers
-short boundaries. Where colours show no pile, roughness takes the place of brightness:
-small grains have gaps between them, a wall has none.
+which has a small weight. A shadow changes the brightness of a surface but hardly its
+ratios. The first guess of the pile is whatever differs from the background of its row.
+GrabCut corrects the guess: it models the colours of both sides as mixtures of Gaussians
+and prefers short boundaries. If the colours do not show a pile, roughness takes the place
+of brightness: small grains have gaps between them, a wall has none.
 
 References
 ----------
@@ -31,81 +31,81 @@ from repose.measure.photographs.segmentation import (
 )
 
 # Features of a pixel
-MEAN_FEATURE = 128  # around which the features lie, so that they fit into 8 bits
+MEAN_FEATURE = 128  # middle of the range of the features, so that they fit into 8 bits
 COLOUR_GAIN = 110.0
 BRIGHTNESS_GAIN = 45.0
-MEAN_TONE = 100.0  # of a channel, with the mean brightness
-# Tones that are added to each channel, so that the noise of dark pixels has no colour
+MEAN_TONE = 100.0  # of the channels of a pixel whose brightness is `MEAN_FEATURE`
+# Added to the tone of each channel, so that noise does not give dark pixels a colour
 ADDED_TONES = 14.0
 FULL_BRIGHTNESS = np.array([1, 1, COLOUR_GAIN / BRIGHTNESS_GAIN], np.float32)
 
 # Background
 SIDE_SHARE = 0.25  # share of the width, on either side, that shows mostly background
-LARGEST_TEXTURE = 30.0  # difference of the features; a larger one is not background
+LARGEST_TEXTURE = 30.0  # largest difference of the features within the background
 N_BACKGROUND_FITS = 3
-FEWEST_NEAR_SHARE = 0.1  # share of a row near its last estimate, for a new estimate
-SMALLEST_LEVEL = 6.0  # of the difference that separates the first guess
-GUESS_MARGIN_PX = 4  # around the first guess of the pile; it is not background
-OBJECT_MARGIN_PX = 3  # around other objects, so that their blurred edges belong to them
+# A new estimate needs at least this share of a row near the previous estimate.
+FEWEST_NEAR_SHARE = 0.1
+SMALLEST_LEVEL = 6.0  # smallest difference from the background that marks a pile
+GUESS_MARGIN_PX = 4  # around the first guess of the pile; also not background
+OBJECT_MARGIN_PX = 3  # around other objects, to include their blurred edges
 BORDER_SHARE = 0.02  # width of the border that shows no pile, over that of the picture
-BRIGHTNESS_WEIGHT = 0.5  # of the brightness in the difference, beside the colours
+BRIGHTNESS_WEIGHT = 0.5  # of the brightness, relative to the colours
 
 # Shapes of the parts that differ from the background
-LOWEST_BASE_SHARE = (
-    0.97  # row of the end of a part on the plate, over that of the plate
-)
+LOWEST_BASE_SHARE = 0.97  # lowest row of a part on the plate, over the row of the plate
 NARROWEST_PILE = 1.2  # width of a pile over its height
 NARROWEST_OBJECT = 2.5  # height of another object, such as a ruler, over its width
 LOWEST_OBJECT_SHARE = 0.15  # height of another object over that of the picture
 
 # Shadows
-SMOOTH_SHARE = 0.5  # roughness of a shadow over that of the pile, at most
-SHADOW_DARKEST = 1.6  # logarithm of the share of light that a shadow takes, at most
-SHADOW_LIGHTEST = 0.08  # the same, at least
-SHADOW_COLOUR = 22.0  # difference of a shadow's ratios from the background's, at most
-# Share of a pile's area in a colour unlike the background's, from which on shadows can
-# be told from grains
+SMOOTH_SHARE = 0.5  # largest local scatter of a shadow over that of the pile
+# Largest and smallest darkening by a shadow: the decrease of the logarithm of brightness
+SHADOW_DARKEST = 1.6
+SHADOW_LIGHTEST = 0.08
+SHADOW_COLOUR = 22.0  # largest difference between ratios of a shadow and the background
+# Shadows can be told from grains only if more than this share of a pile's area differs
+# in colour from the background.
 SMALLEST_COLOURED_SHARE = 0.3
-# Share of the upper part of a pile that looks like shadow. If it is larger, the grains
-# have the colour of the background.
+# If a larger share of the upper part of a pile looks like shadow, the grains have the
+# colour of the background.
 LARGEST_UPPER_SHADOW = 0.12
-# A patch of shadow is a square with at least this side, in pixels and over the height
-# of the picture.
+# A patch of shadow contains a square with at least this side, and at least the height of
+# the picture divided by `PATCHES_IN_HEIGHT`.
 SMALLEST_PATCH_PX = 5
 PATCHES_IN_HEIGHT = 30
-COMPARED_PX = 1200  # longer side of the picture in which shadows are looked for
-COLUMNS_OVER_END = 20  # width of this picture over that of an end of a row
+COMPARED_PX = 1200  # approximate longer side of the picture searched for shadows
+COLUMNS_OVER_END = 20  # width of this picture over the width of each end of a row
 
 # The boundary in the fine view; lengths are in heights of a grain
 N_ROUNDS = 4  # of GrabCut, and of moving the boundary
 # Distance from the coarse boundary within which the pile is uncertain
 REACH_GRAINS = 0.4
-REACH_ROUGH_GRAINS = 1.0  # the same for roughness, which is blurred by a grain
+REACH_ROUGH_GRAINS = 1.0  # the same for roughness, which is blurred over a grain
 SMALLEST_REACH_PX = 4
-NEIGHBOURHOOD_GRAINS = (
-    0.25  # radius of the neighbourhood that gives the colours of both sides
-)
-CERTAIN_SHARE = 0.75  # share of a side in a pixel's colour that makes it one of it
-LIGHT_PX = 2  # distance within which the boundary is moved by light, in pixels
-TONE_CURVE = 2.2  # exponent from tones to light
+# Radius of the neighbourhood from which the colours of both sides are taken
+NEIGHBOURHOOD_GRAINS = 0.25
+# A pixel changes sides if the other side makes up at least this share of its colour.
+CERTAIN_SHARE = 0.75
+LIGHT_PX = 2  # distance over which light may move the boundary, in pixels
+TONE_CURVE = 2.2  # exponent that converts tones to light
 LARGEST_TONE = 255
-PENUMBRA_SHARE = 0.6  # share of the background's ratios in a penumbra, at least
+PENUMBRA_SHARE = 0.6  # smallest share of the background's ratios in a penumbra
 PENUMBRA_HEIGHT_GRAINS = 0.2
 PENUMBRA_WIDTH_GRAINS = 0.8
 NECK_GRAINS = 0.3  # half the width of the neck between a loose grain and the pile
 GAP_GRAINS = 0.4  # a part with more background below it does not stand on the plate
-# Difference of features that texture and noise can also have
+# A smaller difference of features may also come from texture and noise.
 FAINT_DIFFERENCE = 10.0
 # Smallest squared distances between the values of both sides, to avoid divisions by zero
 SMALLEST_SPAN = 1e-9
 SMALLEST_RATIO_SPAN = 1e-6
 
 # Roughness
-ROUGHNESS_GAIN = 3.0  # difference of features for one scatter of the background
+ROUGHNESS_GAIN = 3.0  # difference of features for one standard deviation of background
 GAP_RADIUS_GRAINS = 0.25  # radius of the widest gap between grains
 WINDOW_PX = 5  # window of the gradients
-SMALL_GRAIN_PX = 4.0  # height of a grain in the coarse view, where roughness is needed
-SMALLEST_SCATTER = 0.02  # of the roughness of a background without noise
+SMALL_GRAIN_PX = 4.0  # assumed height of a grain in a coarse view that uses roughness
+SMALLEST_SCATTER = 0.02  # assumed for the roughness of a background without noise
 
 NO_PILE = (
     "nothing that stands on the plate differs from its background, or the background "
@@ -121,7 +121,7 @@ class RefinedPile(NamedTuple):
     """The pile in a fine view."""
 
     pile: Segmentation
-    faint_share: float  # share of the upper boundary at which both sides hardly differ
+    faint_share: float  # share of the upper boundary where the sides hardly differ
 
 
 class _Guess(NamedTuple):
@@ -133,9 +133,9 @@ class _Guess(NamedTuple):
 
 
 class _SideComparison(NamedTuple):
-    """A reduced picture, compared with the two ends of each row."""
+    """The difference of a reduced picture from the two ends of each row."""
 
-    step: int  # the picture has every `step`-th pixel of the original
+    step: int  # the picture contains every `step`-th row and column of the original
     mask: np.ndarray  # (H, W), of the pile
     difference: np.ndarray  # (H, W, 3), of the features
 
@@ -189,8 +189,8 @@ def find_pile(view: SideView, by_roughness: bool = False) -> tuple[np.ndarray, b
 def _make_coarse_marks(guess: _Guess, hidden: np.ndarray) -> np.ndarray:
     """Make the marks (H, W) with which GrabCut begins in a coarse view.
 
-    Hidden pixels, other objects, and the picture's border outside of the pile are
-    certainly background. All other pixels are probably pile or probably background.
+    Hidden pixels, other objects, and the picture's border outside the pile are certainly
+    background. All other pixels are probably pile or probably background.
 
     Parameters
     ----------
@@ -202,11 +202,11 @@ def _make_coarse_marks(guess: _Guess, hidden: np.ndarray) -> np.ndarray:
     Returns
     -------
     ndarray
-        One of OpenCV's marks GC_BGD, GC_PR_BGD and GC_PR_FGD for each pixel.
+        The mark GC_BGD, GC_PR_BGD or GC_PR_FGD of OpenCV for each pixel.
     """
     marks = np.where(guess.pile, cv2.GC_PR_FGD, cv2.GC_PR_BGD).astype(np.uint8)
-    # The border is at both sides and at the top, but not at the bottom, where the pile
-    # stands.
+    # The border lies on both sides and at the top. It leaves out the bottom, where the
+    # pile stands.
     width = max(2, round(BORDER_SHARE * guess.pile.shape[1]))
     is_border = np.ones(guess.pile.shape, bool)
     is_border[width:, width:-width] = False
@@ -234,7 +234,7 @@ def refine_pile(
     Returns
     -------
     RefinedPile
-        The pile, and the share of its boundary that is faint.
+        The pile, and the share of its upper boundary that is faint.
 
     Raises
     ------
@@ -260,7 +260,7 @@ def refine_pile(
         mask = _remove_penumbra(mask, features, grain_px)
     mask = _keep_largest_part(mask)
 
-    # Move the boundary by colours, and then more finely by light.
+    # Move the boundary according to the features, and then more finely according to light.
     is_free = _mark_free_pixels(marks, hidden, reach)
     near_px = NEIGHBOURHOOD_GRAINS * grain_px
     _, mask = _move_boundary(
@@ -281,7 +281,7 @@ def refine_pile(
 
     grey = cv2.cvtColor(view.image[:n_rows], cv2.COLOR_BGR2GRAY)
     is_background = (mask == 0) & ~hidden
-    # The boundary is where the share of the pile in a pixel is one half.
+    # On the boundary, a pixel shows equal shares of pile and background.
     pile = Segmentation(
         grey=grey,
         contrast=share,
@@ -304,14 +304,15 @@ def _make_fine_marks(coarse: np.ndarray, hidden: np.ndarray, reach: int) -> np.n
     hidden : ndarray
         Mask (H, W) of pixels that do not show the scene.
     reach : int
-        Distance from the boundary of the coarse mask within which pixels are uncertain.
+        Distance from the boundary of the coarse mask within which pixels are uncertain,
+        in pixels.
 
     Returns
     -------
     ndarray
-        One of OpenCV's marks GC_FGD, GC_PR_FGD, GC_PR_BGD and GC_BGD for each pixel.
+        The mark GC_FGD, GC_PR_FGD, GC_PR_BGD or GC_BGD of OpenCV for each pixel.
     """
-    # Continue the pile below the plate, so that its base does not count as boundary.
+    # Extend the pile below the plate, so that its base does not count as boundary.
     n_rows = len(coarse)
     extended = cv2.copyMakeBorder(coarse, 0, reach, 0, 0, cv2.BORDER_REPLICATE)
     is_inside = cv2.erode(extended, _make_disc(reach))[:n_rows] > 0
@@ -334,7 +335,7 @@ def _mark_free_pixels(marks: np.ndarray, hidden: np.ndarray, reach: int) -> np.n
     hidden : ndarray
         Mask (H, W) of pixels that do not show the scene.
     reach : int
-        A pixel within this distance of a hidden one is near it.
+        Distance in pixels within which a pixel is near a hidden one.
 
     Returns
     -------
@@ -349,7 +350,7 @@ def _mark_free_pixels(marks: np.ndarray, hidden: np.ndarray, reach: int) -> np.n
 def _compute_faint_share(
     colours: np.ndarray, mask: np.ndarray, near_px: float, weights: np.ndarray
 ) -> float:
-    """Compute the share of the upper boundary at which both sides hardly differ.
+    """Compute the share of the upper boundary along which both sides hardly differ.
 
     Parameters
     ----------
@@ -358,7 +359,7 @@ def _compute_faint_share(
     mask : ndarray
         Mask (H, W) of the pile.
     near_px : float
-        Radius of the neighbourhood that gives the features of both sides.
+        Radius in pixels of the neighbourhood over which each side is averaged.
     weights : ndarray
         Weights (3,) of the features.
 
@@ -377,10 +378,11 @@ def _compute_faint_share(
 
 
 def _compute_light(view: SideView, n_rows: int) -> np.ndarray:
-    """Compute how much light reached the camera in each pixel above the plate.
+    """Compute how much light reached each pixel of the camera above the plate.
 
-    In a pixel on the boundary, the camera adds the light of both sides, and only then
-    converts the sum to a tone. Shares of both sides therefore follow from light.
+    In a pixel on the boundary, the camera adds the light from both sides, and only then
+    converts the sum to a tone. So the shares of both sides follow from the light, and not
+    from the tone.
 
     Parameters
     ----------
@@ -392,7 +394,7 @@ def _compute_light(view: SideView, n_rows: int) -> np.ndarray:
     Returns
     -------
     ndarray
-        Light (n_rows, W, 3) of the three colours, 0 to 1.
+        Light (n_rows, W, 3) in the three colour channels, from 0 to 1.
     """
     light = (view.image.astype(np.float32) / LARGEST_TONE) ** TONE_CURVE
     smooth = cv2.GaussianBlur(light, (0, 0), 0.8)
@@ -421,15 +423,15 @@ def _move_boundary(
     mask : ndarray
         Mask (H, W) of the pile.
     is_free : ndarray
-        The pixels (H, W) that may change.
+        Mask (H, W) of the pixels that may change.
     neighbourhood_px : float
-        Radius of the local means.
+        Radius in pixels over which the local means are taken.
     reach_px : float
-        Distance from the boundary within which pixels change.
+        Distance from the boundary in pixels within which a pixel may change.
     certain_share : float
-        A pixel changes its side if the other side has at least this share in it. With
-        more than 0.5, a pixel that is like neither side, such as that of a grain in the
-        shade, stays where it is.
+        A pixel changes sides if at least this share of it belongs to the other side. If
+        the share is above 0.5, a pixel that resembles neither side, such as one of a
+        shaded grain, stays on its side.
 
     Returns
     -------
@@ -441,7 +443,7 @@ def _move_boundary(
     reach = max(LIGHT_PX, round(reach_px))
     boundary = cv2.morphologyEx(mask, cv2.MORPH_GRADIENT, _make_disc(reach))
     may_change = is_free & (boundary > 0)
-    # Each move changes the local means, which are then computed again.
+    # Each move of the boundary changes the local means, so compute them again.
     for _ in range(N_ROUNDS):
         pile, background = _average_sides(values, mask, neighbourhood_px)
         position, _ = _project_onto_span(values, pile, background, SMALLEST_SPAN)
@@ -460,7 +462,7 @@ def _project_onto_span(
     background: np.ndarray,
     smallest_squared_span: float,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Compute where values lie on the line from the background's values to the pile's.
+    """Project values on the line from the background's mean values to the pile's.
 
     Parameters
     ----------
@@ -469,13 +471,13 @@ def _project_onto_span(
     pile, background : ndarray
         Mean values (H, W, N) of the two sides near each pixel.
     smallest_squared_span : float
-        Takes the place of a smaller squared distance between the two means, to avoid a
-        division by zero.
+        Lower limit of the squared distance between the two means, which avoids a division
+        by zero.
 
     Returns
     -------
     position : ndarray
-        Positions (H, W): 0 at the value of the background, 1 at that of the pile.
+        Positions (H, W) on the line: 0 at the background, 1 at the pile.
     squared_span : ndarray
         Squared distances (H, W) between the two means.
     """
@@ -488,10 +490,10 @@ def _project_onto_span(
 def _remove_penumbra(
     mask: np.ndarray, features: np.ndarray, grain_px: float
 ) -> np.ndarray:
-    """Remove the shadow along the boundary of a pile, up to a grain wide.
+    """Remove a shadow along the boundary of a pile, at most about a grain wide.
 
-    A shadow has the ratios of the background's colours. Nothing is removed where pile
-    and background have nearly the same ratios.
+    In a shadow, the ratios of the colours are those of the background. Where pile and
+    background have nearly the same ratios, nothing is removed.
 
     Parameters
     ----------
@@ -514,8 +516,8 @@ def _remove_penumbra(
     pile = _average_locally(features, core, 2 * grain_px)
     background = _average_locally(features, surroundings, 2 * grain_px)
 
-    # The ratios of the colours, which are the first two features, tell the share of the
-    # pile in a pixel.
+    # Estimate the share of the pile in each pixel from the ratios of the colours, which
+    # are the first two features.
     pile_share, squared_span = _project_onto_span(
         features[..., :2], pile[..., :2], background[..., :2], SMALLEST_RATIO_SPAN
     )
@@ -524,12 +526,12 @@ def _remove_penumbra(
     is_boundary = (mask > 0) & (core == 0)
     has_contrast = squared_span > SHADOW_COLOUR**2
     has_background_ratios = pile_share < 1 - PENUMBRA_SHARE
-    # Black grains have no colour of their own, but are darker than a shadow.
+    # The ratios do not reveal black grains, but these are darker than a shadow.
     darkening = background[..., 2] - features[..., 2]
     is_light_enough = darkening < BRIGHTNESS_GAIN * SHADOW_DARKEST
     is_shadow = is_boundary & has_contrast & has_background_ratios & is_light_enough
 
-    # Keep smaller patches in the pile, because they are gaps between grains.
+    # Leave smaller patches in the pile, because they are gaps between grains.
     height = max(3, round(PENUMBRA_HEIGHT_GRAINS * grain_px))
     width = max(3, round(PENUMBRA_WIDTH_GRAINS * grain_px))
     smallest_patch = np.ones((height, width), np.uint8)
@@ -540,10 +542,10 @@ def _remove_penumbra(
 
 
 def count_shadow_rows(image: np.ndarray, mask: np.ndarray) -> int:
-    """Count the lowest rows of a pile that are mostly shadow on the background.
+    """Count the rows at the bottom of a pile that are mostly shadow on the background.
 
-    The count is 0 for grains of the background's colour, for example in a grey picture,
-    because such grains look like a shadow.
+    The count is 0 if the grains have the background's colour, as in a grey picture,
+    because then they cannot be told from a shadow.
 
     Parameters
     ----------
@@ -564,7 +566,7 @@ def count_shadow_rows(image: np.ndarray, mask: np.ndarray) -> int:
     rows = np.flatnonzero(small_mask.any(axis=1))
     shadow_widths = shadow[rows].sum(axis=1)
     pile_widths = small_mask[rows].sum(axis=1, dtype=int)
-    # All rows below the lowest row that is mostly grains are shadow.
+    # All rows below the lowest row that mostly shows grains are shadow.
     grain_rows = np.flatnonzero(2 * shadow_widths < pile_widths)
     if grain_rows.size == 0:
         return 0
@@ -574,10 +576,10 @@ def count_shadow_rows(image: np.ndarray, mask: np.ndarray) -> int:
 
 
 def compute_shadow_share(image: np.ndarray, mask: np.ndarray) -> float:
-    """Compute the share of a pile's area that is a patch of shadow on the background.
+    """Compute the share of a pile's area that consists of patches of shadow.
 
-    The share is 0 for a pile of the background's colour, because its grains look like a
-    shadow.
+    The share is 0 if the grains have the background's colour, because then they cannot be
+    told from a shadow.
 
     Parameters
     ----------
@@ -609,7 +611,7 @@ def compute_shadow_share(image: np.ndarray, mask: np.ndarray) -> float:
 
 
 def _compare_with_sides(image: np.ndarray, mask: np.ndarray) -> _SideComparison:
-    """Compare each pixel of a picture with the median of its row's two ends.
+    """Compare each pixel of a picture with the median over both ends of its row.
 
     Parameters
     ----------
@@ -621,7 +623,7 @@ def _compare_with_sides(image: np.ndarray, mask: np.ndarray) -> _SideComparison:
     Returns
     -------
     _SideComparison
-        The differences from these medians.
+        The reduced picture's differences from these medians.
     """
     step = max(1, max(mask.shape) // COMPARED_PX)
     colours = compute_features(np.ascontiguousarray(image[::step, ::step]))
@@ -633,7 +635,7 @@ def _compare_with_sides(image: np.ndarray, mask: np.ndarray) -> _SideComparison:
 
 
 def compute_features(image: np.ndarray) -> np.ndarray:
-    """Compute the features of a picture: two ratios of channels, and brightness.
+    """Compute the features of a picture: two ratios of channels, and the brightness.
 
     Parameters
     ----------
@@ -670,10 +672,10 @@ def _compute_view_features(
     n_rows : int
         Number of rows above the plate.
     grain_px : float or None
-        Height of a grain in pixels, if roughness takes the place of brightness; None if
-        it does not.
+        Height of a grain in pixels if roughness takes the place of brightness, otherwise
+        None.
     pile : ndarray, optional
-        Mask (n_rows, W) of the pile, if it is known. Only the roughness depends on it.
+        Mask (n_rows, W) of the pile, if it is known. It is used only for the roughness.
 
     Returns
     -------
@@ -695,9 +697,10 @@ def _compute_roughness(
 ) -> np.ndarray:
     """Compute the roughness of a picture as a feature of its pixels.
 
-    Roughness is the smallest gradient over all directions (Shi and Tomasi 1994). It is
-    zero at a straight edge, such as that of a table. The roughness of the background in
-    the same row is subtracted. The result is scaled by the scatter of the background.
+    Roughness measures how much the brightness changes in the direction in which it
+    changes least (Shi and Tomasi 1994). It is zero at a straight edge, such as that of a
+    table. The roughness of the background in the same row is subtracted, and the result
+    is scaled by the scatter of the background.
 
     Parameters
     ----------
@@ -718,7 +721,7 @@ def _compute_roughness(
     smallest_gradient = cv2.cornerMinEigenVal(
         np.ascontiguousarray(brightness), WINDOW_PX
     )
-    # Close the gaps between grains, and remove the margin that the window adds.
+    # Close the gaps between grains, and remove the margin that the window has added.
     radius = max(1, round(GAP_RADIUS_GRAINS * grain_px))
     gradient_root = np.sqrt(np.maximum(smallest_gradient, 0))
     closed = cv2.dilate(gradient_root, _make_disc(radius))
@@ -745,10 +748,10 @@ def _compute_roughness(
 
 
 def _hide_excluded(values: np.ndarray, excluded: np.ndarray) -> np.ndarray:
-    """Replace excluded values by NaN, so that statistics of a row leave them out.
+    """Replace excluded values by NaN, so that statistics of a row ignore them.
 
-    A row that is excluded as a whole stays as it is, because its statistics would be
-    NaN.
+    A row in which all values are excluded is left as it is, because otherwise its
+    statistics would be NaN.
 
     Parameters
     ----------
@@ -766,9 +769,9 @@ def _hide_excluded(values: np.ndarray, excluded: np.ndarray) -> np.ndarray:
 
 
 def _fill_hidden(colours: np.ndarray, hidden: np.ndarray) -> np.ndarray:
-    """Give hidden pixels the colour of the nearest visible one in their row.
+    """Give each hidden pixel the colour of the nearest visible pixel in its row.
 
-    A row without a visible pixel stays as it is.
+    A row without visible pixels is left as it is.
 
     Parameters
     ----------
@@ -790,7 +793,7 @@ def _fill_hidden(colours: np.ndarray, hidden: np.ndarray) -> np.ndarray:
     from_right = np.where(hidden, far_right, columns)[:, ::-1]
     right = np.minimum.accumulate(from_right, axis=1)[:, ::-1]
 
-    # The nearer one of the two gives its colour.
+    # Take the colour of the nearer of the two.
     nearest = np.where(columns - left <= right - columns, left, right)
     has_visible = ~hidden.all(axis=1, keepdims=True)
     source = np.where(has_visible, nearest, columns)
@@ -800,20 +803,21 @@ def _fill_hidden(colours: np.ndarray, hidden: np.ndarray) -> np.ndarray:
 def _fit_background(features: np.ndarray, excluded: np.ndarray) -> np.ndarray:
     """Estimate the features of the background by a line along each row of a picture.
 
-    The first estimate is the median of the row's outer parts. Then a line is fitted to
-    the pixels whose features are near the last estimate. This is repeated twice.
+    The first estimate is the median over the outer parts of the row. A line is then
+    fitted `N_BACKGROUND_FITS` times, each time to the pixels whose features are close to
+    the previous estimate.
 
     Parameters
     ----------
     features : ndarray
         Features (H, W, 3) of the picture.
     excluded : ndarray
-        Mask (H, W) of pixels that are no background.
+        Mask (H, W) of pixels that do not show the background.
 
     Returns
     -------
     ndarray
-        Features (H, W, 3) of the background, also behind the pile.
+        Features (H, W, 3) of the background, including the part behind the pile.
     """
     width = excluded.shape[1]
     is_allowed = ~excluded[..., None]
@@ -827,7 +831,7 @@ def _fit_background(features: np.ndarray, excluded: np.ndarray) -> np.ndarray:
         distance = np.linalg.norm(features - background, axis=-1, keepdims=True)
         is_kept = (distance < LARGEST_TEXTURE) & is_allowed
         line, n_kept = _fit_lines(x, features, is_kept.astype(np.float32))
-        # Keep the last estimate of a row if few of its pixels are near.
+        # Keep the previous estimate of a row if too few of its pixels are close to it.
         has_few = n_kept < FEWEST_NEAR_SHARE * width
         background = np.where(has_few, background, line).astype(np.float32)
     return background
@@ -836,12 +840,12 @@ def _fit_background(features: np.ndarray, excluded: np.ndarray) -> np.ndarray:
 def _fit_lines(
     x: np.ndarray, values: np.ndarray, weight: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Fit a line of each feature over x to each row of a picture.
+    """Fit each feature in each row of a picture by a straight line over x.
 
     Parameters
     ----------
     x : ndarray
-        Places (1, W, 1) of the columns.
+        Positions (1, W, 1) of the columns.
     values : ndarray
         Features (H, W, 3).
     weight : ndarray
@@ -859,7 +863,7 @@ def _fit_lines(
     n_pixels = weight.sum(1, keepdims=True) + 1e-3
     mean_x = (weight * x).sum(1, keepdims=True) / n_pixels
     mean = (weight * values).sum(1, keepdims=True) / n_pixels
-    # The added term makes a line through few pixels flatter.
+    # The added term reduces the slope of a line that is fitted to few pixels.
     spread = (weight * (x - mean_x) ** 2).sum(1, keepdims=True) + 0.02 * width
     covariance = (weight * (x - mean_x) * (values - mean)).sum(1, keepdims=True)
     return mean + covariance / spread * (x - mean_x), n_pixels
@@ -868,7 +872,7 @@ def _fit_lines(
 def _compute_local_scatter(brightness: np.ndarray) -> np.ndarray:
     """Compute the standard deviation of the brightness around each pixel.
 
-    Grains with gaps between them have a large one, a shadow has a small one.
+    It is large for grains with gaps between them, and small in a shadow.
 
     Parameters
     ----------
@@ -891,7 +895,7 @@ def _guess_pile(
 ) -> _Guess:
     """Guess where the pile is, from the difference between picture and background.
 
-    The pile is the largest part that stands on the plate and is wider than high.
+    The pile is the largest part that stands on the plate and is clearly wider than high.
 
     Parameters
     ----------
@@ -919,8 +923,8 @@ def _guess_pile(
         1,
         cv2.THRESH_BINARY | cv2.THRESH_OTSU,
     )
-    # Try lower levels if no pile is found. The foot of the pile needs one if the plate is
-    # more similar to the grains than the wall is.
+    # If no pile is found, try lower levels. The foot of the pile is found only at a lower
+    # level if the plate resembles the grains more than the wall does.
     for level in (otsu_level, otsu_level / 2, otsu_level / 4):
         if level < SMALLEST_LEVEL:
             break
@@ -940,15 +944,15 @@ def _combine_differences(
 ) -> np.ndarray:
     """Combine the differences in colour, brightness and scatter from the background.
 
-    The arguments are those of `_guess_pile`.
+    The parameters are those of `_guess_pile`.
 
     Returns
     -------
     ndarray
-        How much each pixel (H, W) differs; 0 for a hidden pixel.
+        The combined difference (H, W); 0 for a hidden pixel.
     """
-    # Subtract the median scatter of each row, because a level edge of a table also has
-    # scatter.
+    # Subtract the median scatter of each row, because the level edge of a table also
+    # causes scatter.
     row_scatter = np.nanmedian(_hide_excluded(scatter, hidden), axis=1, keepdims=True)
     squares = (
         (difference[..., :2] ** 2).sum(-1)
@@ -972,14 +976,14 @@ def _find_standing_parts(mask: np.ndarray) -> tuple[np.ndarray | None, np.ndarra
     Parameters
     ----------
     mask : ndarray
-        Mask (H, W), uint8, of all that differs from the background. The plate lies below
-        its last row.
+        Mask (H, W), uint8, of everything that differs from the background. The plate lies
+        below its last row.
 
     Returns
     -------
     pile : ndarray or None
-        Mask (H, W) of the largest part on the plate that is wider than high; None if
-        there is none.
+        Mask (H, W) of the largest part that stands on the plate and is clearly wider than
+        high; None if there is none.
     others : ndarray
         Mask (H, W) of all parts that are much higher than wide.
     """
@@ -1005,17 +1009,17 @@ def _find_standing_parts(mask: np.ndarray) -> tuple[np.ndarray | None, np.ndarra
 
 
 def _apply_grab_cut(colours: np.ndarray, marks: np.ndarray) -> np.ndarray:
-    """Find the pile by GrabCut, from marks of what is pile and what is background.
+    """Find the pile with GrabCut, starting from marks of pile and background.
 
-    The result is the same each time, because OpenCV's random numbers begin with the
-    same seed.
+    The result is the same in each call, because the seed of OpenCV's random numbers is
+    set.
 
     Parameters
     ----------
     colours : ndarray
         Features (H, W, 3).
     marks : ndarray
-        OpenCV's marks (H, W): pile or background, certainly or probably.
+        OpenCV's marks (H, W): each pixel is pile or background, certainly or probably.
 
     Returns
     -------
@@ -1070,8 +1074,8 @@ def _remove_shadow(
 def _mark_shadow(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
     """Mark the pixels of a pile that look like a shadow on the background.
 
-    Such pixels have the background's colour and are darker. A shadow lies at the foot.
-    If the upper part of the pile has many such pixels, too, then the grains have the
+    Such pixels have the background's colour but are darker. A shadow lies at the foot. If
+    there are also many such pixels in the upper part of the pile, the grains have the
     background's colour, and no pixel is marked.
 
     Parameters
@@ -1101,8 +1105,9 @@ def _mark_shadow(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
 def _mark_darker_background(mask: np.ndarray, difference: np.ndarray) -> np.ndarray:
     """Mark pixels of a pile that have the background's colour but are darker.
 
-    Neither black grains, which are darker than a shadow, nor noise count. The arguments
-    are those of `_mark_shadow`.
+    Black grains are not marked, because they are darker than a shadow. Slightly darker
+    pixels are not marked either, because they may be noise. The parameters are those of
+    `_mark_shadow`.
     """
     colour_distance = np.sqrt((difference[..., :2] ** 2).sum(-1))
     darkening = -difference[..., 2] / BRIGHTNESS_GAIN
@@ -1115,7 +1120,7 @@ def _mark_darker_background(mask: np.ndarray, difference: np.ndarray) -> np.ndar
 
 
 def _remove_loose_grains(mask: np.ndarray, grain_px: float) -> np.ndarray:
-    """Remove loose grains behind a pile, and those that touch its foot.
+    """Remove loose grains behind a pile, and loose grains that touch its foot.
 
     Parameters
     ----------
@@ -1135,18 +1140,19 @@ def _remove_loose_grains(mask: np.ndarray, grain_px: float) -> np.ndarray:
 
 
 def _remove_floating(mask: np.ndarray, gap_px: float) -> np.ndarray:
-    """Remove parts that float above background, such as a loose grain behind the pile.
+    """Remove parts with background below them, such as a loose grain behind the pile.
 
     The foot of the pile is the lowest row that is at least half as wide as the widest
-    row. It is not the row of the plate, because round grains end a little above it.
+    row. It is not the row of the plate, because the outlines of round grains end a little
+    above the plate.
 
     Parameters
     ----------
     mask : ndarray
         Mask (H, W) of the pile.
     gap_px : float
-        A pixel floats if more than this number of pixels below it, down to the foot, are
-        background.
+        A pixel is removed if more than this number of pixels below it, down to the foot,
+        are background.
 
     Returns
     -------
@@ -1156,7 +1162,7 @@ def _remove_floating(mask: np.ndarray, gap_px: float) -> np.ndarray:
     widths = mask.sum(axis=1, dtype=int)
     is_wide = 2 * widths >= max(widths.max(), 1)
     n_rows_to_foot = len(mask) - int(is_wide[::-1].argmax())
-    # Rows from the foot upwards
+    # Order the rows from the foot upwards.
     is_pile = mask[:n_rows_to_foot][::-1] > 0
     n_background_below = np.cumsum(~is_pile, axis=0)
     is_standing = is_pile & (n_background_below <= gap_px)
@@ -1167,7 +1173,7 @@ def _remove_floating(mask: np.ndarray, gap_px: float) -> np.ndarray:
 def _remove_touching(mask: np.ndarray, radius: int) -> np.ndarray:
     """Remove loose grains that touch the foot of a pile.
 
-    They are low parts of the mask that only a narrow neck connects with the rest.
+    Such grains are low parts of the mask, connected with the rest only by a narrow neck.
 
     Parameters
     ----------
@@ -1184,8 +1190,8 @@ def _remove_touching(mask: np.ndarray, radius: int) -> np.ndarray:
     if radius < 1:
         return mask
 
-    # Erode the mask by the radius, so that it falls apart at its necks. It is continued
-    # below the plate first, because its lower edge is no boundary.
+    # Erode the mask by the radius, so that it breaks apart at its necks. First extend it
+    # below the plate, because its lower edge is not a boundary of the pile.
     extended = cv2.copyMakeBorder(mask, 0, 2 * radius, 0, 0, cv2.BORDER_REPLICATE)
     core = cv2.erode(extended, _make_disc(radius))[: len(mask)]
     n_labels, labels, boxes, _ = cv2.connectedComponentsWithStats(core)
@@ -1194,7 +1200,7 @@ def _remove_touching(mask: np.ndarray, radius: int) -> np.ndarray:
         return mask
 
     # Assign each pixel to the nearest part. OpenCV numbers the pixels of all parts, and
-    # gives each pixel of the picture the number of the nearest one.
+    # labels each pixel of the picture with the number of the nearest of them.
     _, nearest_pixel = cv2.distanceTransformWithLabels(
         1 - core, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL
     )
@@ -1202,7 +1208,7 @@ def _remove_touching(mask: np.ndarray, radius: int) -> np.ndarray:
     part_of_pixel[nearest_pixel[core > 0]] = labels[core > 0]
     nearest_part = part_of_pixel[nearest_pixel]
 
-    # Parts whose top is below the middle of the pile are loose. The background and the
+    # Parts whose top is below the mean row of the pile are loose. The background and the
     # largest part are never loose.
     middle = np.flatnonzero(mask.any(axis=1)).mean()
     is_loose = boxes[:, cv2.CC_STAT_TOP] > middle
@@ -1212,7 +1218,7 @@ def _remove_touching(mask: np.ndarray, radius: int) -> np.ndarray:
 
 
 def _make_disc(radius: int) -> np.ndarray:
-    """Make a disc of a radius in pixels, for morphological operations."""
+    """Make a disc with a radius in pixels, for morphological operations."""
     size = 2 * radius + 1
     return cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (size, size))
 
@@ -1220,7 +1226,7 @@ def _make_disc(radius: int) -> np.ndarray:
 def _average_sides(
     values: np.ndarray, mask: np.ndarray, radius_px: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Average values of pile and background around each pixel.
+    """Average the values of pile and background, each in the neighbourhood of a pixel.
 
     Parameters
     ----------
@@ -1229,7 +1235,7 @@ def _average_sides(
     mask : ndarray
         Mask (H, W) of the pile, 0 or 1.
     radius_px : float
-        Radius of the neighbourhood.
+        Radius of the neighbourhood in pixels.
 
     Returns
     -------
@@ -1244,7 +1250,7 @@ def _average_sides(
 def _average_locally(
     values: np.ndarray, part: np.ndarray, radius_px: float
 ) -> np.ndarray:
-    """Average the values of a part of the picture around each pixel.
+    """Average the values of a part of the picture in the neighbourhood of each pixel.
 
     Parameters
     ----------
@@ -1253,7 +1259,7 @@ def _average_locally(
     part : ndarray
         Mask (H, W) of the part, 0 or 1.
     radius_px : float
-        Radius of the neighbourhood, at least 3 pixels.
+        Radius of the neighbourhood in pixels. A radius below 3 is raised to 3.
 
     Returns
     -------

@@ -19,13 +19,13 @@ class Viewpoint(NamedTuple):
 
 
 class _SourcePixels(NamedTuple):
-    """For each pixel of the new view, the place in the old view that it shows."""
+    """For each pixel of the new view, the position in the old view that it shows."""
 
     column: np.ndarray  # (H, W), float32
     row: np.ndarray  # (H, W), float32
 
     def redraw(self, picture: np.ndarray) -> np.ndarray:
-        """Redraw a picture of the old view; it may lack rows at the bottom."""
+        """Redraw a picture of the old view, which may lack rows at the bottom."""
         return cv2.remap(
             picture,
             self.column[: len(picture)],
@@ -42,10 +42,10 @@ def remove_perspective(
     angles_deg: Sequence[float],
     pile_height_px: float,
 ) -> tuple[np.ndarray, Segmentation]:
-    """Redraw a side view as a camera at the plate's height sees it from far away.
+    """Redraw a side view as a distant camera at the height of the plate would see it.
 
-    A near camera sees the outline of a pile as points that do not lie in the plane
-    through the pile's axis. The pile is treated as a cone to find these points.
+    The points that a near camera sees as the outline of a pile do not lie in the plane
+    through the pile's axis. To find these points, the pile is treated as a cone.
 
     Parameters
     ----------
@@ -56,7 +56,7 @@ def remove_perspective(
     viewpoint : Viewpoint
         Position of the camera.
     angles_deg : sequence of float
-        Angles of the left and the right side in the view.
+        Angles of the left and the right side above the horizontal, in the old view.
     pile_height_px : float
         Height of the pile in pixels.
 
@@ -81,9 +81,9 @@ def remove_perspective(
     pile_share = source.redraw(pile.mask.astype(np.float32))
     is_pile = pile_share >= 0.5
     if tan_down > 0:
-        # Below the widest row of the foot, the outline is the underside of its grains.
-        # There the model of a cone would make the foot too wide. The true foot is as wide
-        # as in the old view, so keep only its columns there.
+        # Below the widest row of the foot, the outline is the underside of the grains,
+        # and the model of a cone would make the foot too wide. Its true width is that in
+        # the old view, so keep only the columns of the old pile.
         is_pile &= _find_columns_of_pile(pile)
     redrawn_pile = replace(
         pile,
@@ -107,7 +107,7 @@ def _compute_outline_turn_sines(
     Parameters
     ----------
     angles_deg : sequence of float
-        Angles of the left and the right side as they are seen.
+        Apparent angles of the left and the right side above the horizontal.
     tan_down : float
         Tangent of the angle at which the camera looks down; negative if it looks up.
 
@@ -129,14 +129,14 @@ def _find_source_pixels(
 ) -> _SourcePixels:
     """Find the pixels of the old view that a new view of the same shape shows.
 
-    A pixel of the new view shows a point in the turned plane in which this side of the
-    outline lies. The ray from the camera to this point meets the plane of the old view in
+    A pixel of the new view shows a point in the turned plane that contains this side of
+    the outline. The ray from the camera to this point meets the plane of the old view at
     the source pixel.
 
     Parameters
     ----------
     shape : tuple of int
-        Rows and columns of the view.
+        Number of rows and columns of the view.
     base_row : float
         Row of the plate.
     viewpoint : Viewpoint
@@ -156,8 +156,8 @@ def _find_source_pixels(
     left_sine, right_sine = outline_turn_sines
     sine = np.where(axis_offset > 0, right_sine, left_sine)
 
-    # The point lies behind the plane of the old view. The camera therefore sees it nearer
-    # to the middle of its view than a point in this plane.
+    # A point behind the plane of the old view appears closer to the point opposite the
+    # camera than a point in this plane does. The depth is negative in front of the plane.
     depth = np.abs(axis_offset) * sine
     reduction = viewpoint.distance_px / (viewpoint.distance_px + depth)
     column = viewpoint.axis_px + axis_offset * np.sqrt(1 - sine**2) * reduction

@@ -1,8 +1,8 @@
 """Measure or refuse photographs of repeated piles.
 
-The printed sheet (`repose.measure.photographs.sheet`) gives scale, tilt, lens and the
-plate. Without it, the photograph must be level, without distortion, and before a plain
-background; where no length is known, it has angles alone.
+The printed sheet (`repose.measure.photographs.sheet`) gives the scale, the tilt, the lens
+and the plate. Without it, the photograph must be level and free of distortion, and the
+background must be plain. If no length is known either, only angles are measured.
 """
 
 import math
@@ -43,15 +43,16 @@ LARGEST_LEVEL_DEG = 25.0
 LARGEST_PX = 4000  # of a photograph; a larger one is reduced
 COARSE_PX = 700  # of the view in which a pile is found
 FINE_PX = 1200  # of the view in which its boundary is found
-# Height of a grain at most, where roughness is measured: a larger one is smooth within.
+# Largest height of a grain in a view in which roughness is measured. The inside of a larger
+# grain would look smooth.
 LARGEST_ROUGH_GRAIN_PX = 8
 
 LARGEST_DIFFERENCE_DEG = 10.0  # of the two sides of a pile
 LARGEST_FAINT_SHARE = 0.2  # of the upper boundary
 SIDE_MARGIN = 1.3  # half the width of the fine view over the pile's
 TOP_MARGIN = 1.6  # height of the fine view over the pile's
-# Hidden pixels that may lie within 2 pixels of the pile, because its boundary is noisy:
-# their number over that of the rows
+# Largest number of hidden pixels next to the pile, over the number of rows. A few are
+# allowed, because the boundary of the pile is noisy.
 LARGEST_HIDDEN_SHARE = 0.03
 
 NO_SHEET_REASON = (
@@ -66,7 +67,8 @@ NO_LENGTH_NOTE = (
 EXIF_CAMERA = 0x8769
 EXIF_FOCAL_LENGTH_35MM = 0xA405
 FILM_WIDTH_MM = 36
-# Few lenses are shorter or longer. A camera may write 0 for an unknown focal length.
+# Hardly any lens lies outside these limits. A camera may write 0 if it does not know the
+# focal length.
 PLAUSIBLE_FOCALS_MM = (5, 1000)
 
 Paths = Sequence[Path]
@@ -80,17 +82,17 @@ class Scale:
     Attributes
     ----------
     square_mm : float
-        Side of a square of the printed sheet. A photograph with the sheet ignores the
-        other fields.
+        Side of a square of the printed sheet. For a photograph that shows the sheet, the
+        other fields are not used.
     mm_per_pixel : float, optional
-        Scale without the sheet; None means that the sheet gives it, or nothing.
+        Scale of a photograph without the sheet; None if the user gives none.
     base_row : float, optional
-        Row of the plate; None means the pile's lowest row.
+        Row of the plate; None if it is to be found in the photograph.
     level_deg : float
         Angle by which a level line rises to the right in the photograph.
     ends : tuple of float
-        Column and row of the left end of that line, then of its right end; empty
-        without one.
+        Column and row of the left end of that line, then of its right end; empty if the
+        user gives no line.
     """
 
     square_mm: float = sheet.SQUARE_MM
@@ -113,16 +115,16 @@ class Photograph:
     pile : Segmentation, optional
         The part taken for the pile; None if nothing was found.
     measurement : Measurement, optional
-        None if the photograph was refused.
+        The measurement of the pile; None if the photograph was refused.
     refusal_reason : str
-        The reason why it was refused; empty if it was not.
+        The reason why the photograph was refused; empty if it was not.
     geometry : dict
-        Its ``mm_per_pixel``, if it is known; with a sheet also ``tilt_deg`` and
-        ``look_down_deg``.
+        The scale ``mm_per_pixel``, if it is known. A photograph with a sheet also has
+        ``tilt_deg`` and ``look_down_deg``.
     note : str
-        A warning for the reader of the numbers; may be empty.
+        A warning about the numbers; may be empty.
     doubts : sequence of str
-        Signs that it does not show a single pile.
+        Signs that the photograph does not show a single pile.
     """
 
     path: Path
@@ -136,7 +138,7 @@ class Photograph:
 
     @property
     def mm_per_pixel(self) -> float:
-        """Its scale; 1 where it is not known, so that lengths are in pixels."""
+        """Its scale. If this is unknown, it is 1, so that lengths are in pixels."""
         return self.geometry.get("mm_per_pixel", 1.0)
 
     @property
@@ -151,26 +153,26 @@ class _Location(NamedTuple):
 
     crest_mm: float  # distance of the crest from the sheet's left edge
     height_mm: float
-    side_mm: float  # half the width of a view with the pile and a margin
+    side_mm: float  # half the width of a view of the pile with a margin
 
 
 def measure_level_length(
     length_mm: float, x1: float, y1: float, x2: float, y2: float
 ) -> tuple[float, float] | None:
-    """Compute scale and slope of a photograph from a known length of a level line.
+    """Compute the scale and the slope of a photograph from a level line of known length.
 
     Parameters
     ----------
     length_mm : float
-        The length.
+        Length of the line.
     x1, y1, x2, y2 : float
-        Column and row of its left and its right end.
+        Column and row of its left end, then of its right end.
 
     Returns
     -------
     tuple or None
         The scale [mm per pixel] and the rise to the right [degrees]. None if the ends
-        are too near to each other, or if the slope is too large.
+        are too close together, or if the slope is too large.
     """
     length_px = math.hypot(x2 - x1, y2 - y1)
     level_deg = math.degrees(math.atan2(y1 - y2, x2 - x1))
@@ -182,10 +184,15 @@ def measure_level_length(
 def read_photograph(path: Path) -> tuple[np.ndarray, float]:
     """Read a photograph, and reduce it if a side is longer than `LARGEST_PX`.
 
+    Parameters
+    ----------
+    path : Path
+        The file.
+
     Returns
     -------
     tuple
-        The photograph (H, W, 3), BGR, and the factor of the reduction, at least 1.
+        The photograph (H, W, 3), BGR, and the factor by which it was reduced, at least 1.
     """
     image = read_image(path)
     reduction = max(1.0, max(image.shape[:2]) / LARGEST_PX)
@@ -197,7 +204,7 @@ def read_photograph(path: Path) -> tuple[np.ndarray, float]:
 
 
 def split_readable(paths: Paths) -> tuple[list[Path], list[InputError]]:
-    """Split photographs into those that can be read and the faults of the others.
+    """Find out which photographs can be read, and collect the errors of the others.
 
     Parameters
     ----------
@@ -209,7 +216,7 @@ def split_readable(paths: Paths) -> tuple[list[Path], list[InputError]]:
     readable_paths : list of Path
         The photographs that can be read.
     faults : list of InputError
-        An error for each of the others.
+        The error of each of the other photographs.
     """
     readable_paths = []
     faults = []
@@ -228,7 +235,7 @@ def calibrate_cameras(
 ) -> tuple[dict[Path, sheet.SheetCorners | None], dict[Size, camera.Camera]]:
     """Find the sheet in photographs, and calibrate their cameras.
 
-    Photographs of the same size count as photographs of the same camera.
+    Photographs of the same size are assumed to come from the same camera.
 
     Parameters
     ----------
@@ -240,9 +247,9 @@ def calibrate_cameras(
     Returns
     -------
     sheets : dict
-        The sheet by photograph, None if it is not found.
+        The corners of the sheet by path of the photograph; None if it is not found.
     cameras : dict
-        The camera by width and height of its photographs in pixels.
+        The cameras by width and height of their photographs in pixels.
     """
     sheets: dict[Path, sheet.SheetCorners | None] = {}
     views_by_size: dict[Size, list[sheet.SheetCorners]] = {}
@@ -254,7 +261,7 @@ def calibrate_cameras(
         sheets[path] = corners
         if corners is not None:
             views_by_size.setdefault(size, []).append(corners)
-            # The first photograph of a size states the focal length of its camera.
+            # Take the stated focal length from the first photograph of each size.
             if size not in focal_by_size:
                 focal_by_size[size] = _read_focal(path, max(size))
     cameras = {
@@ -269,8 +276,8 @@ def measure_photographs(
 ) -> list[Photograph]:
     """Measure photographs of piles, with or without the printed sheet.
 
-    The sheet, if it is seen in any photograph, gives scale, tilt and lens. A photograph
-    that cannot be measured has the reason in its result.
+    If any photograph shows the sheet, the sheet gives the scale, the tilt and the lens.
+    The result of a photograph that cannot be measured gives the reason.
 
     Parameters
     ----------
@@ -279,9 +286,9 @@ def measure_photographs(
     settings : MeasureSettings
         Settings of the measurement.
     scale : Scale
-        What the user knows about the scale of the photographs.
+        What the user has stated about the scale of the photographs.
     lens : sequence of Path
-        Photographs of the sheet alone, by the same camera.
+        Photographs of the sheet alone, taken with the same camera.
 
     Returns
     -------
@@ -291,15 +298,15 @@ def measure_photographs(
     Raises
     ------
     InputError
-        If a photograph of the sheet alone does not show it, or if the row of the plate
-        is given beside a sheet.
+        If a photograph of `lens` does not show the sheet, or if the row of the plate is
+        given although the sheet shows it.
     """
     if scale.mm_per_pixel is not None:
         return [measure_without_sheet(path, settings, scale) for path in paths]
 
     sheets, cameras = calibrate_cameras([*paths, *lens], scale.square_mm)
     _require_sheets(lens, sheets)
-    # If no camera could be calibrated, no photograph shows the sheet.
+    # If there is no camera, no photograph shows the sheet.
     if not cameras:
         return [measure_without_sheet(path, settings, scale) for path in paths]
     if scale.base_row is not None:
@@ -353,8 +360,8 @@ def _measure_with_sheet(
 ) -> Photograph:
     """Measure a photograph that shows the sheet.
 
-    The pile is found by its colour. If the background has nearly the same colours, the
-    pile is found by its roughness. The result of the roughness counts only if it has no
+    The pile is found by its colour. If the background has nearly the same colours, it is
+    found by its roughness instead. The latter result is used only if it is free of
     doubts.
 
     Parameters
@@ -362,7 +369,7 @@ def _measure_with_sheet(
     path : Path
         The file.
     image : ndarray
-        The photograph (H, W, 3) in it, BGR.
+        The photograph (H, W, 3), BGR.
     corners : SheetCorners
         The sheet in the photograph.
     lens : Camera
@@ -386,7 +393,7 @@ def _measure_with_sheet(
         return by_colour
     except NoFlankError as error:
         by_colour.refusal_reason = error.reason
-        # The roughness can only help if the colours do not show the pile.
+        # Roughness can help only if the colours do not show the pile.
         if not isinstance(error, finding.NotPlainError):
             return by_colour
 
@@ -405,25 +412,25 @@ def _measure_in_pose(
     *,
     by_roughness: bool,
 ) -> None:
-    """Find and measure the pile of a photograph whose camera has a known pose.
+    """Find and measure the pile in a photograph whose camera has a known pose.
 
     Parameters
     ----------
     photograph : Photograph
         The photograph. Its attributes are set step by step, so that after a NoFlankError
-        they contain what was found before.
+        they contain everything that was found before.
     pose : Pose
         Position and direction of its camera.
     settings : MeasureSettings
         Settings of the measurement.
     by_roughness : bool
-        Whether the pile is found by its roughness in place of its brightness.
+        Whether roughness takes the place of brightness in finding the pile.
 
     Raises
     ------
     NoFlankError
         If the pile cannot be measured. It is a `NotPlainError` if pile and background
-        are too much alike.
+        look too much alike.
     """
     image = photograph.view
 
@@ -491,7 +498,7 @@ def _list_doubts_of_boundary(faint_share: float) -> list[str]:
     Returns
     -------
     list of str
-        A sentence, or none if the share is small.
+        One sentence; the list is empty if the share is small.
 
     Raises
     ------
@@ -518,9 +525,10 @@ def _remove_perspective(
     fine: camera.SideView,
     settings: MeasureSettings,
 ) -> tuple[np.ndarray, Segmentation]:
-    """Redraw view and pile as a camera at the plate's height sees them from far away.
+    """Redraw view and pile as a distant camera at the height of the plate sees them.
 
-    The new view depends on the angles of both sides, which are measured first.
+    The new view depends on the angles of both sides of the pile, which are measured in
+    the old view first.
 
     Parameters
     ----------
@@ -560,7 +568,7 @@ def _remove_perspective(
 
 
 def _locate_pile(mask: np.ndarray, view: camera.SideView) -> _Location:
-    """Locate the pile of a mask (H, W) in the view of the sheet's plane.
+    """Locate the pile, given by a mask (H, W), in the view of the sheet's plane.
 
     The crest is the middle of the highest row of the pile.
     """
@@ -589,9 +597,9 @@ def _draw_fine_view(
     location : _Location
         Crest, height and width of the pile.
     grain_mm : float or None
-        Height of a grain, if roughness will be measured in the view. The view is then so
-        coarse that a grain has at most `LARGEST_ROUGH_GRAIN_PX` pixels. With None, the
-        view is as fine as `FINE_PX` allows.
+        Height of a grain, if roughness will be measured in the view. The view is then
+        made so coarse that a grain is at most `LARGEST_ROUGH_GRAIN_PX` pixels high. If it
+        is None, the view is as fine as `FINE_PX` allows.
 
     Returns
     -------
@@ -614,7 +622,7 @@ def _measure_view(photograph: Photograph, settings: MeasureSettings) -> Measurem
     Parameters
     ----------
     photograph : Photograph
-        The photograph, in which a pile was found.
+        The photograph with its pile.
     settings : MeasureSettings
         Settings of the measurement.
 
@@ -664,13 +672,13 @@ def _transfer_mask(
         Mask of the pile in the fine view, in the shape of this view.
     """
     n_rows, n_columns = fine.image.shape[:2]
-    # Find the column of the coarse view that each column of the fine view shows. Both
-    # are counted from the sheet's left edge.
+    # Find the column of the coarse view that each column of the fine view shows, from
+    # distances to the sheet's left edge.
     fine_left_mm = axis_mm + fine.left_mm
     x_mm = fine_left_mm + fine.mm_per_pixel * np.arange(n_columns)
     source_columns = (x_mm - coarse.left_mm) / coarse.mm_per_pixel
 
-    # Find the row by the height over the plate. Rows count downwards.
+    # Find the row from the height over the plate. Rows are counted downwards.
     height_mm = (fine.base_row - np.arange(n_rows)) * fine.mm_per_pixel
     source_rows = coarse.base_row - height_mm / coarse.mm_per_pixel
     column_map, row_map = np.meshgrid(
@@ -694,7 +702,7 @@ def _require_complete(mask: np.ndarray, hidden: np.ndarray) -> None:
 def measure_without_sheet(
     path: Path, settings: MeasureSettings, scale: Scale
 ) -> Photograph:
-    """Measure a photograph without a sheet, or a silhouette.
+    """Measure a photograph that does not show the sheet, or a silhouette.
 
     Parameters
     ----------
@@ -703,8 +711,8 @@ def measure_without_sheet(
     settings : MeasureSettings
         Settings of the measurement.
     scale : Scale
-        What the user knows about the scale of the photograph. Without `mm_per_pixel`,
-        only the angles that need no length are measured.
+        What the user has stated about the scale of the photograph. Without
+        `mm_per_pixel`, only the angles that need no length are measured.
 
     Returns
     -------
@@ -714,8 +722,8 @@ def measure_without_sheet(
     image, reduction = read_photograph(path)
     rows, columns = image.shape[:2]
     original_size = (round(columns * reduction), round(rows * reduction))
-    # The user gives the row of the plate in the original photograph. Convert it to the
-    # reduced picture, and then to the level one.
+    # The user gives the row of the plate in the original photograph. Convert it to a row
+    # of the reduced picture, and then to a row of the level picture.
     reduced_row = None if scale.base_row is None else scale.base_row / reduction
     level_image, level_row = _level_photograph(image, scale.level_deg, reduced_row)
 
@@ -731,19 +739,19 @@ def measure_without_sheet(
     try:
         _require_ends_inside(scale.ends, original_size)
         _measure_level_photograph(photograph, usable_settings, level_row)
-    # An InputError may occur, too, for example for a base below the picture.
+    # An InputError is possible, too, for example if the base lies below the picture.
     except (NoFlankError, InputError) as error:
         photograph.refusal_reason = str(error)
         if not has_scale:
             photograph.refusal_reason += f"; {NO_SHEET_REASON}"
-    # Remove a Height in pixels, which users would mistake for mm.
+    # Remove a Height in pixels, which users would mistake for millimetres.
     if photograph.measurement is not None and not has_scale:
         photograph.measurement = replace(photograph.measurement, height_mm=math.nan)
     return photograph
 
 
 def _require_ends_inside(ends: Sequence[float], size: tuple[int, int]) -> None:
-    """Raise InputError for a level line that ends outside its picture.
+    """Raise InputError if an end of the level line lies outside the picture.
 
     Parameters
     ----------
@@ -767,24 +775,24 @@ def _require_ends_inside(ends: Sequence[float], size: tuple[int, int]) -> None:
 def _measure_level_photograph(
     photograph: Photograph, settings: MeasureSettings, base_row: float | None
 ) -> None:
-    """Find and measure the pile of a level photograph before a plain background.
+    """Find and measure the pile in a level photograph with a plain background.
 
     Parameters
     ----------
     photograph : Photograph
-        The photograph. Its pile, its measurement and its doubts are set.
+        The photograph. The function sets its pile, its measurement and its doubts.
     settings : MeasureSettings
         Settings of the measurement.
     base_row : float or None
-        Row of the plate, if the user gave it. With None, the base is found, and doubts
-        about it are listed, too.
+        Row of the plate, if the user has given it. If it is None, the base is found in
+        the picture, and doubts about it are listed, too.
 
     Raises
     ------
     NoFlankError
         If there is no pile, or if the pile cannot be measured.
     InputError
-        If `base_row` lies outside of the picture.
+        If `base_row` lies outside the picture.
     """
     image = photograph.view
     mm_per_pixel = photograph.mm_per_pixel
@@ -810,23 +818,23 @@ def _measure_level_photograph(
 def _level_photograph(
     image: np.ndarray, level_deg: float, base_row: float | None
 ) -> tuple[np.ndarray, float | None]:
-    """Rotate a photograph so that a line which rises to the right becomes level.
+    """Rotate a photograph about its middle so that a sloping line becomes level.
 
     Parameters
     ----------
     image : ndarray
         The photograph (H, W, 3).
     level_deg : float
-        Rise of the line.
+        Angle by which the line rises to the right.
     base_row : float or None
         Row of the plate in the middle column, if it is known.
 
     Returns
     -------
     level_image : ndarray
-        The rotated photograph, in the same size.
+        The rotated photograph, of the same size.
     level_row : float or None
-        The row of the plate in it, if it is known.
+        The row of the plate in it; None if it is unknown.
     """
     if level_deg == 0:
         return image, base_row
@@ -843,8 +851,8 @@ def _level_photograph(
     )
     if base_row is None:
         return level_image, None
-    # The plate is parallel to the line that becomes level. Its distance from the middle
-    # of the picture is shorter than the distance along the middle column.
+    # The plate is parallel to the line. So its distance from the middle of the picture is
+    # the distance along the middle column, times the cosine of the slope.
     distance = base_row - middle_row
     level_row = middle_row + distance * math.cos(math.radians(level_deg))
     return level_image, level_row
@@ -853,8 +861,8 @@ def _level_photograph(
 def _read_focal(path: Path, longer_side: float) -> float | None:
     """Read the focal length in pixels from a photograph's EXIF data.
 
-    The EXIF data have the focal length in mm of a camera with the same angle of view and
-    film that is 36 mm wide.
+    The EXIF data contain the equivalent focal length in mm: that of a camera with the
+    same angle of view and film that is `FILM_WIDTH_MM` wide.
 
     Parameters
     ----------
@@ -866,7 +874,7 @@ def _read_focal(path: Path, longer_side: float) -> float | None:
     Returns
     -------
     float or None
-        The focal length. None if the EXIF data have no plausible one.
+        The focal length; None if the EXIF data contain no plausible value.
     """
     try:
         with Image.open(path) as picture:

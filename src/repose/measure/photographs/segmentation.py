@@ -1,7 +1,7 @@
-"""Split a picture into pile and background, to a fraction of a pixel.
+"""Split a picture into pile and background, with an accuracy of a fraction of a pixel.
 
-Rows count downwards from the picture's top. The centre of a pixel has whole
-coordinates, as in OpenCV.
+Rows are counted downwards from the top of the picture. As in OpenCV, the centre of a
+pixel has integer coordinates.
 """
 
 import math
@@ -13,29 +13,31 @@ import numpy as np
 
 from repose.common.errors import InputError, NoFlankError
 
-# Simulations run in parallel, one on each core: OpenCV's threads would only compete.
+# Simulations run in parallel, one on each core, so threads of OpenCV would only compete
+# with them.
 cv2.setNumThreads(1)
 
 MIN_SIDE_PX = 20  # smallest height and width of a picture
-MIN_PEAK = 8  # contrast in tones that a pile reaches somewhere
+MIN_PEAK = 8  # smallest contrast, in tones, that a pile must reach somewhere
 BORDER_SHARE = 0.03  # width of the border strip over the picture's shorter side
 SECOND_PILE_SHARE = 0.4  # height of a second pile over that of the largest part
-# Height of a pile's centroid over its own height; a rectangle has 0.5
+# Height of a pile's centroid over the height of the pile; it is 0.5 for a rectangle
 HIGHEST_CENTROID = 0.55
 SMALLEST_PART = 0.01  # area of a part of the pile over that of the largest part
-PLATE_SHARE = 0.97  # share of a row that a plate covers, at least
-# The row this far above the plate is covered by less than this share.
+PLATE_SHARE = 0.97  # smallest share of a row that a plate covers
+# `ROWS_ABOVE_PLATE` rows above the plate, less than this share of the row is covered.
 ROWS_ABOVE_PLATE = 4
 SHARE_ABOVE_PLATE = 0.9
-# Distance of a second pile's lowest row from that of the largest part, over the height
-# of the largest part, at most
+# Largest difference between the lowest rows of a second pile and of the largest part,
+# over the height of the largest part
 LARGEST_BASE_DIFFERENCE = 0.1
 EDGE_COLUMNS = 3  # a plate reaches into these columns at both sides of the picture
 
-# The background is fitted several times, each time without the outliers of the last fit.
+# The background is fitted several times, each time without the outliers of the previous
+# fit.
 N_BACKGROUND_FITS = 4
 OUTLIER_DEVIATIONS = 3.0  # distance of an outlier, in standard deviations
-SMALLEST_OUTLIER_TONES = 2.0  # a pixel nearer to the background is never an outlier
+SMALLEST_OUTLIER_TONES = 2.0  # a pixel closer to the background is never an outlier
 # Standard deviation over the median of the absolute deviations, in a normal distribution
 SD_OVER_MEDIAN_DEVIATION = 1.4826
 
@@ -47,7 +49,7 @@ class Segmentation:
     grey: np.ndarray  # uint8 (H, W)
     contrast: np.ndarray  # float32 (H, W), difference from the background
     level: float  # the contrast at which the pile begins
-    mask: np.ndarray  # uint8 (H, W), 1 in the pile without holes; no plate
+    mask: np.ndarray  # uint8 (H, W), 1 in the pile and in its holes, 0 in the plate
     base_row: float  # row of the pile's lower edge
     is_darker: bool  # whether the pile is darker than the background
     has_neighbour: bool = False  # whether another pile stands beside it
@@ -64,20 +66,20 @@ def segment(
     """Split a picture into pile and background.
 
     The upper edge of the picture and both sides must show background. The pile may be
-    darker or brighter than it, or have another colour. A pixel belongs to the pile if it
-    differs from the background by more than Otsu's threshold. Holes of the pile, such as
-    highlights, are filled.
+    darker or brighter than the background, or have another colour. A pixel belongs to the
+    pile if it differs from the background by more than Otsu's threshold. Holes in the
+    pile, such as highlights, are filled.
 
-    The picture is smoothed first, and the background may change smoothly over the
-    picture, as under uneven light. A picture of only two tones, such as a silhouette, is
-    not smoothed, because this would round the corners of the pile.
+    The picture is smoothed first. The background may vary smoothly over the picture, as
+    it does in uneven light. A picture with only two tones, such as a silhouette, is not
+    smoothed, because this would round the corners of the pile.
 
     Parameters
     ----------
     image : ndarray
         The picture, uint8: BGR (H, W, 3) or grey (H, W).
     largest_pile_only : bool
-        Whether the pile is the largest part alone, without loose grains.
+        Whether only the largest part counts as the pile, without loose grains.
     base_row : float, optional
         Row of the plate. By default, `find_plate_row` looks for a plate. If there is
         none, the base is the lowest row of the pile.
@@ -92,7 +94,7 @@ def segment(
     NoFlankError
         If the picture shows no pile.
     InputError
-        If the picture is unusable, or `base_row` lies outside of it.
+        If the picture is unusable, or if `base_row` lies outside it.
     """
     picture = prepare_picture(image)
     contrast, level, mask = _separate_from_background(picture)
@@ -160,7 +162,7 @@ def _separate_from_background(
 
 
 def _cut_off_plate(mask: np.ndarray, plate_row: float) -> np.ndarray:
-    """Return a mask (H, W) without the plate and what lies below it.
+    """Return a copy of a mask (H, W) without the plate and everything below it.
 
     Raises InputError if the row of the plate lies outside the picture.
     """
@@ -182,16 +184,16 @@ def segment_silhouette(
 ) -> Segmentation:
     """Split the silhouette of a simulated pile, whose two tones and base are known.
 
-    It is faster than `segment`, and has the same result to the last bit.
+    This is faster than `segment`, and the result is the same to the last bit.
 
     Parameters
     ----------
     picture : ndarray
         The picture (H, W), uint8; its lower border is the plate.
     pile_tone, background : int
-        The two tones.
+        The tones of the pile and of the background.
     largest_only : bool
-        Whether the pile is the largest part alone, without loose grains.
+        Whether only the largest part counts as the pile, without loose grains.
 
     Returns
     -------
@@ -200,8 +202,8 @@ def segment_silhouette(
     """
     is_pile = (picture == pile_tone).view(np.uint8)
     contrast = is_pile * np.float32(abs(background - pile_tone))
-    # Compute the level half-way between the two tones as `threshold` does, with the same
-    # rounding: OpenCV computes a mean as the sum times 1 / count.
+    # Compute the level half-way between the two tones with the same rounding as in
+    # `threshold`, where OpenCV computes a mean as the sum times 1 / count.
     count = cv2.countNonZero(is_pile)
     level = 0.5 * (255.0 * count * (1.0 / count)) * float(contrast.max()) / 255.0
     return Segmentation(
@@ -215,7 +217,7 @@ def segment_silhouette(
 
 
 def prepare_picture(image: np.ndarray) -> np.ndarray:
-    """Check a picture, and return it in contiguous memory, as OpenCV needs it.
+    """Check a picture, and return it in contiguous memory, as OpenCV requires.
 
     Parameters
     ----------
@@ -225,7 +227,7 @@ def prepare_picture(image: np.ndarray) -> np.ndarray:
     Returns
     -------
     ndarray
-        The picture. It is (H, W) if its three channels are the same, that is, grey.
+        The picture. If its three channels are equal, it is grey and has the shape (H, W).
 
     Raises
     ------
@@ -282,7 +284,7 @@ def compute_two_tone_contrast(grey: np.ndarray) -> np.ndarray | None:
     Returns
     -------
     ndarray or None
-        Distances (H, W) in tones, or None if the picture has more than two tones.
+        Differences (H, W) in tones, or None if the picture has more than two tones.
     """
     if not ((grey == grey.min()) | (grey == grey.max())).all():
         return None
@@ -305,9 +307,9 @@ def compute_background_contrast(image: np.ndarray) -> np.ndarray:
     Returns
     -------
     ndarray
-        Distances (H, W) in tones, over all channels.
+        Distances (H, W) in tones: the root of the sum of squares over all channels.
     """
-    # Coordinates from -1 to 1 over the picture keep the terms of similar size.
+    # Coordinates from -1 to 1 over the picture keep all terms of a similar magnitude.
     n_rows, n_columns = image.shape[:2]
     y = np.linspace(-1, 1, n_rows, dtype=np.float32)[:, None]
     x = np.linspace(-1, 1, n_columns, dtype=np.float32)
@@ -331,9 +333,9 @@ def compute_background_contrast(image: np.ndarray) -> np.ndarray:
 
 
 def _compute_quadratic_terms(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Compute the terms (N, 6) of a quadratic surface at points x, y (N,).
+    """Compute the terms (N, 6) of a quadratic surface at N points (x, y).
 
-    They are 1, x, x², y, y² and xy.
+    The terms are 1, x, x², y, y² and xy.
     """
     terms = (np.ones_like(x), x, x**2, y, y**2, x * y)
     return np.stack(terms, axis=1).astype(float)
@@ -344,14 +346,14 @@ def _fit_without_outliers(terms: np.ndarray, tones: np.ndarray) -> np.ndarray:
 
     A plate or a stray grain covers only a small part of the strip. Its pixels are
     outliers, which the fits leave out. The first fit leaves out pixels far from the
-    median tone. Each further fit leaves out pixels far from the fit before it.
+    median tone, and each further fit leaves out pixels far from the previous fit.
 
     Parameters
     ----------
     terms : ndarray
         Terms (N, K) of the surface at the pixels of the strip.
     tones : ndarray
-        Their tones (N,).
+        Tones (N,) of these pixels.
 
     Returns
     -------
@@ -370,7 +372,7 @@ def _fit_without_outliers(terms: np.ndarray, tones: np.ndarray) -> np.ndarray:
 
 
 def threshold(contrast: np.ndarray) -> tuple[float, np.ndarray]:
-    """Find Otsu's level of a contrast, and the pixels above it.
+    """Find Otsu's level for a contrast, and the pixels above this level.
 
     Parameters
     ----------
@@ -387,7 +389,7 @@ def threshold(contrast: np.ndarray) -> tuple[float, np.ndarray]:
     Raises
     ------
     NoFlankError
-        If nothing stands out.
+        If nothing in the picture stands out from the background.
 
     References
     ----------
@@ -396,12 +398,12 @@ def threshold(contrast: np.ndarray) -> tuple[float, np.ndarray]:
     peak = float(contrast.max())
     if peak < MIN_PEAK:
         raise NoFlankError("nothing in the picture differs from its background")
-    # OpenCV finds Otsu's level only in whole numbers up to 255.
+    # OpenCV finds Otsu's level only among the whole numbers up to 255.
     scaled = cv2.convertScaleAbs(contrast, alpha=255.0 / peak)
     _, binary = cv2.threshold(scaled, 0, 1, cv2.THRESH_BINARY | cv2.THRESH_OTSU)
-    # If the histogram has a gap, every level in the gap splits the pixels in the same
-    # way, and OpenCV returns the lowest one. The edge would then lie up to half a pixel
-    # too far out. Use the middle between the means of both classes instead.
+    # If the histogram has a gap, all levels in the gap split the pixels in the same way,
+    # and OpenCV returns the lowest of them. The edge would then lie up to half a pixel too
+    # far out. Use the middle between the means of the two classes instead.
     lower_mean = cv2.mean(scaled, mask=1 - binary)[0]
     upper_mean = cv2.mean(scaled, mask=binary)[0]
     level = (lower_mean + upper_mean) / 2
@@ -412,9 +414,9 @@ def threshold(contrast: np.ndarray) -> tuple[float, np.ndarray]:
 def find_plate_row(mask: np.ndarray) -> float | None:
     """Find the upper edge of a plate that has the tone of the pile.
 
-    A plate covers the mask from border to border, and the mask is clearly narrower a few
-    rows above it. A pile that the picture cuts off at both sides becomes narrower only
-    slowly, so its foot is not mistaken for a plate.
+    A plate extends across the mask from border to border, and a few rows above it the
+    mask is clearly narrower. If a pile extends beyond both sides of the picture, its foot
+    is not mistaken for a plate, because the pile becomes narrower only slowly.
 
     Parameters
     ----------
@@ -424,8 +426,8 @@ def find_plate_row(mask: np.ndarray) -> float | None:
     Returns
     -------
     float or None
-        The border between the highest row of the plate and the row above it. None if
-        there is no plate.
+        The edge between the highest row of the plate and the row above it; None if there
+        is no plate.
     """
     covered_share = mask.mean(axis=1)
     reaches_left = mask[:, :EDGE_COLUMNS].any(axis=1)
@@ -446,10 +448,10 @@ def pile_component(mask: np.ndarray, largest_only: bool) -> np.ndarray:
     Parameters
     ----------
     mask : ndarray
-        Mask (H, W), uint8, of all that differs from the background.
+        Mask (H, W), uint8, of everything that differs from the background.
     largest_only : bool
-        Whether the pile is the largest part alone. Otherwise, the pile consists of all
-        parts that have at least 1 % of the area of the largest part.
+        Whether only the largest part counts as the pile. Otherwise, the pile consists of
+        all parts whose area is at least the share `SMALLEST_PART` of the largest.
 
     Returns
     -------
@@ -470,14 +472,14 @@ def pile_component(mask: np.ndarray, largest_only: bool) -> np.ndarray:
     else:
         is_large = areas >= SMALLEST_PART * areas.max()
         selected = [contours[index] for index in np.flatnonzero(is_large).tolist()]
-    # Only outer boundaries are drawn, so that holes are filled.
+    # Fill the outer boundaries, so that the holes are filled, too.
     filled = np.zeros_like(mask)
     cv2.drawContours(filled, selected, -1, 1, cv2.FILLED)
     return filled
 
 
 def _find_contours(mask: np.ndarray) -> Sequence[np.ndarray]:
-    """Find the outer boundary of each part of a mask, pixel by pixel."""
+    """Find the outer boundary of each part of a mask, as a sequence of pixels."""
     contours, _ = cv2.findContours(mask, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     return contours
 
@@ -485,13 +487,13 @@ def _find_contours(mask: np.ndarray) -> Sequence[np.ndarray]:
 def has_second_pile(mask: np.ndarray) -> bool:
     """Tell whether a second pile stands beside the largest part of a mask.
 
-    A part counts as a pile if it stands as low as the largest part, is wider than high,
-    and has at least the share `SECOND_PILE_SHARE` of the height of the largest part.
+    A part counts as a pile if it stands about as low as the largest part, is wider than
+    high, and has at least the share `SECOND_PILE_SHARE` of the largest part's height.
 
     Parameters
     ----------
     mask : ndarray
-        Mask (H, W), uint8, of all that differs from the background.
+        Mask (H, W), uint8, of everything that differs from the background.
 
     Returns
     -------
@@ -509,7 +511,7 @@ def has_second_pile(mask: np.ndarray) -> bool:
     stands_as_low = base_difference <= LARGEST_BASE_DIFFERENCE * heights[largest]
     is_high = heights >= SECOND_PILE_SHARE * heights[largest]
     is_pile = stands_as_low & (widths > heights) & is_high
-    # The largest part is one of these piles itself.
+    # The largest part itself may be one of these piles.
     return bool(is_pile.sum() > 1)
 
 
@@ -542,25 +544,25 @@ def require_upright(mask: np.ndarray) -> None:
 def find_upper_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> np.ndarray:
     """Find the upper edge of the pile in each column, to a fraction of a pixel.
 
-    The edge is where the contrast, interpolated between the pile's highest pixel and
-    the one above, equals the level.
+    The edge is where the contrast, interpolated between the highest pixel of the pile and
+    the pixel above it, equals the level.
 
     Parameters
     ----------
     mask : ndarray
         Mask (H, W) of the pile.
     contrast : ndarray
-        Contrast (H, W) of the picture with its background.
+        Contrast (H, W) between the picture and its background.
     level : float
         Contrast at the edge.
 
     Returns
     -------
     ndarray
-        Rows (W,); NaN in a column without pile.
+        Row (W,) of the edge in each column; NaN in a column without pile.
     """
-    # Find the highest pixel of each column. The transpose lies in contiguous memory, so
-    # that the search is three times as fast.
+    # Find the highest pixel of each column. The columns of the transpose lie in
+    # contiguous memory, which makes the search three times as fast.
     top_rows = cv2.transpose(mask).view(bool).argmax(axis=1)
     columns = np.arange(mask.shape[1])
     inner = contrast[top_rows, columns]
@@ -568,7 +570,7 @@ def find_upper_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> np.
     rows_above = np.maximum(top_rows - 1, 0)
     outer = np.where(top_rows > 0, contrast[rows_above, columns], 0.0)
     # Find the distance from the highest pixel up to the edge. If the contrast does not
-    # fall from the inner to the outer pixel, the edge is half-way between both.
+    # decrease from the inner to the outer pixel, place the edge half-way between them.
     with np.errstate(divide="ignore", invalid="ignore"):
         distance = np.where(inner > outer, (inner - level) / (inner - outer), 0.5)
     edge = top_rows - np.clip(distance, 0.0, 1.0)
@@ -579,8 +581,8 @@ def find_upper_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> np.
 def find_lower_edge(mask: np.ndarray, contrast: np.ndarray, level: float) -> float:
     """Find the row of the pile's lowest point, to a fraction of a pixel.
 
-    If the picture cuts the pile off, it is the lower border of the picture. The
-    arguments are those of `find_upper_edge`.
+    If the pile extends beyond the lower border of the picture, this border is returned.
+    The parameters are those of `find_upper_edge`.
     """
     n_rows = len(mask)
     if mask[-1].any():

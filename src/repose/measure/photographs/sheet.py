@@ -40,13 +40,13 @@ class SheetCorners:
 
     @property
     def object_points_mm(self) -> np.ndarray:
-        """The corners (N, 3) in the form of OpenCV, with the third coordinate 0."""
+        """The corners (N, 3) as OpenCV expects them, with 0 as the third coordinate."""
         third = np.zeros(len(self.positions_mm))
         return np.column_stack([self.positions_mm, third])
 
 
 def compute_size_mm(square_mm: float = SQUARE_MM) -> tuple[float, float]:
-    """Compute width and height of the sheet, cut out, from the side of its squares."""
+    """Compute width and height of the cut-out sheet from the side of its squares."""
     width = (COLUMNS + 2 * MARGIN_SHARE) * square_mm
     height = (ROWS + 2 * MARGIN_SHARE) * square_mm
     return width, height
@@ -60,25 +60,25 @@ def find_sheet(image: np.ndarray, square_mm: float = SQUARE_MM) -> SheetCorners 
     image : ndarray
         The photograph (H, W, 3), BGR, or (H, W).
     square_mm : float
-        Side of a square as printed.
+        Side of a printed square.
 
     Returns
     -------
     SheetCorners or None
-        The corners of squares that are visible. None if there are fewer than
-        `MIN_CORNERS`, or if all of them lie on one line.
+        The visible corners of squares. None if there are fewer than `MIN_CORNERS`, or if
+        nearly all of them lie on one line.
     """
     board = _make_board(square_mm)
     parameters = cv2.aruco.CharucoParameters()
-    # With this check, one pattern of the background mistaken for a marker would reject
-    # the whole board. A wrong corner is detected later, by the pose of the camera.
+    # With this check, OpenCV would reject the whole board if it mistook a pattern in the
+    # background for a marker. Wrong corners are detected later, from the camera's pose.
     parameters.checkMarkers = False
     detector = cv2.aruco.CharucoDetector(board, parameters)
     corners, indices = detector.detectBoard(image)[:2]
     if indices is None or len(indices) < MIN_CORNERS:
         return None
     board_corners = np.asarray(board.getChessboardCorners())[indices.ravel(), :2]
-    # Corners on one line do not determine the pose of the camera.
+    # Corners on one line would not determine the pose of the camera.
     if np.ptp(board_corners, axis=0).min() < 2 * square_mm:
         return None
     # Convert positions on the board, whose y points down from its upper left corner, to
@@ -125,7 +125,7 @@ def make_pdf(square_mm: float = SQUARE_MM) -> bytes:
     Returns
     -------
     bytes
-        The content of the file.
+        The contents of the file.
     """
     import io
 

@@ -1,7 +1,7 @@
-"""Write the tables and texts of measured photographs, and the targets made from them.
+"""Write tables and a description of measured photographs, and targets made from them.
 
-There is a row for each photograph, and a mean of all; the targets are those of a
-configuration.
+A table has a row for each photograph, and a summary has the means. The targets are
+written in the form of a study's configuration.
 """
 
 import math
@@ -36,11 +36,13 @@ class Tables(NamedTuple):
     Attributes
     ----------
     photographs : DataFrame
-        A row for each; a refused one has empty cells, and its reason in `refused`.
+        A row for each photograph. A refused photograph has empty cells, and the reason in
+        the column `refused`.
     summary : DataFrame
-        A row for each number: response, value (the mean), sd, repetitions.
+        A row for each measured number, with the columns response (its name), value (the
+        mean), sd (the standard deviation) and repetitions (the number of photographs).
     doubtful : bool
-        Whether the summary counts doubtful photographs.
+        Whether the summary includes doubtful photographs.
     """
 
     photographs: pd.DataFrame
@@ -60,7 +62,7 @@ def make_tables(
     settings : MeasureSettings
         Settings of the measurement.
     doubtful : bool
-        Whether photographs with a doubt count in the summary, too.
+        Whether the summary includes photographs with a doubt.
 
     Returns
     -------
@@ -76,14 +78,14 @@ def make_tables(
 
 
 def _make_row(photograph: Photograph, settings: MeasureSettings) -> dict[str, Any]:
-    """Make the row of a photograph in the table: its numbers and remarks by column.
+    """Make the row of a photograph in the table, with its numbers and remarks.
 
     Parameters
     ----------
     photograph : Photograph
         The result. A refused photograph has no measured numbers.
     settings : MeasureSettings
-        Settings of the measurement. The height of a grain in them is a column, too.
+        Settings of the measurement. Their height of a grain is written to a column.
 
     Returns
     -------
@@ -104,20 +106,21 @@ def _make_row(photograph: Photograph, settings: MeasureSettings) -> dict[str, An
 def summarise_columns(
     photographs: pd.DataFrame, columns: Sequence[str]
 ) -> pd.DataFrame:
-    """Compute mean, standard deviation and number of measured values of columns.
+    """Compute the mean, the standard deviation and the number of values in columns.
 
     Parameters
     ----------
     photographs : DataFrame
-        A row for each photograph; a value that was not measured is empty.
+        A row for each photograph. Values that were not measured are missing.
     columns : sequence of str
         The columns to summarise.
 
     Returns
     -------
     DataFrame
-        A row for each column with a value: response (its name), value (the mean), sd,
-        repetitions.
+        A row for each column with at least one value: response (the name of the column),
+        value (the mean), sd (the standard deviation) and repetitions (the number of
+        values).
     """
     numbers = photographs[list(columns)].astype(float)
     statistics = numbers.agg(["mean", "std", "count"]).T
@@ -137,6 +140,8 @@ def write_tables(
 ) -> None:
     """Write photographs.csv, summary.csv and, if there is a mean, targets.yaml.
 
+    Without a mean, a targets.yaml from an earlier call is removed.
+
     Parameters
     ----------
     results : Tables
@@ -144,11 +149,11 @@ def write_tables(
     settings : MeasureSettings
         Settings of the measurement.
     out : Path
-        The folder.
+        Folder to which the files are written.
     bench : str
-        Bench test of the targets.
+        Name of the bench test to which the targets belong.
     responses : mapping
-        The bench test's response for each number of the summary that becomes a target.
+        Name of the bench test's response for each number that becomes a target.
     """
     write_table(out / "photographs.csv", results.photographs)
     write_table(out / "summary.csv", results.summary)
@@ -164,25 +169,25 @@ def format_targets(
 ) -> str:
     """Format the measured responses as targets in the YAML of a configuration.
 
-    A range extends from the mean by two standard errors to each side, and at least by
-    1 % of the mean. A single pile has no scatter. Its standard deviation and range are
-    then null, and a study refuses them until the user gives values.
+    The range of a target follows from its mean and its standard error
+    (`compute_target_range`). A single pile has no scatter, so its standard deviation and
+    range are null, and a study refuses them until the user fills in values.
 
     Parameters
     ----------
     results : Tables
         The tables.
     settings : MeasureSettings
-        Settings of the measurement, which are written beside the targets.
+        Settings of the measurement, which are written above the targets.
     bench : str
-        Bench test of the targets.
+        Name of the bench test to which the targets belong.
     responses : mapping
-        The bench test's response for each number of the summary that becomes a target.
+        Name of the bench test's response for each number that becomes a target.
 
     Returns
     -------
     str
-        The sections `measure` and `targets`.
+        The sections `measure` and `targets` of the configuration.
     """
     measure_entries = [f"{key}: {getattr(settings, key)}" for key in LINE_SETTINGS]
     if settings.berry_height_mm is not None:
@@ -199,21 +204,21 @@ def format_targets(
 
 
 def _format_target(row: Any, bench: str, response: str) -> list[str]:
-    """Format a row of the summary as the entry of a target, in lines of YAML.
+    """Format a row of the summary as a target in YAML.
 
     Parameters
     ----------
     row : namedtuple
         A row of the summary: value, sd and repetitions.
     bench : str
-        Bench test of the target.
+        Name of the bench test to which the target belongs.
     response : str
         Name of the bench test's response.
 
     Returns
     -------
     list of str
-        The lines of the entry.
+        The lines of YAML.
     """
     if math.isnan(row.sd):
         sd = "null # one pile gives no scatter"
@@ -254,25 +259,26 @@ def describe_results(
     settings: MeasureSettings,
     out: Path,
 ) -> str:
-    """Describe the results of photographs in the text that the command prints.
+    """Describe the results of photographs, as the command prints them.
 
-    The text has a line for each photograph, the means, notes, and what to look at next.
+    The description consists of a line for each photograph, the means, notes, and what the
+    user should look at next.
 
     Parameters
     ----------
     photographs : sequence of Photograph
         The results.
     results : Tables
-        Their tables.
+        The tables of these results.
     settings : MeasureSettings
         Settings of the measurement.
     out : Path
-        The folder of the overlays.
+        The folder that contains the overlays.
 
     Returns
     -------
     str
-        The text, without a line break at its end.
+        The lines, without a line break at the end.
     """
     lines = _describe_photographs(photographs)
     lines.append("mean, standard deviation, number of photographs:")
@@ -290,10 +296,10 @@ def describe_results(
 
 
 def _list_notes(photographs: Sequence[Photograph], results: Tables) -> list[str]:
-    """List the notes on the numbers, each once and in a line.
+    """List the notes on the numbers, each once and on its own line.
 
-    They are the notes of single photographs, the number of doubtful photographs, and
-    whether a single pile gives no standard deviation.
+    They say whether standard deviations are missing because there is a single pile,
+    repeat the notes of the photographs, and count the doubtful photographs.
     """
     lines = []
     if results.summary["sd"].isna().any():
@@ -311,10 +317,10 @@ def _list_notes(photographs: Sequence[Photograph], results: Tables) -> list[str]
 
 
 def _describe_photographs(photographs: Sequence[Photograph]) -> list[str]:
-    """Describe each photograph in a line: its numbers, or why it was refused.
+    """Describe each photograph on one line: its numbers, or why it was refused.
 
-    There must be at least one photograph. Names are padded with blanks, so that the texts
-    after them are aligned.
+    There must be at least one photograph. Names are padded with spaces, so that the
+    descriptions are aligned.
     """
     name_width = max(len(photograph.path.name) for photograph in photographs)
     lines = []
@@ -329,7 +335,7 @@ def _describe_photographs(photographs: Sequence[Photograph]) -> list[str]:
 
 
 def _describe_measurement(measurement: Measurement) -> list[str]:
-    """Describe a measured pile: angles, Height, and why other angles are missing."""
+    """Describe a measured pile: its angles, its Height, and why angles are missing."""
     numbers = (
         f"left {measurement.angle.left_deg:.2f} deg, "
         f"right {measurement.angle.right_deg:.2f} deg, "
@@ -345,9 +351,9 @@ def _describe_measurement(measurement: Measurement) -> list[str]:
 
 
 def _describe_means(results: Tables, settings: MeasureSettings) -> list[str]:
-    """Describe the mean Height and the mean angle by each definition, a line each.
+    """Describe the mean Height and the mean angle by each definition, one line each.
 
-    A line has the mean, the standard deviation and the number of photographs.
+    A line gives the mean, the standard deviation and the number of photographs.
     """
     quantities = [("Height", "height_mm", "mm")]
     for definition in DEFINITIONS:
