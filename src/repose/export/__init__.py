@@ -1,9 +1,9 @@
-"""Write the calibrated grain and its pour as input of other simulation programs.
+"""Write the calibrated grain and its pour as input for other simulation programs.
 
-The module `job` has the data of an export in SI units, independent of any program. Each
-program has a module, which writes its input files, together called a deck. Most decks are
-written from a template in this folder. The head of a deck lists the differences between
-the program and this engine.
+The module `job` collects the data of an export in SI units, independently of any program.
+For each program, one module writes the input files, which together are called a deck.
+Most decks are written from a template in this folder. The head of a deck lists the
+differences between the program and this engine.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -22,13 +22,14 @@ if TYPE_CHECKING:
 __all__ = ["PROGRAMS", "write_deck"]
 
 DeckFunction = Callable[["Job"], dict[str, str]]
-"""Function that returns the texts of the files of a deck by name, the main file first."""
+"""Function that returns the contents of a deck's files by name, the main file first."""
 
 
 def _import_deck_when_called(module: str) -> DeckFunction:
-    """Return a function that imports a module of this package and calls `make_deck`.
+    """Return a function that imports a module of this package and calls its `make_deck`.
 
-    The import happens in the call, so that the table of programs imports no module.
+    The module is imported only in the call, so that making the table of programs imports
+    none of them.
     """
 
     def make_deck(job: "Job") -> dict[str, str]:
@@ -43,7 +44,8 @@ PROGRAMS = {
     name: _import_deck_when_called(name)
     for name in ("liggghts", "lammps", "yade", "edem")
 }
-# Laws that every program has. An export refuses a law that is in none of these lists.
+# Laws that every program has. An export refuses a law that is in neither list of a
+# program.
 CONTACT_LAWS_OF_ALL = ("hertz_mindlin", "hertz_mindlin_rescaled")
 ROLLING_LAWS_OF_ALL = ("budget",)
 # Laws that only some programs have.
@@ -89,6 +91,11 @@ def _list_laws(
         All contact laws of the engine, or all its rolling laws.
     laws_of_all : sequence of str
         Those of them that every program has; they come first in the result.
+
+    Returns
+    -------
+    list of str
+        The names of the laws.
     """
     other_laws = [name for name in engine_laws if name in OTHER_LAWS[program]]
     return [*laws_of_all, *other_laws]
@@ -119,7 +126,7 @@ def _check_law(key: str, law: str, program: str, allowed: Sequence[str]) -> None
 
 
 def write_deck(job: "Job", program: str, folder: str | PathLike) -> list[Path]:
-    """Write the deck of another program, which is all its input files, into a folder.
+    """Write the deck of another program, that is, all its input files, into a folder.
 
     Parameters
     ----------
@@ -128,7 +135,7 @@ def write_deck(job: "Job", program: str, folder: str | PathLike) -> list[Path]:
     program : str
         One of `PROGRAMS`.
     folder : path
-        Folder for the files.
+        Folder to which the files are written.
 
     Returns
     -------
@@ -138,7 +145,7 @@ def write_deck(job: "Job", program: str, folder: str | PathLike) -> list[Path]:
     Raises
     ------
     InputError
-        If the program has no equivalent for a contact law of the study.
+        If the program has no equivalent for a law of the study.
     """
     check_laws(job, program)
     paths = []

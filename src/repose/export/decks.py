@@ -1,7 +1,7 @@
-"""Write the text of a deck from a template of this folder, with numbers to nine digits.
+"""Write a deck from a template in this folder, with numbers of at most nine digits.
 
-The templates are written in the language of Jinja. A number is written in double braces.
-For example, ``{{ x | digits(6) }}`` writes x with six digits.
+The templates are written in Jinja, in which a value stands in double braces. For example,
+``{{ x | digits(6) }}`` writes x with six digits.
 """
 
 from collections.abc import Iterable, Sequence
@@ -25,7 +25,7 @@ def _format_float(value: object) -> object:
     return format_number(value) if isinstance(value, float) else value
 
 
-# A deck is no HTML, so special characters need not be escaped.
+# A deck is not HTML, so special characters need not be escaped.
 _ENVIRONMENT = Environment(  # nosec B701
     loader=FileSystemLoader(Path(__file__).parent),
     trim_blocks=True,
@@ -37,7 +37,7 @@ _ENVIRONMENT.filters["digits"] = format_number
 
 
 def fill_template(name: str, job: Job, **values: object) -> str:
-    """Fill a template of this folder with numbers, and return the text.
+    """Fill a template in this folder with the numbers of a job.
 
     Parameters
     ----------
@@ -47,6 +47,11 @@ def fill_template(name: str, job: Job, **values: object) -> str:
         The grain and its pour, whose numbers every template can use.
     **values : object
         Values that only this template needs, by their names in the template.
+
+    Returns
+    -------
+    str
+        The contents of the file.
     """
     return _ENVIRONMENT.get_template(name).render(collect_common_values(job) | values)
 
@@ -78,8 +83,8 @@ def collect_common_values(job: Job) -> dict[str, Any]:
         # The box.
         "half": scene_radius_m + 4.0 * grain_radius_m,
         "top": factory_height_m + 4.0 * grain_radius_m,
-        # Neighbour lists include all spheres up to this distance. A grain that falls at
-        # 2 m/s moves by 0.4 mm in a time step, so the lists are valid for several steps.
+        # Neighbour lists also include spheres up to this distance apart, so that they stay
+        # valid for several time steps.
         "skin": 0.75 * job.mean_radius_m,
         # The factory.
         "factory_radius": job.factory_radius_m,
@@ -106,7 +111,8 @@ def write_head(
 ) -> str:
     """Write the comment lines at the head of a deck.
 
-    These lines give the study, its parameters, and all differences between deck and study.
+    These lines name the study, and state its parameters and all differences between the
+    deck and the study.
 
     Parameters
     ----------
@@ -117,6 +123,11 @@ def write_head(
         differences that all programs have.
     comment : str
         The beginning of a comment line in the language of the program.
+
+    Returns
+    -------
+    str
+        The lines, without a line break at the end.
     """
     grains = job.grains
     on_wall = job.on_wall
@@ -162,11 +173,21 @@ def _list_common_differences(job: Job) -> list[str]:
 
 
 def _describe_rolling_difference(job: Job) -> str:
-    """Describe how rolling resistance in a deck differs from that of the study.
+    """Describe how the rolling resistance in a deck differs from that in the study.
 
-    If the law of the study acts on each body, no program has an equivalent law, so a deck
-    uses another one. Any other law exists in the programs, but there it acts between two
-    spheres and not between two grains.
+    If the law of the study acts on each body, no program has an equivalent, so the deck
+    uses another law. The programs do have the other laws, but let them act between two
+    spheres instead of two grains.
+
+    Parameters
+    ----------
+    job : Job
+        The grain and its pour.
+
+    Returns
+    -------
+    str
+        A description without a full stop.
     """
     law = job.simulation.rolling_law
     lever_mm = 1e3 * job.lever_m

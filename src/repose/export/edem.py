@@ -1,6 +1,6 @@
-"""Write a table of the values that a user enters in EDEM; nobody has tried it there.
+"""Write a table of values for a user to enter in EDEM, where it has not been tested.
 
-EDEM has no input file that we could write. The names of its models are from memory.
+EDEM has no input file that we could write. We know the names of its models from memory.
 """
 
 from collections.abc import Mapping
@@ -55,6 +55,11 @@ def list_table_rows(
         The pour.
     time_step_s : float
         The time step.
+
+    Returns
+    -------
+    list of Row
+        The rows of the table.
     """
     return [
         *_list_materials(materials, particle),
@@ -92,7 +97,7 @@ def _list_materials(
 def _list_contacts(
     parameters: Mapping[str, float], simulation: SimulationSettings
 ) -> list[Row]:
-    """List the coefficients of the contacts grain-grain and grain-wall.
+    """List the coefficients of contacts between grains, and between grain and wall.
 
     Parameters
     ----------
@@ -101,6 +106,11 @@ def _list_contacts(
         between two grains, `e_gp` that between grain and wall.
     simulation : SimulationSettings
         The contact law, which may need a surface energy.
+
+    Returns
+    -------
+    list of Row
+        The rows of both kinds of contact.
     """
     rows = []
     for pair, name in PAIRS.items():
@@ -119,9 +129,9 @@ def _list_contacts(
 
 
 def _list_grain(particle: "Particle") -> list[Row]:
-    """List mass, volume and moments of inertia of the grain.
+    """List the mass, the volume and the moments of inertia of the grain.
 
-    EDEM cannot compute them, because the grain's spheres overlap.
+    EDEM cannot compute them correctly, because the grain's spheres overlap.
     """
     table = [
         Row("Mass of a grain", particle.mass_kg, "kg"),
@@ -133,8 +143,9 @@ def _list_grain(particle: "Particle") -> list[Row]:
 
 
 def _list_pour(funnel: FunnelSettings, particle: "Particle") -> list[Row]:
-    """List the sizes of the plate, and of the disc in which the grains appear."""
-    # The settings are in mm, the table is in m. Whole grains appear inside the disc.
+    """List the size of the plate, and where, how often and how many grains appear."""
+    # The settings are in mm, and the table is in m. The centres of the grains appear in
+    # a disc that is smaller than the factory, so that whole grains are inside the factory.
     factory_radius = 0.5e-3 * funnel.factory_diameter_mm - particle.bounding_radius_m
     factory_height = funnel.funnel.inlet_height_m + 1e-3 * funnel.factory_height_mm
     return [
@@ -147,7 +158,7 @@ def _list_pour(funnel: FunnelSettings, particle: "Particle") -> list[Row]:
 
 
 def make_deck(job: Job) -> dict[str, str]:
-    """Write the files for EDEM by name: edem.md, spheres.csv, funnel.stl."""
+    """Make the contents of edem.md, spheres.csv and funnel.stl, by name of the file."""
     materials = {"berry": job.grain, "wall": job.wall}
     table = list_table_rows(
         materials=materials,
@@ -169,8 +180,8 @@ def make_deck(job: Job) -> dict[str, str]:
 def _format_page(job: Job, table: list[Row]) -> str:
     """Write the page edem.md as Markdown.
 
-    It names the models to choose and the files to import, and has the table of values
-    and the differences from the study.
+    The page names the models to choose and the files to import. It also contains the table
+    of values and a list of the differences from the study.
     """
     law = job.simulation.contact_law
     contact_model = CONTACT_MODELS.get(law, DEFAULT_CONTACT_MODEL)

@@ -21,17 +21,17 @@ from repose.dem.rotations import sphere_directions
 if TYPE_CHECKING:
     from repose.grain.particle import Particle
 
-# Share of this engine's time step that is advised for other programs. They damp each
-# contact of a clump separately, and they compute the damping from the velocity half a step
-# earlier. For a configured restitution of 0.5 the real restitution with the whole step was
-# 0.474 in LAMMPS and 0.478 in Yade. With half of the step it was 0.488 and 0.501.
+# Advised time step of other programs over that of this engine. These programs damp each
+# contact of a clump separately, and compute the damping from the velocity half a step
+# earlier. With the whole step, the restitution of 0.5 became 0.474 in LAMMPS and 0.478 in
+# Yade. With half the step, it became 0.488 and 0.501.
 TIME_STEP_SHARE = 0.5
 # Largest advised time step as a share of the Rayleigh time.
 RAYLEIGH_SHARE = 0.2
-# Some contacts are replaced by a spring of constant stiffness. Its stiffness is that of the
-# contact at this ratio of overlap to effective radius.
+# Some contacts are replaced by a spring of constant stiffness. This stiffness is that of
+# the contact at this ratio of overlap to effective radius.
 TYPICAL_OVERLAP = 0.01
-# Relative differences of axes, and of moments of inertia, that are ignored.
+# Relative differences between axes, and between moments of inertia, that are ignored.
 AXES_TOLERANCE = 1e-3
 INERTIA_TOLERANCE = 0.01
 
@@ -48,7 +48,7 @@ class Pair:
         Damping ratio beta of this restitution, see
         `repose.dem.laws.hertz_mindlin.damping_ratio`.
     effective_young_pa, effective_shear_pa : float
-        E* and G*.
+        Effective elastic modulus E* and effective shear modulus G*.
     effective_radius_m : float
         R* of two spheres of the mean radius, or of one such sphere on a wall.
     constants : mapping
@@ -66,7 +66,7 @@ class Pair:
 
     @property
     def tangential_stiffness_n_m(self) -> float:
-        """Tangential stiffness 8 G* sqrt(R* delta) at an overlap of 1 % of R* [N/m]."""
+        """Tangential stiffness 8 G* sqrt(R* delta) at the `TYPICAL_OVERLAP` [N/m]."""
         return (
             8.0
             * self.effective_shear_pa
@@ -92,8 +92,8 @@ class Job:
     mean_radius_m : float
         Mean radius of the spheres of the grain, weighted by their free surface.
     lever_m : float
-        Lever of the rolling resistance: the mean distance of the surface from the centre
-        of mass, weighted by area.
+        Lever arm of the rolling resistance: the mean distance of the surface from the
+        centre of mass, weighted by area.
     grain, wall : Material
         The materials.
     grains, on_wall : Pair
@@ -107,7 +107,7 @@ class Job:
     rayleigh_s : float
         Rayleigh time of the smallest sphere.
     seed : int
-        Seed of the grains' places.
+        Seed of the positions of the grains.
     notes : tuple of str
         Features of the study that no deck can represent.
     """
@@ -182,24 +182,30 @@ def make_job(
     parameters : mapping
         Contact parameters by name.
     particle : Particle
-        The body of the grain: a clump of spheres, or any body with `one_sphere`.
+        The grain: a clump of spheres or a sphere. With `one_sphere`, it may be any body.
     grain : mapping
         Measurements of the grain, as in berry.json.
     seed : int, optional
         Seed of the positions of the grains.
     one_sphere : bool, optional
-        Whether to replace the grain by a sphere of its volume.
+        Whether to replace the grain by a sphere of the same volume.
+
+    Returns
+    -------
+    Job
+        The data of the export.
 
     Raises
     ------
     InputError
-        If the particle is no clump of spheres, and is not replaced by one sphere.
+        If the particle is neither a clump of spheres nor replaced by one sphere.
     """
     scene = Scene.of(config, parameters, grain=grain, particle=particle)
     funnel = scene.settings.section("funnel", FunnelSettings)
     notes = list(_list_missing_features(scene.settings, funnel))
 
-    # Other programs know only spheres. So the body must be a clump of spheres or one sphere.
+    # Other programs support only spheres, so the body must be a clump of spheres or one
+    # sphere.
     body = particle
     if one_sphere or is_sphere(particle):
         body = make_equal_sphere(particle)
@@ -213,7 +219,8 @@ def make_job(
             allowed="multisphere: other programs take spheres",
         )
 
-    # Rolling resistance acts over the mean distance of the surface from the centre.
+    # The lever arm of the rolling resistance is the mean distance of the surface from the
+    # centre of mass.
     materials = materials_of(scene)
     surface = average_over_surface(body.spheres_m)
     rayleigh_s = compute_rayleigh_time_s(
@@ -246,10 +253,11 @@ def make_job(
 
 
 def _advise_time_step_s(scene: Scene, rayleigh_s: float) -> float:
-    """Advise a time step for other programs, to two digits [s].
+    """Choose the advised time step for other programs, with two digits [s].
 
-    The step is at most half of the longest step of this engine, half of the study's time
-    step, and a fifth of the Rayleigh time of the smallest sphere.
+    It is `TIME_STEP_SHARE` of the study's time step, or of the longest step of this engine
+    if that is shorter, but at most `RAYLEIGH_SHARE` of the Rayleigh time of the smallest
+    sphere.
     """
     study_step_s = scene.settings.simulation.time_step_s
     longest_s = min(longest_time_step(scene).time_step_s, study_step_s)
@@ -271,6 +279,11 @@ def _make_pair(scene: Scene, pair: str, other: str, effective_radius_m: float) -
         The other material, ``berry`` or ``wall``.
     effective_radius_m : float
         Effective radius R* of a contact of the mean sphere.
+
+    Returns
+    -------
+    Pair
+        The contact.
     """
     parameters = scene.parameters
     materials = materials_of(scene)
@@ -299,7 +312,8 @@ def _make_pair(scene: Scene, pair: str, other: str, effective_radius_m: float) -
 def is_sphere(particle: "Particle") -> bool:
     """Tell whether a particle is one sphere.
 
-    This is a clump of one sphere, or an ellipsoid whose axes differ by less than 0.1 %.
+    It is if it is a clump of one sphere, or an ellipsoid whose axes differ by no more than
+    the fraction `AXES_TOLERANCE`.
     """
     if particle.is_clump:
         return len(particle.spheres_m) == 1
@@ -308,10 +322,10 @@ def is_sphere(particle: "Particle") -> bool:
 
 
 def make_equal_sphere(particle: "Particle") -> "Particle":
-    """Make a sphere with the volume and the mass of a particle, as a clump of one sphere.
+    """Make a clump of one sphere with the volume and the mass of a particle.
 
-    If the particle is a clump of one sphere already, the sphere keeps this radius, and the
-    volume is computed from it.
+    If the particle is already a clump of one sphere, the sphere keeps its radius, and the
+    volume is computed from this radius.
     """
     mass_kg = particle.mass_kg
     if len(particle.spheres_m) == 1:
@@ -347,7 +361,7 @@ def _list_missing_features(
 
 
 def _list_losses_of_sphere(particle: "Particle", sphere: "Particle") -> Iterator[str]:
-    """Yield a sentence if a sphere that replaces the grain differs from it."""
+    """Yield a sentence if the sphere that replaces the grain differs from the grain."""
     if not is_sphere(particle):
         radius_mm = 1e3 * sphere.bounding_radius_m
         yield f"every grain is the sphere of its volume, radius {radius_mm:.4g} mm"
@@ -365,8 +379,8 @@ def compute_rayleigh_time_s(
 ) -> float:
     """Compute the Rayleigh time of a sphere [s].
 
-    The Rayleigh time is pi R sqrt(rho / G) / (0.1631 nu + 0.8766), by Thornton and
-    Randall, in: Micromechanics of Granular Materials, Elsevier (1988) 133.
+    It is pi R sqrt(rho / G) / (0.1631 nu + 0.8766), according to Thornton and Randall,
+    in: Micromechanics of Granular Materials, Elsevier (1988) 133.
     """
     root = math.sqrt(density_kg_m3 / material.shear_modulus_pa)
     return math.pi * radius_m * root / (0.1631 * material.poisson_ratio + 0.8766)
@@ -390,7 +404,8 @@ class SurfaceMeans(NamedTuple):
 def average_over_surface(spheres_m: np.ndarray, n_points: int = 2000) -> SurfaceMeans:
     """Average the radius and the distance from the centre over a clump's surface.
 
-    Only the free surface counts. This is the part that lies in no other sphere.
+    Only the free surface counts, that is, the parts of the spheres' surfaces that do not
+    lie inside another sphere.
 
     Parameters
     ----------
@@ -399,14 +414,18 @@ def average_over_surface(spheres_m: np.ndarray, n_points: int = 2000) -> Surface
     n_points : int
         Number of sample points on the surface of each sphere.
 
+    Returns
+    -------
+    SurfaceMeans
+        Both means.
+
     Notes
     -----
-    Each point represents an area that is proportional to the squared radius of its
-    sphere. A point belongs to the free surface if no other sphere contains it.
+    Each sample point represents an area proportional to the squared radius of its sphere.
     """
     centres = spheres_m[:, :3]
-    # A point is free if it is at least this far from each centre. The factor keeps the
-    # points on their own sphere in spite of rounding.
+    # A point is free if it is at least this far from each centre. The factor prevents
+    # rounding errors from placing a point inside its own sphere.
     smallest_distances = spheres_m[:, 3] * (1.0 - 1e-9)
     directions = sphere_directions(n_points)
 

@@ -1,4 +1,4 @@
-"""Write the deck of LAMMPS: spheres, or rigid molecules of them, in a cone."""
+"""Write the deck of LAMMPS: spheres, or rigid molecules of spheres, in a cone."""
 
 import math
 
@@ -12,13 +12,14 @@ from repose.export.laws import (
     compute_rolling_stiffness,
 )
 
-# Damping of the rolling spring as a share of its critical damping for the mass of a grain.
+# Damping of the rolling spring, as a fraction of critical damping for the mass of a grain.
 ROLLING_DAMPING = 0.5
 # Coefficients of the polynomial in the restitution that gives the damping over sqrt(k m)
 # of `damping tsuji`, the highest power first (Marshall 2009, Eq. 53).
 TSUJI_COEFFICIENTS = (4.8218, -18.022, 27.467, -22.348, 11.087, -4.2783, 1.2728)
 # Smallest restitution that LAMMPS accepts.
 LEAST_RESTITUTION = 1e-6
+# Keywords of LAMMPS for the tangential spring, by contact law of the study.
 TANGENTIAL_SPRINGS = {
     "hertz_mindlin": "mindlin",
     "hertz_mindlin_rescaled": "mindlin_rescale/force",
@@ -26,7 +27,7 @@ TANGENTIAL_SPRINGS = {
 
 
 def make_deck(job: Job) -> dict[str, str]:
-    """Write the files of a LAMMPS run by name: in.pour, grain.mol."""
+    """Make the contents of in.pour and grain.mol for LAMMPS, by name of the file."""
     cone = job.surfaces.cone_line()
     text = fill_template(
         "lammps.in.jinja",
@@ -70,12 +71,12 @@ def write_contact_law(job: Job, pair: Pair) -> str:
     Returns
     -------
     str
-        The keywords. They use variables that the deck defines: damping, e_gg for the
-        restitution between grains and e_gp for that between grain and wall.
+        The keywords. They refer to variables that the deck defines: `damping`, and the
+        restitutions `e_gg` between grains and `e_gp` between grain and wall.
     """
     restitution = "${e_gg}" if pair is job.grains else "${e_gp}"
-    # LAMMPS computes E* of a contact from the modulus of one material. Give it the
-    # modulus at which two equal surfaces have the E* of the pair.
+    # LAMMPS computes E* of a contact from the modulus of a single material. Give it the
+    # modulus for which two equal surfaces have the E* of the pair.
     poisson = job.grain.poisson_ratio
     young_pa = 2.0 * (1.0 - poisson**2) * pair.effective_young_pa
 
@@ -83,8 +84,8 @@ def write_contact_law(job: Job, pair: Pair) -> str:
     tangential_spring = TANGENTIAL_SPRINGS[job.simulation.contact_law]
     tangential_factor = 8.0 * pair.effective_shear_pa
 
-    # The rolling spring of LAMMPS acts as a force at the contact and not as a torque.
-    # Convert its stiffness from N m to N/m.
+    # The rolling spring of LAMMPS exerts a force at the contact instead of a torque, so
+    # convert the stiffness from N m to N/m.
     stiffness_n_m = compute_rolling_stiffness(pair) / pair.effective_radius_m**2
     critical_damping = math.sqrt(stiffness_n_m * job.particle.mass_kg)
     rolling_damping = ROLLING_DAMPING * critical_damping
@@ -102,15 +103,20 @@ def write_contact_law(job: Job, pair: Pair) -> str:
 
 
 def compute_restitutions(job: Job) -> dict[str, float]:
-    """Compute the restitutions with which LAMMPS has the damping of the study.
+    """Compute the restitutions for which LAMMPS has the damping of the study.
+
+    Parameters
+    ----------
+    job : Job
+        The grain and its pour.
 
     Returns
     -------
     dict
-        ``e_gg`` and ``e_gp``, between grains and between grain and wall, for the
-        damping `coeff_restitution`. ``tsuji_gg`` and ``tsuji_gp`` are the same for the
-        damping `tsuji` of older versions. They are negative if no restitution gives the
-        damping of the study.
+        ``e_gg`` and ``e_gp`` are the restitutions between grains, and between grain and
+        wall, for the damping `coeff_restitution`. ``tsuji_gg`` and ``tsuji_gp`` are those
+        for the damping `tsuji` of older versions. The latter are negative if no
+        restitution gives the damping of the study.
     """
     restitutions = {}
     for name, pair in job.pairs.items():
@@ -118,8 +124,8 @@ def compute_restitutions(job: Job) -> dict[str, float]:
             pair, LEAST_RESTITUTION
         )
 
-        # Find the restitution at which the polynomial gives the study's damping: the
-        # smallest real root of the polynomial less this damping.
+        # Find the restitution at which the polynomial equals the study's damping. It is
+        # the smallest real root of the polynomial minus this damping.
         constant = TSUJI_COEFFICIENTS[-1] - math.sqrt(5.0) * pair.damping_ratio
         roots = np.roots((*TSUJI_COEFFICIENTS[:-1], constant))
         # Rounding leaves a tiny imaginary part in a real root.
@@ -131,10 +137,15 @@ def compute_restitutions(job: Job) -> dict[str, float]:
 def write_molecule(job: Job) -> str:
     """Write the grain as a molecule of LAMMPS, whose spheres move as one rigid body.
 
+    Parameters
+    ----------
+    job : Job
+        The grain and its pour.
+
     Returns
     -------
     str
-        The text of a molecule file.
+        The contents of a molecule file.
     """
     spheres_m = job.particle.spheres_m
     mass_kg = job.particle.mass_kg

@@ -1,14 +1,15 @@
 """Compute the numbers with which other programs reproduce the study's force laws.
 
-A program that reads a coefficient of restitution computes its damping by the formula of
-Tsuji, Tanaka and Ishida (1992). In this formula the two bodies may attract each other at
-the end of a contact. If the study forbids this attraction, its damping differs.
+A program that reads a coefficient of restitution computes its damping with the formula of
+Tsuji, Tanaka and Ishida (1992). This formula allows the two bodies to attract each other
+at the end of a contact. If the study forbids this attraction, its damping is different.
 `compute_equivalent_restitution` returns the restitution for which the formula gives the
-damping of the study. The program must then refuse attractive normal forces, too.
+damping of the study. The program must then suppress attractive normal forces, too.
 
-In the study the lever of the rolling resistance is the distance from the contact to the
-centre of the clump. In other programs it is the effective radius of the two touching
-spheres. With `compute_rolling_coefficient` the mean torque is the same.
+In the study, the lever arm of the rolling resistance is the distance from the contact to
+the centre of the clump. In other programs, it is the effective radius of the two touching
+spheres. With the coefficient of `compute_rolling_coefficient`, the mean torque is the
+same in both.
 """
 
 import math
@@ -19,7 +20,7 @@ from repose.export.job import Job, Pair
 
 
 def compute_equivalent_restitution(pair: Pair, least: float = 0.0) -> float:
-    """Compute the restitution with which Tsuji's formula gives a pair's damping.
+    """Compute the restitution for which Tsuji's formula gives the damping of a pair.
 
     Parameters
     ----------
@@ -31,8 +32,8 @@ def compute_equivalent_restitution(pair: Pair, least: float = 0.0) -> float:
     Returns
     -------
     float
-        exp(-pi beta / sqrt(1 - beta^2)) for beta below 1, otherwise 0, but at least
-        `least`.
+        exp(-pi beta / sqrt(1 - beta^2)) for beta below 1, and 0 for larger beta, but at
+        least `least`.
     """
     beta = pair.damping_ratio
     if beta >= 1.0:
@@ -43,12 +44,24 @@ def compute_equivalent_restitution(pair: Pair, least: float = 0.0) -> float:
 def compute_rolling_coefficient(job: Job, pair: Pair) -> float:
     """Compute the coefficient of rolling friction of a pair for another program.
 
-    The lever of the torque is the mean distance from the surface to the centre of the
-    grain in the study, and the effective radius of two spheres in the program. With the
-    result both torques are equal.
+    In the study, the lever arm of the torque is the mean distance from the surface to the
+    centre of the grain. In the program, it is the effective radius of two spheres. The
+    coefficient is scaled so that both torques are equal.
 
-    If a law resists the rotation of one grain relative to another, the lever between two
-    grains is half of this distance.
+    If a law resists the rotation of one grain relative to another, the lever arm between
+    two grains is half the mean distance.
+
+    Parameters
+    ----------
+    job : Job
+        The grain and its pour.
+    pair : Pair
+        The contact, `job.grains` or `job.on_wall`.
+
+    Returns
+    -------
+    float
+        The coefficient.
     """
     lever = job.lever_m
     law = ROLLING_LAWS.entry(job.simulation.rolling_law)
@@ -67,13 +80,18 @@ def compute_rolling_stiffness(pair: Pair) -> float:
 
 
 def describe_law_constants(job: Job) -> list[str]:
-    """Describe the constants of the contact laws besides the usual coefficients.
+    """Describe constants of the force laws that are not among the usual coefficients.
+
+    Parameters
+    ----------
+    job : Job
+        The grain and its pour.
 
     Returns
     -------
     list of str
         A line for each constant, with its values between grains and between grain and
-        wall. The list is empty for a law without such constants.
+        wall. The list is empty if the laws have no such constants.
     """
     grains = job.grains.constants
     on_wall = job.on_wall.constants
@@ -91,8 +109,8 @@ def describe_law_constants(job: Job) -> list[str]:
             )
         lines.append(f"{line}.")
 
-    # The twisting friction may be set for both contacts, for one of them or for none. Where
-    # it is not set, the engine computes it from the static friction mu_s.
+    # The twisting friction may be set for both contacts, for one or for none. If it is not
+    # set for a contact, the engine computes it from the static friction mu_s.
     if TWISTING.name in grains or TWISTING.name in on_wall:
         default = "3 pi / 16 mu_s"
         lines.append(

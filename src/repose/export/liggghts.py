@@ -1,4 +1,4 @@
-"""Write the deck of LIGGGHTS-PUBLIC 3.8: spheres or multispheres in a mesh."""
+"""Write the deck of LIGGGHTS-PUBLIC 3.8: spheres or multispheres in a mesh funnel."""
 
 import math
 
@@ -16,20 +16,25 @@ from repose.export.surface import N_FACETS, write_stl
 LEAST_RESTITUTION = 0.0501
 # Rolling models of LIGGGHTS for laws that have another name in the study.
 ROLLING_MODELS = {"budget": "epsd2", "constant_torque": "cdt"}
-# LIGGGHTS treats two faces as one if their angle is below a limit. The limit is this factor
-# times the angle between two neighbouring facets of the funnel.
+# LIGGGHTS treats two faces as one if the angle between them is below a limit. This limit is
+# set to this factor times the angle between neighbouring facets of the funnel.
 FOLD_SHARE = 1.1
 
 
 def make_deck(job: Job) -> dict[str, str]:
-    """Write the input files of a LIGGGHTS run: in.pour, funnel.stl and clump.txt.
+    """Make the input files of a LIGGGHTS run: in.pour, funnel.stl and clump.txt.
+
+    Parameters
+    ----------
+    job : Job
+        The grain and its pour.
 
     Returns
     -------
     dict
-        The texts of the files by name. A single sphere needs no clump.txt.
+        The contents of the files by name. A single sphere needs no clump.txt.
     """
-    # Write the laws of the contacts in the words of LIGGGHTS.
+    # Express the contact laws in the keywords of LIGGGHTS.
     simulation = job.simulation
     spheres_m = job.particle.spheres_m
     has_cohesion = simulation.contact_law == "sjkr"
@@ -38,8 +43,8 @@ def make_deck(job: Job) -> dict[str, str]:
     if has_cohesion:
         model = f"cohesion sjkr {model}"
 
-    # In the template, names of numbers end with gg for a contact between grains, and with
-    # gp for a contact between grain and wall.
+    # In the template, the names of numbers end in gg for contacts between grains, and in gp
+    # for contacts between grain and wall.
     pair_values: dict[str, object] = {}
     for name, pair in job.pairs.items():
         pair_values[f"e_{name}"] = compute_equivalent_restitution(
@@ -72,7 +77,7 @@ def make_deck(job: Job) -> dict[str, str]:
 
 
 def _list_differences(job: Job) -> list[str]:
-    """List the differences between LIGGGHTS and the study."""
+    """List the differences between LIGGGHTS and the study, in a sentence each."""
     differences = []
     if job.simulation.contact_law != "hertz_mindlin":
         differences.append(
@@ -94,13 +99,22 @@ def _list_differences(job: Job) -> list[str]:
 
 
 def find_prime(seed: int) -> int:
-    """Find the prime with which LIGGGHTS seeds its random numbers.
+    """Find the prime number with which LIGGGHTS seeds its random numbers.
 
     LIGGGHTS requires a prime above 10000. Each seed of the study gives a different prime.
-    The seed must be 0 or more.
+
+    Parameters
+    ----------
+    seed : int
+        Seed of the study, 0 or more.
+
+    Returns
+    -------
+    int
+        The prime number.
     """
-    # The search for each seed begins 200 numbers after that of the seed before. This is
-    # more than the largest gap between primes of this size.
+    # The searches for consecutive seeds begin 200 numbers apart, which is more than the
+    # largest gap between primes of this size.
     number = 20001 + 200 * seed
     while any(number % k == 0 for k in range(3, math.isqrt(number) + 1, 2)):
         number += 2

@@ -19,22 +19,22 @@ LONGEST_FACET_M = 0.024
 def compute_profile(funnel: Funnel) -> np.ndarray:
     """Compute the inner profile of the funnel in the half plane (r, z).
 
-    The line follows the cone to the neck, the rounded edge there, the tube if there is
-    one, and the rounded edge of the outlet.
+    The profile is a line along the cone, the rounded edge at the neck, the tube if there
+    is one, and the rounded edge of the outlet.
 
     Parameters
     ----------
     funnel : Funnel
-        Sizes of the funnel.
+        The funnel.
 
     Returns
     -------
     ndarray
-        Points (N, 2) [m] from the inlet to the underside of the outlet's edge: distance
-        from the axis, and height.
+        Points (N, 2) [m] from the inlet to the underside of the outlet's edge. The
+        columns are the distance from the axis and the height.
     """
-    # Both edges have the same radius, and the centres of their arcs have the same distance
-    # from the axis.
+    # Both edges have the same radius, and the centres of their arcs are at the same
+    # distance from the axis.
     edge_radius = funnel.rim_radius_m
     centre_r = 0.5 * funnel.outlet_diameter_m + edge_radius
 
@@ -43,8 +43,9 @@ def compute_profile(funnel: Funnel) -> np.ndarray:
     ) -> list[list[float]]:
         """List points (r, z) on a rounded edge between two angles.
 
-        The angles count from the direction away from the axis. An edge is highest at 90
-        degrees, nearest to the axis at 180 degrees and lowest at 270 degrees.
+        The angles are measured from the direction away from the axis. A circle along the
+        edge is highest at 90 degrees, nearest to the axis at 180 degrees, and lowest at
+        270 degrees.
         """
         n_points = 1 + math.ceil((end_deg - start_deg) / LARGEST_ARC_DEG)
         angles = np.radians(np.linspace(start_deg, end_deg, n_points))
@@ -56,13 +57,13 @@ def compute_profile(funnel: Funnel) -> np.ndarray:
         return points
 
     inlet = [0.5 * funnel.inlet_diameter_m, funnel.inlet_height_m]
-    # The arc of the neck begins at the point where it touches the cone, and ends where the
-    # wall is vertical.
+    # The arc of the neck begins where it touches the cone, and ends where the wall is
+    # vertical.
     touching_deg = 90.0 + math.degrees(math.radians(funnel.cone_angle_deg))
     neck = make_arc(funnel.neck_height_m, touching_deg, 180.0)
     lip = make_arc(funnel.outlet_height_m, 180.0, 270.0)
     if not funnel.tube_length_m:
-        # Without a tube the second arc begins at the last point of the first.
+        # Without a tube, the second arc begins at the last point of the first one.
         lip = lip[1:]
     return _divide_line(np.array([inlet, *neck, *lip]))
 
@@ -78,7 +79,7 @@ def _divide_line(points: np.ndarray) -> np.ndarray:
     Returns
     -------
     ndarray
-        The given points and those between them, (M, 2).
+        The given points and the points between them (M, 2).
     """
     divided = [points[:1]]
     for start, end in pairwise(points):
@@ -95,7 +96,7 @@ def divide_surface(funnel: Funnel) -> np.ndarray:
     Parameters
     ----------
     funnel : Funnel
-        Sizes of the funnel.
+        The funnel.
 
     Returns
     -------
@@ -110,11 +111,11 @@ def divide_surface(funnel: Funnel) -> np.ndarray:
     x = radii * np.cos(angles)
     y = radii * np.sin(angles)
     z = np.broadcast_to(heights, x.shape)
-    rings = np.stack([x, y, z], axis=-1)  # (N, AROUND, 3)
+    rings = np.stack([x, y, z], axis=-1)  # (N, N_FACETS, 3)
 
-    # Two neighbours on a ring and the two below them are the corners of a quadrilateral.
-    # Divide each quadrilateral into two triangles. Rolling a ring by one point puts the
-    # neighbour of each point in its place.
+    # Two neighbours on a ring and the two points below them are the corners of a
+    # quadrilateral. Divide each quadrilateral into two triangles. Rolling a ring by one
+    # point puts the neighbour of each point in the place of the point.
     upper = rings[:-1]
     lower = rings[1:]
     next_upper = np.roll(upper, -1, axis=1)
@@ -125,8 +126,8 @@ def divide_surface(funnel: Funnel) -> np.ndarray:
 
 
 def write_stl(funnel: Funnel) -> str:
-    """Write the inner surface of the funnel as the text of an STL file, in metres."""
-    # The normal of a facet is the unit vector across two of its edges.
+    """Write the inner surface of the funnel as a text STL file, in metres."""
+    # The normal of a facet is the unit vector perpendicular to two of its edges.
     facets = divide_surface(funnel)
     first_edges = facets[:, 1] - facets[:, 0]
     second_edges = facets[:, 2] - facets[:, 0]

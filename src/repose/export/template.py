@@ -1,7 +1,7 @@
-"""Make the template of a deck: names in double braces in place of its parameters.
+"""Make the template of a deck, in which parameters are replaced by names in braces.
 
-The section `simulator` of a study reads such a template (docs/simulators.md). To find the
-numbers of a deck that depend on a parameter, the deck is written again with another value
+The section `simulator` of a study reads such a template (docs/simulators.md). To find out
+which numbers of a deck depend on a parameter, the deck is written again with another value
 of this parameter.
 """
 
@@ -14,17 +14,17 @@ from repose.common.files import StrPath, write_text
 from repose.export import PROGRAMS, check_laws
 from repose.export.job import Job
 
-# A number that is not a part of a word.
+# A number that is not part of a word.
 NUMBER = re.compile(r"((?<![\w.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w.]))")
 # Ratio of the second value of a parameter to its first value.
 CHANGE_FACTOR = 0.5
-# Largest relative difference of numbers that are considered equal. Numbers in decks have
-# at least eight digits.
+# Largest relative difference between numbers that are considered equal. The numbers in
+# decks are rounded to eight or nine digits.
 ROUNDING = 1e-6
 TEMPLATE_SUFFIX = ".j2"
 
 JobFunction = Callable[[Mapping[str, float]], Job]
-"""Function that makes the job for a mapping of parameters."""
+"""Function that makes the job for given parameters."""
 
 
 def write_template(
@@ -40,8 +40,8 @@ def write_template(
     Parameters
     ----------
     make_job : callable
-        Makes the `Job` for a mapping of parameters. It is called with `parameters`, and
-        then for each of `names` with another value of this parameter.
+        Function that makes the `Job` for a mapping of parameters. It is called with
+        `parameters`, and then for each of `names` with another value of this parameter.
     parameters : mapping
         Values of the parameters by name.
     names : sequence of str
@@ -49,7 +49,7 @@ def write_template(
     program : str
         One of `repose.export.PROGRAMS`.
     folder : path
-        Folder for the files.
+        Folder to which the files are written.
 
     Returns
     -------
@@ -59,7 +59,7 @@ def write_template(
     Raises
     ------
     InputError
-        If a parameter is unknown, or if no number of the deck is in proportion to it.
+        If a parameter is unknown, or if no number of the deck is proportional to it.
     """
     for name in names:
         if name not in parameters:
@@ -78,7 +78,7 @@ def write_template(
     main_name = next(iter(files))
 
     def write_main_file(values: Mapping[str, float]) -> str:
-        """Write the text of the main file with other values of the parameters."""
+        """Write the main file of the deck for other values of the parameters."""
         return make_deck(make_job(values))[main_name]
 
     template = make_template(write_main_file, parameters, names)
@@ -99,7 +99,7 @@ def make_template(
     parameters: Mapping[str, float],
     names: Sequence[str],
 ) -> str:
-    """Replace the numbers of a text that are in proportion to a parameter by its name.
+    """Replace the numbers of a text that are proportional to a parameter by its name.
 
     To find these numbers, the text is written again for each parameter, with another
     value of this parameter. The numbers that change depend on the parameter.
@@ -107,7 +107,7 @@ def make_template(
     Parameters
     ----------
     render : callable
-        Writes the text for a mapping of parameters.
+        Function that writes the text for a mapping of parameters.
     parameters : mapping
         Values of the parameters by name.
     names : sequence of str
@@ -121,9 +121,9 @@ def make_template(
     Raises
     ------
     InputError
-        If a parameter changes no number, or a number that is not in proportion to it.
+        If a parameter changes no number, or a number that is not proportional to it.
     """
-    # Words and numbers alternate. Even entries are words, and odd entries are numbers.
+    # Text and numbers alternate: entries with even indices are text, the others numbers.
     parts = NUMBER.split(render(parameters))
     template_parts = list(parts)
     for name in names:
@@ -135,8 +135,8 @@ def make_template(
         if not positions:
             raise _make_proportion_error(name)
 
-        # Replace each number that has changed, if it is in proportion to the parameter and
-        # no other parameter has replaced it.
+        # Replace each number that has changed. It must be proportional to the parameter,
+        # and no other parameter may have replaced it.
         for position in positions:
             is_number = position % 2 == 1
             is_replaced = template_parts[position] != parts[position]
@@ -158,13 +158,13 @@ def _find_changed_positions(
     Parameters
     ----------
     parts, changed_parts : sequence of str
-        The words and numbers of the two texts.
+        The two texts, split into numbers and the text between them.
 
     Returns
     -------
     list of int
-        Empty if the texts are equal, or if they cannot be compared because one of them has
-        more parts.
+        The positions. The list is empty if the texts are equal, or if they cannot be
+        compared because one of them has more parts.
     """
     if len(parts) != len(changed_parts):
         return []
@@ -178,14 +178,14 @@ def _are_equal(first: float, second: float) -> bool:
 
 
 def _write_in_braces(name: str, factor: float) -> str:
-    """Write a parameter in double braces, with its factor unless this is 1."""
+    """Write a parameter in double braces, with its factor unless the factor is 1."""
     if _are_equal(factor, 1.0):
         return f"{{{{ {name} }}}}"
     return f"{{{{ {factor:.7g} * {name} }}}}"
 
 
 def _make_proportion_error(name: str) -> InputError:
-    """Make the error for a parameter without a number in proportion to it."""
+    """Make the error for a parameter to which no number is proportional."""
     return InputError(
         "command line",
         key="--names",

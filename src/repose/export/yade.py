@@ -12,7 +12,7 @@ from repose.export.surface import N_FACETS, compute_profile
 
 
 def make_deck(job: Job) -> dict[str, str]:
-    """Write the file of a YADE run by name: pour.py."""
+    """Make the contents of pour.py for YADE, by name of the file."""
     weights, inertia = distribute_mass(job)
     widest_m = max(job.plate_radius_m, 0.5 * job.surfaces.inlet_diameter_m)
     text = fill_template(
@@ -36,9 +36,9 @@ def make_deck(job: Job) -> dict[str, str]:
 
 
 def _compute_damping_share(pair: Pair) -> float:
-    """Compute the damping of a pair as a share of its critical damping.
+    """Compute the damping of a pair as a fraction of its critical damping.
 
-    The factor sqrt(5/6) belongs to the nonlinear spring of Hertz's law.
+    The factor sqrt(5/6) results from the nonlinear spring of Hertz's law.
     """
     return math.sqrt(5.0 / 6.0) * pair.damping_ratio
 
@@ -61,10 +61,10 @@ def _list_differences(job: Job) -> list[str]:
 
 
 def distribute_mass(job: Job) -> tuple[np.ndarray, np.ndarray]:
-    """Distribute mass and inertia of a grain over its spheres.
+    """Distribute the mass and the inertia of a grain over its spheres.
 
-    YADE adds up the masses and inertias of the spheres of a clump. The sums must be the
-    mass, the centre of mass and the moments of inertia of the grain.
+    YADE adds up the masses and inertias of the spheres of a clump. The result must have
+    the mass, the centre of mass and the moments of inertia of the grain.
 
     Parameters
     ----------
@@ -74,9 +74,9 @@ def distribute_mass(job: Job) -> tuple[np.ndarray, np.ndarray]:
     Returns
     -------
     shares : ndarray
-        Share (M,) of each sphere in the mass. The shares are as equal as possible.
-        Their sum is 1, their centre is the origin and their products of inertia are
-        zero.
+        Share (M,) of each sphere in the mass. The shares are as equal as possible while
+        their sum is 1, their centre of mass is the origin and their products of inertia
+        are zero.
     inertia : ndarray
         Moments of inertia (3,) of each sphere [kg m2]. Their sum is the difference
         between the moments of the grain and those of point masses at the centres.
@@ -97,7 +97,7 @@ def distribute_mass(job: Job) -> tuple[np.ndarray, np.ndarray]:
     required = np.zeros(len(conditions))
     required[0] = 1.0
 
-    # Find the smallest change of equal shares with which the conditions are met.
+    # Find the smallest change to equal shares with which the conditions are met.
     equal_shares = np.full(n_spheres, 1.0 / n_spheres)
     residual = required - conditions @ equal_shares
     change = np.linalg.lstsq(conditions, residual, rcond=1e-9)[0]
