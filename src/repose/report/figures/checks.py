@@ -1,4 +1,4 @@
-"""Draw the check: our solutions (Table 4), and published ones simulated here."""
+"""Draw the check: our solutions (Table 4), and published solutions simulated here."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -16,7 +16,7 @@ from repose.stages.published import STALE_WARNING, find_published_responses
 from . import panels, style
 from .registry import Inputs, StudyView
 
-# Distance of the two marks of a solution from its tick, to the left and to the right.
+# Distance of each of the two marks of a solution from its tick, to the left or right.
 MARK_OFFSET = 0.12
 ROOM_FOR_NOTE = 0.15  # at the lower edge, as a share of a panel's height
 ERROR_BAR_STYLE = {"ms": 4.5, "elinewidth": 1, "capsize": 2}
@@ -40,16 +40,21 @@ PUBLISHED_MEASUREMENT_STYLE = PUBLISHED_SIMULATION_STYLE | {
 def draw_validation(inputs: Inputs, study: StudyView) -> Figure:
     """Draw predicted and simulated responses of our solutions and of published ones.
 
-    There is a row of panels for each target. Our solutions are at the left, published
-    ones at the right.
+    There is a row of panels for each target, with our solutions on the left and the
+    published ones on the right.
 
     Parameters
     ----------
     inputs : mapping
-        Path of `table4`, our solutions. The path `published` of the published solutions
-        may be missing.
+        Paths by name. `table4` contains our solutions. `published` contains the published
+        solutions, and may be missing.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     targets = study.targets
     simulated = [target.response.simulated for target in targets]
@@ -63,7 +68,7 @@ def draw_validation(inputs: Inputs, study: StudyView) -> Figure:
         published.columns, targets.responses
     )
 
-    # The right column has the published solutions, if there are any.
+    # The right column shows the published solutions, if there are any.
     widths = (1.15, 1) if published_of_targets else (1,)
     figure = style.new_figure(style.PAGE, 0.6 + 1.9 * len(targets))
     axes = figure.subplots(
@@ -100,7 +105,7 @@ def draw_validation(inputs: Inputs, study: StudyView) -> Figure:
 
 
 def _explain_empty_panel(panel: Axes, text: str) -> None:
-    """Write in the middle of a panel why it is empty."""
+    """Write the reason why a panel is empty in its middle."""
     panel.axis("off")
     style.write_note(panel, text, x=0.5, y=0.5, ha="center", color=style.GREY)
 
@@ -111,9 +116,14 @@ def draw_published_solutions(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Path of the table `published`, a row for each solution.
+        Path of the table `published`, which has a row for each solution.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     table = _add_names(read_table(inputs["published"], ("solution",)), "P")
     targets = [target for target in study.targets if target.response.simulated in table]
@@ -142,7 +152,7 @@ def _draw_published_and_simulated(
     target : Target
         The target of the response.
     """
-    # Published values are at the left of a tick, those simulated here at the right.
+    # Draw published values to the left of a tick, and those simulated here to the right.
     response = target.response
     x = np.arange(len(table))
     _draw_measurement(panel, table, target)
@@ -168,9 +178,9 @@ def _draw_published_and_simulated(
 def _draw_predicted_and_simulated(
     panel: Axes, table: pd.DataFrame, target: Target, error_bar_style: Mapping[str, Any]
 ) -> None:
-    """Draw one response of each solution with the error of its prediction.
+    """Draw one response of each solution, and write the error of its prediction.
 
-    The error is in percent of the simulated value.
+    The error is given in percent of the simulated value.
 
     Parameters
     ----------
@@ -184,7 +194,7 @@ def _draw_predicted_and_simulated(
     error_bar_style : mapping
         Style of the simulated values, for matplotlib's `errorbar`.
     """
-    # Predictions are at the left of a tick, simulated values at the right.
+    # Draw predictions to the left of a tick, and simulated values to the right.
     response = target.response
     x = np.arange(len(table))
     _draw_measurement(panel, table, target)
@@ -222,10 +232,10 @@ def _write_prediction_errors(
     panel : Axes
         The panel to write in.
     predicted, simulated : ndarray
-        Responses (n,) of the solutions. A solution without a simulated value, or with
-        the value 0, gets no text.
+        Responses (n,) of the solutions. For a solution without a simulated value, or with
+        the value 0, no error is written.
     lowest : ndarray
-        Heights (n,) in the panel, below which the texts begin.
+        Heights (n,) in the panel below which the errors are written.
     """
     values = zip(predicted, simulated, lowest, strict=True)
     for tick, (prediction, simulation, low) in enumerate(values):
@@ -245,14 +255,14 @@ def _write_prediction_errors(
 
 
 def _write_below(panel: Axes, ticks: np.ndarray, text: str) -> None:
-    """Write the same short note below everything in a panel, at some of its ticks.
+    """Write the same short note at some ticks of a panel, below everything else.
 
     Parameters
     ----------
     panel : Axes
-        The panel. If there is a note, it gets room for it at its lower edge.
+        The panel. If there are any ticks, it is enlarged at its lower edge.
     ticks : ndarray
-        Places (n,) of the notes on the x axis.
+        Positions (n,) of these ticks on the x axis.
     text : str
         The note.
     """
@@ -302,16 +312,17 @@ def _draw_measurement(panel: Axes, table: pd.DataFrame, target: Target) -> None:
 
 
 def _add_names(table: pd.DataFrame, prefix: str = "") -> pd.DataFrame:
-    """Add the names of the solutions for an axis, and sort the solutions.
+    """Add names of the solutions for an axis, and sort the solutions.
 
-    The answer comes first, then the others by number, then those without a number.
+    The answer comes first, followed by the other solutions by number, and then by those
+    without a number.
 
     Parameters
     ----------
     table : DataFrame
         A row for each solution.
     prefix : str
-        Letters before each name, such as P for published solutions.
+        Prefix of each name, such as P for published solutions.
 
     Returns
     -------
@@ -336,9 +347,14 @@ def _name_solution(solution: str, is_answer: bool, prefix: str) -> str:
     solution : str
         Its number, or the first author and the year of a publication, as in `yu_2022`.
     is_answer : bool
-        Whether it is the answer.
+        Whether the solution is the answer.
     prefix : str
-        Letters before its number.
+        Prefix of the number.
+
+    Returns
+    -------
+    str
+        The name, which may have two lines.
     """
     if is_answer:
         number = solution.removeprefix("representative")

@@ -17,7 +17,7 @@ from repose.stages.tables import find_answer
 from . import panels, style
 from .registry import Inputs, StudyView
 
-# Descriptions in the legend and colours of the tables of samples.
+# Description in the legend, and colour, of each table of samples.
 SAMPLE_STYLES = {
     "dataset": ("parameter sets of the design, simulated", style.BLUE),
     "pool": ("further sets, simulated", style.SKY),
@@ -25,7 +25,8 @@ SAMPLE_STYLES = {
     "own": ("parameter sets, simulated", style.BLUE),
 }
 ROW_HEIGHT = 3.1  # of the panels of a pair, in inches
-ENLARGED_MARGIN_SHARE = 0.12  # about what an enlarged panel shows, as a share of it
+# Margin around the data of an enlarged panel, as a fraction of the extent of these data
+ENLARGED_MARGIN_SHARE = 0.12
 BARS_NOTE = (
     "a point is the mean of one parameter set's piles; bars: ± 1 standard error of a "
     "mean"
@@ -33,19 +34,15 @@ BARS_NOTE = (
 
 
 class PlaneData(NamedTuple):
-    """What the planes show besides the targets.
+    """The data that the planes show besides the targets."""
 
-    `samples` are tables by the names in `SAMPLE_STYLES`. An answer without simulated
-    responses is shown as predicted alone.
-    """
-
-    samples: Mapping[str, pd.DataFrame]
-    solutions: pd.DataFrame
-    answer: pd.Series
+    samples: Mapping[str, pd.DataFrame]  # tables by the names in `SAMPLE_STYLES`
+    solutions: pd.DataFrame  # a row for each solution of the search
+    answer: pd.Series  # predicted responses, and simulated ones if there are any
 
 
 def leave_out_profiles(targets: Targets) -> Targets:
-    """Leave out the targets that are scores of a profile."""
+    """Return the targets without those that are scores of a profile."""
     return Targets(target for target in targets if target.profile is None)
 
 
@@ -56,10 +53,15 @@ def draw_planes(inputs: Inputs, study: StudyView) -> Figure:
     ----------
     inputs : mapping
         Paths by name. The samples are the rows of `dataset`, `pool` and `fresh` with the
-        status ok. `feasible` has the solutions. The answer is the row of `table4` with
-        the role `representative`.
+        status ok. `feasible` contains the solutions. The answer is the row of `table4`
+        with the role `representative`.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     # Read the samples that could be measured, the solutions, and the answer.
     targets = leave_out_profiles(study.targets)
@@ -104,8 +106,8 @@ def draw_pairs_of_targets(
         Title of the legend, which explains the bars.
     """
     pairs = combinations(targets, 2)
-    # Two panels after each other belong to a pair. Both show the same, within different
-    # limits.
+    # Two consecutive panels belong to a pair of targets. Both show the same data within
+    # different limits.
     panel_pairs = zip(axes[::2], axes[1::2], strict=True)
     for k, ((x_target, y_target), (whole_panel, enlarged_panel)) in enumerate(
         zip(pairs, panel_pairs, strict=True)
@@ -162,7 +164,7 @@ def _compute_axis_limits(target: Target, answer: pd.Series) -> tuple[float, floa
             answer[response.simulated] - error,
             answer[response.simulated] + error,
         ]
-    # The mean of a single run has no standard error, so two values are then NaN.
+    # The mean of a single run has no standard error, so two of the values may be NaN.
     known_values = [value for value in shown_values if pd.notna(value)]
     low = min(known_values)
     high = max(known_values)
@@ -253,7 +255,7 @@ def _draw_solutions(
     kind = "nearest solutions, none feasible"
     if solutions["feasible"].any():
         kind = "feasible solutions"
-    # Above the answer's marks, which would hide most of them
+    # Draw the solutions above the marks of the answer, which would hide most of them.
     panel.plot(
         solutions[x_target.response.predicted],
         solutions[y_target.response.predicted],
@@ -267,9 +269,19 @@ def _draw_solutions(
 
 
 def _describe_span(solutions: pd.DataFrame, x_target: Target, y_target: Target) -> str:
-    """Describe between which responses the solutions of the search are predicted.
+    """Describe the range of the predicted responses of the search's solutions.
 
-    `x_target` and `y_target` are the targets of the x axis and of the y axis.
+    Parameters
+    ----------
+    solutions : DataFrame
+        A row for each solution, with its predicted responses.
+    x_target, y_target : Target
+        The targets of the x axis and of the y axis.
+
+    Returns
+    -------
+    str
+        The range of each response.
     """
     spans = []
     for response in (x_target.response, y_target.response):

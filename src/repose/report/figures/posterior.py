@@ -26,14 +26,15 @@ if TYPE_CHECKING:
     from repose.calibrate.uncertainty.posterior import Posterior
 
 N_BINS = 25  # of a histogram
-# Cells along each range of a pair: few, so that each has draws enough to be judged.
+# Number of cells along each range of a pair. It is small, so that each cell contains
+# enough draws.
 N_PAIR_CELLS = 8
 RATIO_TICKS = (0.25, 0.5, 1, 2, 4)
-LARGEST_RATIO = 4.0  # of posterior to prior, at the end of the colours
+LARGEST_RATIO = 4.0  # of posterior to prior, at the end of the colour scale
 RATIO_COLOURS = "PuOr_r"  # white in the middle
 RATIO_LABEL = "posterior over prior in each cell; white: as before the measurements"
 SEARCH_SETS_LABEL = "solutions of the search"
-# Share of the draws where samples are thin, above which the figure warns.
+# The figure warns if more than this share of the draws lies where samples are sparse.
 EXTRAPOLATED_SHARE = 0.5
 # Columns with the ends of an interval: of the posterior, of the solutions that the
 # search (MIGA, a multi-island genetic algorithm) found, and of the published solutions.
@@ -43,18 +44,19 @@ PUBLISHED_COLUMNS = ["published_low", "published_high"]
 COLUMN_NOTE = (
     "width that the measurements leave open; information: one bit halves the range"
 )
-# Upper left corners of text and legend in the figure of pairs, as shares of the figure
+# Upper left corners of the text and of the legend in the figure of pairs, as fractions of
+# the figure's width and height
 CORNER_TEXT_PLACE = (0.47, 0.975)
 CORNER_LEGEND_PLACE = (0.63, 0.8)
 INTERVALS_HEIGHT = 3.3  # inches, of the figure of the credible intervals
-# The panel of the intervals ends at this place in a parameter's range, which goes from 0
-# to 1. The room beside the range has the numbers.
+# On the x axis, a parameter's range extends from 0 to 1. The panel of the intervals ends
+# at `RIGHT_END`, which leaves space for numbers beside the range.
 RIGHT_END = 1.17
-NUMBERS_X = 1.03  # place of the numbers
+NUMBERS_X = 1.03  # position of the numbers
 # Height of the bar of the credible interval above the middle of a strip
 CREDIBLE_OFFSET = 0.22
-# Bars of a parameter: their columns, place above the middle, colour, width and label.
-# The spans of solutions are thin, since they are no uncertainty.
+# Bars of a parameter: columns of the table, height above the middle, colour, width and
+# label. The spans of solutions are thin, because they are not uncertainties.
 INTERVAL_BARS = (
     (
         CREDIBLE_COLUMNS,
@@ -66,7 +68,7 @@ INTERVAL_BARS = (
     (SEARCH_COLUMNS, 0.0, style.RED, 1.2, "span of the solutions found"),
     (PUBLISHED_COLUMNS, -0.22, style.ORANGE, 1.2, "span of the published solutions"),
 )
-# Published sets have a marker for each source.
+# Markers of published sets, one for each source and wall
 PUBLISHED_MARKERS = ("D", "^", "s", "v")
 PUBLISHED_STYLE: dict[str, Any] = {
     "s": 22,
@@ -86,7 +88,7 @@ class PublishedSets(NamedTuple):
 
 
 class CornerData(NamedTuple):
-    """What a figure of the posterior in pairs shows."""
+    """The data of a figure that shows the posterior in pairs of parameters."""
 
     posterior: "Posterior"
     sets: pd.DataFrame  # parameter sets that are marked
@@ -103,11 +105,16 @@ def draw_posterior(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths by name. Each row of `draws` is a parameter set, each row of `posterior` a
-        parameter, and each row of `feasible` a solution. `summary` has the predictions.
+        Paths by name. The rows of `draws` are parameter sets, those of `posterior`
+        parameters, and those of `feasible` solutions. `summary` contains the predictions.
         `published` has a row for each published set, and may be missing.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     from repose.calibrate.uncertainty.posterior import Posterior  # slow to import
 
@@ -150,7 +157,7 @@ def _split_published_sets(
     """
     if not {"source", "wall", *names} <= set(table):
         return []
-    # The cell is empty for a set of the study's own wall.
+    # The cell is empty if the set is for the wall of the study.
     walls = table["wall"].fillna("").astype(str)
     by_source = table.assign(wall=walls).groupby(["source", "wall"])
     # Sources beyond the last marker are left out.
@@ -165,7 +172,7 @@ def _split_published_sets(
 def draw_corner(
     figure: FigureBase, parameters: ParameterSpace, targets: Targets, data: CornerData
 ) -> None:
-    """Draw a posterior in an empty figure: each free parameter, and each pair.
+    """Draw a posterior in an empty figure: each free parameter, and each pair of them.
 
     Parameters
     ----------
@@ -174,9 +181,9 @@ def draw_corner(
     parameters : ParameterSpace
         The parameters of the study.
     targets : Targets
-        The targets, whose predictions are written.
+        The targets, whose predicted responses are written into the figure.
     data : CornerData
-        The posterior, and the sets that are marked.
+        The posterior, and the parameter sets to mark.
     """
     # On the diagonal draw each parameter alone, and below it each pair of parameters.
     draws = data.posterior.draws
@@ -196,7 +203,7 @@ def draw_corner(
             _draw_published_box(panel, table.loc[x_name], table.loc[y_name])
     panels.finish_pair_panels(pair_panels, parameters, margin=0.02)
 
-    # The empty half above the diagonal has room for text and legend.
+    # The empty half above the diagonal leaves room for the text and the legend.
     text_x, text_y = CORNER_TEXT_PLACE
     figure.text(
         text_x,
@@ -226,8 +233,8 @@ def draw_corner(
 def _draw_sets(panel: Axes, data: CornerData, x_name: str, y_name: str) -> None:
     """Mark the parameter sets and the published ones in the panel of two parameters.
 
-    Published sets of another wall are marked only where both parameters are of grain
-    and grain.
+    Published sets for another wall are marked only if both parameters describe contacts
+    between grains.
 
     Parameters
     ----------
@@ -271,8 +278,8 @@ def _draw_marginal(
     """
     name = row.name
     edges = compute_cell_edges(parameters, name, N_BINS)
-    # Along the scale of the parameter, all cells have the same width. Weight the draws
-    # so that the histogram shows their density along this scale.
+    # All cells have the same width along the scale of the parameter. Weight the draws so
+    # that the histogram shows their density along this scale.
     width = parameters.coordinates(name, edges[[0, -1]]) @ [-1, 1] / N_BINS
     weight = 1 / (len(values) * width)
     panel.hist(
@@ -309,7 +316,7 @@ def _compute_prior_density(
     values : ndarray
         Values (201,) over the range of the parameter.
     density : ndarray
-        The density (201,) at each.
+        The density (201,) at each value.
     """
     index = parameters.free.index(name)
     share_of_range = np.linspace(0, 1, 201)
@@ -331,7 +338,7 @@ def _draw_ratio(
     panel : Axes
         The panel to draw in.
     x_draws, y_draws : Series
-        The draws of both parameters, named by them.
+        The draws of both parameters. The names of the series are those of the parameters.
     parameters : ParameterSpace
         The parameters of the study.
 
@@ -351,7 +358,7 @@ def _draw_ratio(
         _compute_prior_of_cells(parameters, str(y_draws.name)),
     )
     ratio = counts / counts.sum() / prior
-    # On a logarithmic scale, equal factors above and below 1 have equal colour steps.
+    # On a logarithmic scale, equal factors above and below 1 are equally far from white.
     colours = LogNorm(1 / LARGEST_RATIO, LARGEST_RATIO)
     shown_ratio = np.clip(ratio, 1 / LARGEST_RATIO, LARGEST_RATIO)
     return panel.pcolormesh(
@@ -372,9 +379,9 @@ def _draw_ratio_bar(figure: FigureBase, mesh: QuadMesh, axes: Sequence[Axes]) ->
     figure : FigureBase
         The figure.
     mesh : QuadMesh
-        The cells of any pair, whose colours are explained.
+        The cells of any pair, whose colours the bar explains.
     axes : sequence of Axes
-        The panels, which make room for the bar.
+        The panels, which are moved to make room for the bar.
     """
     bar = figure.colorbar(
         mesh, ax=axes, location="bottom", label=RATIO_LABEL, aspect=50, pad=0.02
@@ -386,10 +393,17 @@ def _draw_ratio_bar(figure: FigureBase, mesh: QuadMesh, axes: Sequence[Axes]) ->
 def _compute_prior_of_cells(parameters: ParameterSpace, name: str) -> np.ndarray:
     """Compute the prior probability of each cell of a free parameter's range.
 
+    Parameters
+    ----------
+    parameters : ParameterSpace
+        The parameters of the study.
+    name : str
+        Name of the parameter.
+
     Returns
     -------
     ndarray
-        Probabilities (N_PAIR_CELLS,), above 0 so that one can divide by them.
+        Probabilities (N_PAIR_CELLS,). They are above 0, so that one can divide by them.
     """
     index = parameters.free.index(name)
     share_of_range = np.linspace(0, 1, N_PAIR_CELLS + 1)
@@ -426,14 +440,14 @@ def _describe_draws(summary: Mapping[str, Any], targets: Targets) -> str:
     Parameters
     ----------
     summary : mapping
-        Content of posterior.json.
+        Contents of posterior.json.
     targets : Targets
         The targets of the study.
 
     Returns
     -------
     str
-        Several lines.
+        The description in several lines.
     """
     lines = []
     for response in targets.responses:
@@ -443,7 +457,7 @@ def _describe_draws(summary: Mapping[str, Any], targets: Targets) -> str:
             f"({predicted['low']:.1f}–{predicted['high']:.1f})"
         )
 
-    # How well the best draw fits, and whether the draws can be trusted
+    # Describe how well the best draw fits, and whether the draws can be trusted.
     distance = summary["misfit"]["squared_distance"] ** 0.5
     thin_percent = 100 * summary["thin_share"]
     r_hat = summary["largest_r_hat"]
@@ -469,14 +483,19 @@ def _make_legend_handles(
     Parameters
     ----------
     panel : Axes
-        Any panel. Empty marks of the published sets are added to it, which only appear
-        in the legend.
+        Any panel. Marks without points are added to it for the published sets, so that
+        they appear in the legend.
     data : CornerData
         The sets that are marked.
     has_prior : bool
-        Whether a parameter has a prior that is not uniform.
+        Whether any parameter has a prior that is not uniform.
     has_published_intervals : bool
         Whether published intervals are drawn.
+
+    Returns
+    -------
+    list of Artist
+        The entries, from top to bottom.
     """
     unit_box = {"xy": (0, 0), "width": 1, "height": 1}
     prior_label = "prior" if has_prior else "uniform prior"
@@ -506,16 +525,21 @@ def _make_legend_handles(
 def draw_credible_intervals(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the credible interval of each parameter in its range, with the answer.
 
-    Beside it are the span of the solutions that the search found and, if there is one,
-    that of the published solutions.
+    The span of the solutions that the search found is drawn, too, and the span of the
+    published solutions if there are any.
 
     Parameters
     ----------
     inputs : mapping
         Paths by name. `posterior` has a row for each parameter, with the ends of its
-        intervals. `feasible` has a row for each solution, of which one is the answer.
+        intervals. `feasible` has a row for each solution, of which one may be the answer.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     table = read_table(
         inputs["posterior"], ("parameter", *CREDIBLE_COLUMNS, *SEARCH_COLUMNS)
@@ -533,9 +557,9 @@ def draw_credible_intervals(inputs: Inputs, study: StudyView) -> Figure:
 def draw_intervals(
     panel: Axes, table: pd.DataFrame, parameters: ParameterSpace
 ) -> None:
-    """Draw the intervals of all parameters, a strip for each.
+    """Draw the intervals of all parameters, each in its own strip.
 
-    Places in a range are along the scale of the parameter.
+    Positions in a strip are measured along the scale of the parameter.
 
     Parameters
     ----------
@@ -549,9 +573,9 @@ def draw_intervals(
     """
     n_parameters = len(table)
     for number, (_, row) in enumerate(table.iterrows()):
-        # The first parameter is on top.
+        # The first parameter is at the top.
         y = n_parameters - 1 - number
-        # This function converts values of the parameter to places in its range.
+        # This function converts values of the parameter to positions in its range.
         places = partial(parameters.shares, row["parameter"])
         _draw_interval_strip(panel, row, places=places, y=y, is_first=number == 0)
     panel.text(
@@ -575,7 +599,7 @@ def _draw_interval_strip(
     y: float,
     is_first: bool,
 ) -> None:
-    """Draw the intervals of one parameter as bars in a strip, which is its range.
+    """Draw the intervals of one parameter as bars in a strip that shows its range.
 
     Parameters
     ----------
@@ -584,8 +608,8 @@ def _draw_interval_strip(
     row : Series
         Row of the parameter in the table of the posterior.
     places : callable
-        Function that converts values of the parameter to places in its range, from 0 to
-        1.
+        Function that converts values of the parameter to positions in its range, from 0
+        to 1.
     y : float
         Height of the strip's middle.
     is_first : bool
@@ -593,7 +617,7 @@ def _draw_interval_strip(
     """
     panel.barh(y, 1, height=0.8, color=style.STRIP_COLOUR, zorder=0)
     for columns, offset, colour, width, label in INTERVAL_BARS:
-        # If the table lacks this bar, its ends are empty and nothing is drawn.
+        # If the table does not contain the ends of this bar, nothing is drawn.
         ends = row.reindex(columns).dropna().astype(float).to_numpy()
         positions = places(ends)
         panel.plot(
@@ -626,7 +650,7 @@ def _draw_interval_strip(
     percent = 100 * min(row["width_ratio"], 1.0)
     text = f"{percent:.0f} %   {row['information_bits']:.2f} bits"
     panel.text(NUMBERS_X, y, text, fontsize=style.SMALL_TEXT_PT, va="center")
-    # The ends of the range are below the strip.
+    # Write the ends of the range below the strip.
     for x, value in ((0, row["low"]), (1, row["high"])):
         panel.text(
             x,

@@ -1,4 +1,4 @@
-"""Draw the search: its solutions (Figure 14), and its course."""
+"""Draw the solutions of the search (Figure 14), and how it converged."""
 
 import re
 from collections.abc import Mapping
@@ -24,7 +24,7 @@ LEAST_LOSS_NOTE = (
     "prediction is; so it may lie beside the other sets."
 )
 GOLDEN_FRACTION = 0.6180339887
-# Place of the share that the solutions span, right of a range, which goes from 0 to 1.
+# Position of the share that the solutions span. The range itself extends from 0 to 1.
 SHARE_X = 1.03
 # With more generations than this, their axis is logarithmic.
 LINEAR_GENERATIONS = 200
@@ -43,10 +43,15 @@ def draw_feasible_solutions(inputs: Inputs, study: StudyView) -> Figure:
     ----------
     inputs : mapping
         Paths by name. `feasible` has a row for each solution with its parameters and
-        predicted responses. `summary` has the result of the search. `published` has
-        intervals of the parameters (Table 3 of the paper), and may be missing.
+        predicted responses. `summary` contains the result of the search. `published`
+        contains intervals of the parameters (Table 3 of the paper), and may be missing.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     targets = study.targets
     solutions = read_table(
@@ -58,7 +63,7 @@ def draw_feasible_solutions(inputs: Inputs, study: StudyView) -> Figure:
         published = read_table(inputs["published"], ("parameter", "low", "high"))
         published = published.set_index("parameter")
 
-    # A strip for each parameter, and sentences below them.
+    # Draw a strip for each parameter, and write sentences below the strips.
     figure = style.new_figure(style.PAGE, 1.5 + 0.42 * study.parameters.dimensions)
     panel = figure.subplots()
     _draw_parameter_strips(panel, solutions, study=study, published=published)
@@ -82,6 +87,11 @@ def _describe_predictions(solutions: pd.DataFrame, target: Target) -> str:
         A row for each solution. The answer is one of them.
     target : Target
         The target of the response.
+
+    Returns
+    -------
+    str
+        One sentence.
     """
     response = target.response
     predicted = solutions[response.predicted]
@@ -97,7 +107,7 @@ def _describe_predictions(solutions: pd.DataFrame, target: Target) -> str:
 def _describe_overlap(
     solutions: pd.DataFrame, study: StudyView, published: pd.DataFrame
 ) -> str:
-    """Describe for how many parameters the solutions reach into the published interval.
+    """Describe for how many parameters the solutions overlap the published interval.
 
     Parameters
     ----------
@@ -107,6 +117,11 @@ def _describe_overlap(
         The study.
     published : DataFrame
         The published intervals, by parameter.
+
+    Returns
+    -------
+    str
+        One sentence.
     """
     names = study.parameters.free
     overlaps = [
@@ -124,19 +139,19 @@ def _describe_overlap(
 def _write_title(
     figure: Figure, panel: Axes, solutions: pd.DataFrame, summary: Mapping[str, Any]
 ) -> None:
-    """Write the number of solutions as the title, or that none of them is feasible.
+    """Write the title: the number of solutions, or that none of them is feasible.
 
     Parameters
     ----------
     figure : Figure
-        The figure. If no solution is feasible, the message of the search is written
-        below it, in place of other words.
+        The figure. If no solution is feasible, the message of the search replaces the
+        note below the figure.
     panel : Axes
-        Its panel.
+        The panel of the figure.
     solutions : DataFrame
         A row for each solution.
     summary : mapping
-        Content of miga/summary.json.
+        Contents of miga/summary.json.
     """
     n_shown = len(solutions)
     if summary["feasible"]:
@@ -155,15 +170,15 @@ def _write_title(
 
 
 def _scatter_places(count: int) -> np.ndarray:
-    """Make places (count,) from -0.5 to 0.5, the same ones in each figure.
+    """Make offsets (count,) from -0.5 to 0.5, the same in each figure.
 
-    They look random, but steps of the golden fraction fill the interval evenly.
+    The offsets look random, but steps of the golden fraction fill the interval evenly.
     """
     return (np.arange(count) * GOLDEN_FRACTION % 1.0) - 0.5
 
 
 def _read_booleans(column: pd.Series) -> np.ndarray:
-    """Read a column of true and false, in any spelling, as a boolean array."""
+    """Convert a column of true and false, in upper or lower case, to booleans (n,)."""
     return column.astype(str).str.lower().eq("true").to_numpy()
 
 
@@ -173,7 +188,7 @@ def _draw_parameter_strips(
     study: StudyView,
     published: pd.DataFrame | None,
 ) -> None:
-    """Draw a strip for each free parameter, its range from left to right.
+    """Draw a strip for each free parameter, which shows its range from left to right.
 
     Parameters
     ----------
@@ -184,14 +199,14 @@ def _draw_parameter_strips(
     study : StudyView
         The study.
     published : DataFrame or None
-        The published intervals by parameter. With None, no interval is drawn.
+        The published intervals by parameter. If it is None, no interval is drawn.
     """
     names = study.parameters.free
     ranges = parameter_ranges(study.parameters)
     is_answer = _read_booleans(solutions["representative"])
     for number, name in enumerate(names):
         low, high = ranges[name]
-        y = len(names) - 1 - number  # the first parameter is on top
+        y = len(names) - 1 - number  # the first parameter is at the top
         positions = study.parameters.shares(name, solutions[name].to_numpy())
         # Only the first strip adds its labels to the legend.
         label_prefix = "" if number == 0 else "_"
@@ -258,7 +273,7 @@ def _draw_published_interval(
 
 
 def _write_range(panel: Axes, y: float, low: float, high: float) -> None:
-    """Write both ends of a parameter's range below its strip."""
+    """Write the ends of a parameter's range, `low` and `high`, below its strip at `y`."""
     text_style = {"fontsize": 6, "va": "top", "color": style.GREY}
     panel.text(-0.01, y - 0.42, f"{low:g}", ha="left", **text_style)
     panel.text(1.01, y - 0.42, f"{high:g}", ha="right", **text_style)
@@ -324,17 +339,22 @@ def draw_convergence(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths by name. `history` has a row for some of the generations, with the best and
-        the mean objective. `summary` has the standard errors of the answer's prediction,
-        and may be missing.
+        Paths by name. `history` has rows for some of the generations, with the best and
+        the mean objective. `summary` contains the standard errors of the answer's
+        predictions, and may be missing.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     history = read_table(inputs["history"], HISTORY_COLUMNS)
     figure = style.new_figure(style.COLUMN, 2.6)
     panel = figure.subplots()
     _draw_objective(panel, history)
-    # Below the error of the surrogate, a smaller objective is not a better one.
+    # An objective below the error of the surrogate is not better if it is still smaller.
     if "summary" in inputs:
         summary = read_json(inputs["summary"], ("feasible",))
         errors = summary.get("representative_judged", {}).get("predicted_se")
@@ -350,9 +370,14 @@ def draw_convergence(inputs: Inputs, study: StudyView) -> Figure:
 
 
 def _draw_objective(panel: Axes, history: pd.DataFrame) -> None:
-    """Draw the objective of the best individual and the mean over all of them.
+    """Draw the objective of the best individual so far, and the mean over all islands.
 
-    `history` has a row for some of the generations.
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    history : DataFrame
+        Rows for some of the generations, with the columns `HISTORY_COLUMNS`.
     """
     generation = history["generation"].to_numpy()
     mean = history["mean_objective"].to_numpy()
@@ -362,7 +387,7 @@ def _draw_objective(panel: Axes, history: pd.DataFrame) -> None:
     panel.set_ylabel("objective F\n(widths of the target ranges)")
     lowest = min(best.min(), mean.min())
     highest = max(best.max(), mean.max())
-    # Over less than a power of ten, a logarithmic axis would have no ticks.
+    # A logarithmic axis that spans less than a power of ten might have no ticks.
     if lowest > 0 and highest > 10 * lowest:
         panel.set_yscale("log")
 
@@ -370,18 +395,19 @@ def _draw_objective(panel: Axes, history: pd.DataFrame) -> None:
 def _draw_surrogate_error(
     panel: Axes, study: StudyView, errors: Mapping[str, float]
 ) -> None:
-    """Draw the objective of a set that is off each target by the surrogate's error.
+    """Draw the objective of a set that misses each target by the surrogate's error.
 
     Parameters
     ----------
     panel : Axes
         The panel of the objective.
     study : StudyView
-        The study, whose targets give weights and ranges.
+        The study, whose targets define the weights and the ranges.
     errors : mapping
         Standard errors of the predicted responses, by name.
     """
-    # Eq. 11-12: the deviations in widths of the target ranges, weighted and added.
+    # According to Eq. 11 and 12, the objective is the weighted sum of the deviations, each
+    # divided by the width of its target range.
     objective = 0.0
     clauses = []
     for target in study.targets:

@@ -1,6 +1,6 @@
-"""Give all figures a common style: sizes, fonts, colours, labels, saving.
+"""Give all figures a common style: sizes, fonts, colours and labels; save figures.
 
-Colour-blind readers can tell the colours apart.
+The colours can also be told apart by colour-blind readers.
 """
 
 import io
@@ -73,7 +73,7 @@ FIXED_METADATA = {
 
 
 def applied() -> AbstractContextManager[None]:
-    """Apply this style alone in a context, whatever the user's settings are."""
+    """Apply this style in a context, regardless of the user's own settings."""
     settings = matplotlib.rc_params_from_file(
         Path(__file__).with_name("figures.mplstyle"), use_default_template=False
     )
@@ -83,9 +83,9 @@ def applied() -> AbstractContextManager[None]:
 
 
 def new_figure(width: float, height: float) -> Figure:
-    """Make an empty figure of a size in inches, laid out so that no part is cut off.
+    """Make an empty figure of a given size in inches, which needs no window.
 
-    It needs no window.
+    Its layout makes sure that nothing is cut off.
     """
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
@@ -99,7 +99,7 @@ def save(
     other_formats: Sequence[str] = (),
     dpi: int = DPI,
 ) -> None:
-    """Write a figure in the format of its path and in others, the same bytes each time.
+    """Write a figure in the format of its path and in others, with reproducible bytes.
 
     Parameters
     ----------
@@ -108,7 +108,7 @@ def save(
     out_path : path
         File that ends in .png, .pdf or .svg.
     small_run : bool
-        Whether the run is only a trial; then a band says so across the top.
+        Whether the run is only a trial. If so, a band across the top says this.
     other_formats : sequence of str
         Endings of further files, without the dot.
     dpi : int
@@ -123,7 +123,7 @@ def save(
 
 
 def _mark_small_run(figure: Figure) -> None:
-    """Add a band across the top which says that the numbers are no result."""
+    """Add a band across the top which says not to use the numbers as a result."""
     width, height = figure.get_size_inches()
     full_height = height + SMALL_RUN_BAND_INCHES
     figure.set_size_inches(width, full_height)
@@ -143,7 +143,7 @@ def _mark_small_run(figure: Figure) -> None:
 
 
 def encode(figure: Figure, kind: str = "png", dpi: int = DPI) -> io.BytesIO:
-    """Encode a figure as the content of a file, the same bytes each time.
+    """Encode a figure as the contents of a file, with reproducible bytes.
 
     Parameters
     ----------
@@ -153,6 +153,11 @@ def encode(figure: Figure, kind: str = "png", dpi: int = DPI) -> io.BytesIO:
         Format, one of `FIXED_METADATA`.
     dpi : int
         Resolution of a PNG.
+
+    Returns
+    -------
+    BytesIO
+        The contents of the file.
     """
     content = io.BytesIO()
     figure.savefig(content, format=kind, dpi=dpi, metadata=FIXED_METADATA[kind])
@@ -160,7 +165,7 @@ def encode(figure: Figure, kind: str = "png", dpi: int = DPI) -> io.BytesIO:
 
 
 def check_ending(path: StrPath) -> None:
-    """Raise InputError for an ending that no figure has."""
+    """Raise InputError unless the file name ends in a format of `FIXED_METADATA`."""
     endings = [f".{kind}" for kind in FIXED_METADATA]
     suffix = Path(path).suffix
     if suffix not in endings:
@@ -176,6 +181,11 @@ def scale_picture_pixels(study: StudyView, default_pixels: int) -> int:
         The study, with the section `figures` if it has one.
     default_pixels : int
         The size in pixels at the default resolution.
+
+    Returns
+    -------
+    int
+        The size in pixels at the resolution of the configuration.
     """
     dpi = study.config.get("figures", {}).get("dpi", DPI)
     return round(default_pixels * dpi / DPI)
@@ -185,20 +195,20 @@ def scale_picture_pixels(study: StudyView, default_pixels: int) -> int:
 
 
 def read_targets(config: Config) -> Targets:
-    """Return the targets of a configuration, in its order."""
+    """Return the targets in the order of the configuration."""
     return StudyView(config).targets
 
 
 def response_label(response: Response, before: str = "") -> str:
-    """Write the label of an axis, as ``predicted AoR (deg)``, with a dash for no unit.
+    """Write the label of an axis, such as ``predicted AoR (deg)``.
 
-    `before` precedes the symbol.
+    A dash stands for a missing unit. The word `before` precedes the symbol.
     """
     return f"{before} {response.symbol} ({response.unit or '–'})".lstrip()
 
 
 def parameter_label(name: str) -> str:
-    """Write the label of an axis of a parameter: its symbol and unit, or its name."""
+    """Write the axis label of a parameter: its symbol and unit, or else its name."""
     if name not in SYMBOLS:
         return name
     unit = LAW_PARAMETERS[name].constant.unit if name in LAW_PARAMETERS else ""
@@ -206,7 +216,7 @@ def parameter_label(name: str) -> str:
 
 
 def describe_line(settings: MeasureSettings, definition: str | None = None) -> str:
-    """Describe the line that defines an angle, in the words of a figure.
+    """Describe the line that defines an angle, for the text of a figure.
 
     Parameters
     ----------
@@ -214,6 +224,11 @@ def describe_line(settings: MeasureSettings, definition: str | None = None) -> s
         Settings of the lines.
     definition : str, optional
         One of `DEFINITIONS`; by default that of the calibrated angle.
+
+    Returns
+    -------
+    str
+        The description, such as "line from the foot to the crest".
     """
     definition = definition or settings.response
     if definition == "secant":
@@ -232,14 +247,14 @@ def describe_line(settings: MeasureSettings, definition: str | None = None) -> s
 
 
 def explain_symbols(figure: Figure, config: Config) -> None:
-    """Explain the calibrated angle and the subscripts of a figure below it.
+    """Explain the calibrated angle and the subscripts below a figure.
 
-    Only symbols that occur in the texts of the figure are explained.
+    Only symbols that occur in the figure are explained.
 
     Parameters
     ----------
     figure : Figure
-        The figure, which is complete otherwise.
+        The figure, which must otherwise be complete.
     config : mapping
         The configuration of the study, or the sections that the figure reads.
     """
@@ -257,7 +272,7 @@ def explain_symbols(figure: Figure, config: Config) -> None:
         words_before = figure.get_supxlabel()
         figure.supxlabel(f"{words_before}\n{note}".lstrip(), fontsize=SMALL_TEXT_PT)
     else:
-        # The legend occupies the lower edge, so the text becomes part of its title.
+        # The legend occupies the lower edge, so make the note part of its title.
         title = lowest_legend.get_title().get_text()
         lowest_legend.set_title(f"{title}\n{note}".lstrip(), {"size": SMALL_TEXT_PT})
 
@@ -291,7 +306,7 @@ def _explain_angles(config: Config, shown_text: str) -> list[str]:
 
 
 def _find_lowest_legend(figure: Figure) -> Any:
-    """Find the legend at the lower edge of a figure; None without one."""
+    """Find the legend at the lower edge of a figure; None if there is none."""
     for legend in figure.legends:
         if getattr(legend, "_outside_loc", None) == "lower":
             return legend
@@ -299,7 +314,7 @@ def _find_lowest_legend(figure: Figure) -> Any:
 
 
 def write_below(figure: Figure, note: str) -> None:
-    """Write small words below a figure, wrapped to its width."""
+    """Write a note in small text below a figure, wrapped to the figure's width."""
     width = int(LETTERS_PER_INCH * figure.get_figwidth())
     figure.supxlabel(textwrap.fill(note, width), fontsize=SMALL_TEXT_PT)
 
@@ -316,9 +331,14 @@ def write_note(
     text : str
         The text.
     x, y : float
-        Place of its upper left corner, as shares of the axes.
+        Position of its upper left corner, as fractions of the axes.
     **options
         Arguments of matplotlib's `text`, which may change the alignment.
+
+    Returns
+    -------
+    Text
+        The text, as an object of matplotlib.
     """
     text_style = {
         "va": "top",
@@ -342,7 +362,7 @@ def name_panels(panels: Sequence[Axes]) -> None:
 
 
 def draw_legend(panels: Sequence[Axes], **options: Any) -> None:
-    """Draw one legend for all panels of a figure, with each label once.
+    """Draw one legend for all panels of a figure, in which each label occurs once.
 
     `options` are arguments of matplotlib's `legend`.
     """
@@ -357,7 +377,7 @@ def draw_legend(panels: Sequence[Axes], **options: Any) -> None:
 
 
 def series_style(k: int) -> dict[str, str]:
-    """Choose colour and line style of curve `k`, from 0, for matplotlib's `plot`."""
+    """Choose the colour and line style of curve `k`, counted from 0, for `plot`."""
     return {
         "color": SERIES[k % len(SERIES)],
         "ls": LINES[k % len(LINES)],
@@ -374,13 +394,13 @@ def draw_band(panel: Axes, low: float, high: float, label: str) -> None:
     low, high : float
         Ends of the band on the y axis.
     label : str
-        Its label in the legend.
+        Label of the band in the legend.
     """
     panel.axhspan(low, high, color=GREEN, alpha=0.15, lw=0, label=label)
 
 
 def draw_tolerance(panel: Axes, percent: float) -> None:
-    """Draw the tolerance of a deviation in percent as a band about zero."""
+    """Draw the tolerance of a deviation, in percent, as a band around zero."""
     draw_band(panel, -percent, high=percent, label=f"near enough, ±{percent:g} %")
     panel.axhline(0, color=GREY, lw=0.7)
 
@@ -388,16 +408,16 @@ def draw_tolerance(panel: Axes, percent: float) -> None:
 def prepare_deviations(
     panel: Axes, target: Target, percent: float, xlabel: str
 ) -> None:
-    """Prepare a panel for deviations of a response from its target, in percent of it.
+    """Prepare a panel for deviations of a response from its target, in percent.
 
     Parameters
     ----------
     panel : Axes
-        The panel, which gets labels, title and the band of the tolerance.
+        The panel, to which labels, a title and the band of the tolerance are added.
     target : Target
         The target.
     percent : float
-        The tolerance.
+        The tolerance in percent of the target.
     xlabel : str
         Label of the x axis.
     """
@@ -422,31 +442,32 @@ def draw_scale_bar(
 ) -> None:
     """Draw a scale bar in the lower right corner of a camera's picture.
 
-    Its length is 1, 2 or 5 times a power of ten, and at most 0.3 of an extent.
+    Its length is 1, 2 or 5 times a power of ten, and at most 30 % of `extent_m`.
 
     Parameters
     ----------
     panel : Axes
         The panel of the picture.
     camera : Camera
-        The camera that took it.
+        The camera of the picture.
     place_m : ndarray
-        Place (3,) in the world. The bar is right at the distance of this place from the
+        A point (3,) of the world. The bar is correct at this point's distance from the
         camera.
     extent_m : float
         Length of the object in the picture.
     words_after : str
-        Words that follow the length of the bar.
+        Text that follows the length of the bar.
     """
     length_m = round_length(0.3 * extent_m)
-    # Length in pixels of a bar across the view that begins at the place.
+    # Compute the length in pixels of a bar that begins at the point and lies across the
+    # view.
     ends_m = place_m + np.outer([0.0, length_m], camera.axes[0])
     x, _, _ = camera.project(ends_m)
     length_px = x[1] - x[0]
 
     right = 0.97 * camera.width
     row = 0.94 * camera.height
-    # A white margin, since the bar may lie over grains.
+    # Add a white margin, because the bar may lie over grains.
     margin = [withStroke(linewidth=3, foreground="white")]
     panel.plot(
         [right - length_px, right],

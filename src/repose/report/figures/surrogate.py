@@ -24,14 +24,14 @@ from .registry import Inputs, StudyView
 
 # Common names of activations, by their names in MATLAB.
 ACTIVATIONS = {"tansig": "tanh", "purelin": "linear"}
-# Parts of the samples: name in the table, colour and marker.
+# Splits of the samples: name in the table, colour and marker.
 SPLITS = (
     ("train", style.BLUE, "o"),
     ("validation", style.ORANGE, "s"),
     ("test", style.RED, "^"),
     ("new points", style.PURPLE, "D"),
 )
-UNSEEN_SPLITS = ("test", "new points")  # by the model that predicts them
+UNSEEN_SPLITS = ("test", "new points")  # not used to train the model
 INFLUENCE_POINTS = 1024
 INFLUENCE_NOTE = (
     "influence: share of the variance of the predicted response, over the ranges of all "
@@ -54,17 +54,17 @@ ACCURACY_NOTE = (
 
 
 class Influence(NamedTuple):
-    """Influence of the inputs of a surrogate on its outputs, (outputs, inputs).
+    """Influence of each input of a surrogate on each output, (outputs, inputs).
 
     It is 0 for a fixed input, and for all inputs if an output is constant.
     """
 
-    share: np.ndarray  # total Sobol index, or with constraints `remaining`
-    direction: np.ndarray  # sign of the output's rise
+    share: np.ndarray  # total Sobol index; `remaining` if there are constraints
+    direction: np.ndarray  # 1 if the output rises with the input, -1 if it falls
 
 
 class Layers(NamedTuple):
-    """Places (n, 2) of the nodes of a network."""
+    """Positions (n, 2) of the nodes in each layer of a network."""
 
     inputs: np.ndarray
     hidden: np.ndarray
@@ -77,15 +77,20 @@ class Layers(NamedTuple):
 def draw_network_structure(inputs: Inputs, study: StudyView) -> Figure:
     """Draw the layers of the network, and bars for the influence of each input.
 
-    The weights are not drawn, because they would mislead: two large weights cancel if
-    they change the same response in opposite directions.
+    The sizes of the weights are not shown, because they would be misleading: two large
+    weights cancel if they change the same response in opposite directions.
 
     Parameters
     ----------
     inputs : mapping
-        Path of the file of the `network`.
+        Path of the network's file, as `network`.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     path = inputs["network"]
     network = read_json(
@@ -105,7 +110,7 @@ def draw_network_structure(inputs: Inputs, study: StudyView) -> Figure:
         load(path), study.parameters, study.settings.design.seed
     )
 
-    # The panels are as high as their bars need.
+    # The height of the panels depends on the number of bars.
     n_bars = n_outputs * n_inputs
     figure = style.new_figure(style.PAGE, max(3.1, 1.0 + 0.17 * n_bars))
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.15))
@@ -133,6 +138,11 @@ def _find_symbols(outputs: Sequence[str], targets: Targets, source: str) -> list
         The targets of the study.
     source : path
         File of the network, for messages.
+
+    Returns
+    -------
+    list of str
+        The symbols, in the order of the outputs.
     """
     responses_of_targets = {target.name: target.response for target in targets}
     symbols = []
@@ -148,9 +158,14 @@ def _format_layer_titles(network: Mapping[str, Any], layers: Layers) -> list[str
     Parameters
     ----------
     network : mapping
-        Content of the network's file.
+        Contents of the network's file.
     layers : Layers
-        Places of the nodes.
+        Positions of the nodes.
+
+    Returns
+    -------
+    list of str
+        The titles of the input layer, the hidden layer and the output layer.
     """
     activations = network.get("activation", ACTIVATIONS)
     hidden, output = (ACTIVATIONS.get(name, name) for name in activations)
@@ -172,7 +187,7 @@ def _draw_network(
     panel : Axes
         The panel to draw in.
     layers : Layers
-        Places of the nodes.
+        Positions of the nodes.
     titles : sequence of str
         Titles of the layers.
     inputs : sequence of str
@@ -192,7 +207,7 @@ def _draw_network(
             zorder=2,
         )
         panel.text(x, 1.13, title, ha="center", va="bottom", fontsize=7.5)
-    # Inputs are named at the left, outputs at the right.
+    # Name the inputs on the left, and the outputs on the right.
     for (x, y), name in zip(layers.inputs, inputs, strict=True):
         symbol = SYMBOLS.get(name, name)
         panel.text(x - 0.12, y, symbol, ha="right", va="center", fontsize=8.5)
@@ -204,7 +219,7 @@ def _draw_network(
 
 
 def _connect(panel: Axes, nodes: np.ndarray, next_nodes: np.ndarray) -> None:
-    """Draw a thin line from each node of a layer to each of the next layer."""
+    """Draw a thin line from each node of a layer to each node of the next layer."""
     for x0, y0 in nodes:
         for x1, y1 in next_nodes:
             panel.plot(
@@ -230,8 +245,8 @@ def _draw_influence(
     symbols : sequence of str
         Symbols of the responses.
     """
-    # The bars of an input lie side by side about its position. Together they fill 0.8 of
-    # the distance between two inputs.
+    # The bars of an input lie side by side around its position. Together they fill most
+    # of the distance between two inputs.
     positions = np.arange(len(inputs))
     height = 0.8 / len(symbols)
     for k, symbol in enumerate(symbols):
@@ -259,7 +274,7 @@ def _draw_influence(
 
 
 def _format_influence(percent: float, direction: float) -> str:
-    """Write the influence of an input with an arrow up or down; "none" without one."""
+    """Write an influence with an arrow up or down; "none" if the direction is 0."""
     if not direction:
         return "none"
     arrow = "↗" if direction > 0 else "↘"
@@ -283,7 +298,7 @@ def compute_influence(
     Returns
     -------
     Influence
-        Share of the variance and direction, each (outputs, inputs).
+        Shares of the variance and directions.
     """
     from repose.calibrate.uncertainty.sensitivity import compute_variance_shares
 
@@ -301,7 +316,7 @@ def compute_influence(
     try:
         shares = compute_variance_shares(respond, parameters, settings)
     except ValueError:
-        # Shares are undefined for a constant output, so leave all at zero.
+        # Shares are undefined if an output is constant, so leave all of them at zero.
         return Influence(share, direction)
 
     # Fixed inputs keep a share of zero.
@@ -330,8 +345,8 @@ def _compute_rise(
     Returns
     -------
     ndarray
-        The rise (free, outputs) from the least to the largest value that the constraints
-        allow.
+        The rise (free, outputs) from the smallest to the largest value of the parameter
+        that the constraints allow.
     """
     from repose.calibrate.uncertainty.sensitivity import compute_main_effects
 
@@ -352,21 +367,21 @@ def _compute_rise(
 
 
 def _place_nodes(x: float, count: int) -> np.ndarray:
-    """Place the nodes of a layer below each other.
+    """Place the nodes of a layer below each other, centred at y = 0.
 
-    The nodes of a layer with few nodes are closer together.
+    A layer with few nodes is not as high as the others.
 
     Parameters
     ----------
     x : float
-        Place of the layer.
+        Position of the layer on the x axis.
     count : int
-        Number of its nodes.
+        Number of nodes.
 
     Returns
     -------
     ndarray
-        Places (count, 2) from the top.
+        Positions (count, 2), the highest first.
     """
     half_height = 0.0
     if count > 1:
@@ -375,26 +390,31 @@ def _place_nodes(x: float, count: int) -> np.ndarray:
     return np.column_stack([np.full(count, float(x)), y])
 
 
-# --- Its predictions ------------------------------------------------------------------
+# --- Predictions of the surrogate -----------------------------------------------------
 
 
 def draw_predicted_against_simulated(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw predicted over simulated responses by split, with R2 (Eq. 13) and RMSE.
+    """Draw predicted against simulated responses by split, with R2 (Eq. 13) and RMSE.
 
     Parameters
     ----------
     inputs : mapping
-        Paths by name. `predictions` has the split and the simulated and predicted
-        responses of each sample. `dataset` has the standard errors. If there are `fresh`
-        and `network`, points outside the design are predicted, too.
+        Paths by name. `predictions` contains the split and the simulated and predicted
+        responses of each sample, and `dataset` the standard errors. If `fresh` and
+        `network` are given, points outside the design are predicted, too.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     targets = study.targets
     table = read_table(
         inputs["predictions"], ("sample", "split", *targets.names, *targets.predicted)
     )
-    # The standard errors are in another table; a sample may have none.
+    # Add the standard errors from the other table. A sample may have none.
     error_columns = ["sample", *targets.errors]
     errors = read_table(inputs["dataset"], error_columns)[error_columns]
     table = table.merge(errors, on="sample", how="left")
@@ -411,7 +431,7 @@ def draw_predicted_against_simulated(inputs: Inputs, study: StudyView) -> Figure
 def draw_accuracy(
     axes: Sequence[Axes], table: pd.DataFrame, responses: Sequence[Response]
 ) -> None:
-    """Draw predicted over simulated responses, each in its panel.
+    """Draw predicted against simulated responses, each response in its own panel.
 
     Parameters
     ----------
@@ -439,14 +459,15 @@ def _predict_new_points(inputs: Inputs, targets: Targets) -> pd.DataFrame:
     Parameters
     ----------
     inputs : mapping
-        Paths of the final surrogate, `network`, and of the simulated points, `fresh`.
+        Paths of the final surrogate, as `network`, and of the simulated points, as
+        `fresh`.
     targets : Targets
         The targets of the study.
 
     Returns
     -------
     DataFrame
-        The points with their simulated means and the predictions, in the split "new
+        The points with their simulated means and predictions. Their split is "new
         points".
     """
     path = inputs["network"]
@@ -464,14 +485,14 @@ def _predict_new_points(inputs: Inputs, targets: Targets) -> pd.DataFrame:
 
 
 def _draw_splits(panel: Axes, table: pd.DataFrame, plotted_response: Response) -> None:
-    """Draw predicted against simulated values of one response, with the accuracy.
+    """Draw predicted against simulated values of one response, and write the accuracy.
 
     Parameters
     ----------
     panel : Axes
         The panel to draw in.
     table : DataFrame
-        See `draw_accuracy`.
+        The samples, as for `draw_accuracy`.
     plotted_response : Response
         The response.
     """
@@ -480,7 +501,7 @@ def _draw_splits(panel: Axes, table: pd.DataFrame, plotted_response: Response) -
     ends = np.array([values.min() - margin, values.max() + margin])
     panel.plot(ends, ends, color=style.GREY, lw=0.9, zorder=1)
 
-    # The accuracy is written for samples that the model has not seen.
+    # The accuracy is written only for samples that the model has not seen.
     lines = []
     for split, colour, marker in SPLITS:
         rows = table[table["split"] == split]
@@ -513,16 +534,16 @@ def _draw_splits(panel: Axes, table: pd.DataFrame, plotted_response: Response) -
 def _describe_accuracy(
     table: pd.DataFrame, split: str, plotted_response: Response
 ) -> list[str]:
-    """Describe the accuracy of the surrogate and of a perfect model on a split.
+    """Describe the accuracy of the surrogate, and of a perfect model, on a split.
 
-    The errors of a perfect model are the noise of the simulated means.
+    The errors of a perfect model would be the noise of the simulated means.
 
     Parameters
     ----------
     table : DataFrame
-        See `draw_accuracy`.
+        The samples, as for `draw_accuracy`.
     split : str
-        The split.
+        Name of the split.
     plotted_response : Response
         The response.
 
@@ -538,8 +559,8 @@ def _describe_accuracy(
     unit = plotted_response.unit
     surrogate_accuracy = _format_accuracy(simulated, predicted - simulated, unit)
 
-    # The test samples are too few to estimate the noise, so use the whole design. New
-    # points are no part of the design.
+    # There are too few test samples to estimate the noise, so use the whole design, to
+    # which new points do not belong.
     rows_for_noise = rows
     if split == "test":
         rows_for_noise = table[table["split"] != "new points"]
@@ -553,10 +574,9 @@ def _describe_accuracy(
 
 
 def _format_accuracy(simulated: np.ndarray, deviation: np.ndarray, unit: str) -> str:
-    """Write R2 and RMSE of predictions.
+    """Write R2 and RMSE of predictions, or "unknown" if a deviation is unknown.
 
-    They are unknown if a deviation is unknown, such as the standard error of a single
-    run.
+    For example, the standard error of a single run is unknown.
 
     Parameters
     ----------
@@ -566,6 +586,11 @@ def _format_accuracy(simulated: np.ndarray, deviation: np.ndarray, unit: str) ->
         Deviation (n,) of each prediction from the mean.
     unit : str
         Unit of the response.
+
+    Returns
+    -------
+    str
+        The accuracy, such as "R² 0.95, RMSE 0.40 deg".
     """
     if not np.isfinite(deviation).all():
         return "unknown"

@@ -34,7 +34,7 @@ ROOM_BESIDE_MM = 75
 ROOM_BELOW_MM = 34
 ROOM_ABOVE_MM = 34
 LEAST_HALF_VIEW_MM = 190
-# Room in inches for the labels of the axes, across and down
+# Space in inches for the labels of the axes, across and down
 LABEL_WIDTH = 0.5
 LABEL_HEIGHT = 0.55
 
@@ -48,10 +48,15 @@ def draw_simulated_pile(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths by name. `heap` has the pours of a job, of which the first is drawn.
-        `particle` has the shape of the grains.
+        Paths by name. `heap` contains the pours of a job, of which the first is drawn,
+        and `particle` the shape of the grains.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     # These imports are slow, and the other figures here do not need them.
     from repose.report.renderer.render import render_pile
@@ -63,7 +68,7 @@ def draw_simulated_pile(inputs: Inputs, study: StudyView) -> Figure:
     is_in_pile = pour["in_pile"]
     scales = pour.get("scale", np.ones(len(centres))).astype(float)
 
-    # The picture contains the pile. Grains that rolled away may be outside.
+    # The picture contains the whole pile. Grains that rolled away may lie outside it.
     centres_of_pile = centres[is_in_pile].astype(float)
     largest_radius_m = particle.bounding_radius_m * scales.max(initial=0.0)
     frame_m = make_box_corners(centres_of_pile, largest_radius_m)
@@ -86,7 +91,7 @@ def draw_simulated_pile(inputs: Inputs, study: StudyView) -> Figure:
     panel.axis("off")
     note = f"{len(centres)} grains poured, {is_in_pile.sum()} in the pile"
     style.write_note(panel, note, x=0.02, y=0.96, fontsize=8)
-    # Because of the perspective, the bar is right only at one distance.
+    # Because of the perspective, the scale bar is correct only at one distance.
     foot_of_axis_m = np.array([*centres_of_pile[:, :2].mean(axis=0), 0.0])
     style.draw_scale_bar(
         panel,
@@ -104,10 +109,15 @@ def draw_measurement_steps(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths by name. `heap` has the pours of a job, of which the first is drawn.
-        `particle` has the shape of the grains, and `berry` describes the mean grain.
+        Paths by name. `heap` contains the pours of a job, of which the first is drawn,
+        and `particle` the shape of the grains. `berry` describes the mean grain.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     from repose.measure.photographs import drawing  # slow to import
 
@@ -119,7 +129,7 @@ def draw_measurement_steps(inputs: Inputs, study: StudyView) -> Figure:
     steps = drawing.draw_steps(image, scale, settings, base_row=base_row)
     measured = pile.measure_image(image, scale, settings, base_row=base_row)
 
-    # Three steps above, and the last one below them.
+    # Draw three steps in the upper row, and the last one below them.
     figure = style.new_figure(style.PAGE, 3.6)
     axes = figure.subplot_mosaic("abc;ddd", height_ratios=(1, 2.2))
     for (letter, panel), (title, picture) in zip(
@@ -127,7 +137,7 @@ def draw_measurement_steps(inputs: Inputs, study: StudyView) -> Figure:
     ):
         _draw_step(panel, picture, scale)
         panel.set_title(f"{letter}  {title}")
-        # The first panel of each row has a label for all of it.
+        # The first panel of each row has the label of the y axis for the whole row.
         if letter in "ad":
             panel.set_ylabel("z (mm)")
     height_mm = scale * image.shape[0]
@@ -143,8 +153,7 @@ def _draw_step(panel: Axes, picture: np.ndarray, mm_per_pixel: float) -> None:
     panel : Axes
         The panel to draw in.
     picture : ndarray
-        The picture in grey (H, W), or in blue, green and red (H, W, 3), as OpenCV has
-        it.
+        The picture, grey (H, W) or BGR (H, W, 3).
     mm_per_pixel : float
         Scale of the picture.
     """
@@ -183,14 +192,15 @@ def _name_lines(
     angle = measured.angles[settings.response]
     scale = settings.mm_per_pixel
     left_line, right_line = angle.lines
-    # Name of a flank, its angle and its line; then colour, alignment and offset of the
-    # words beside the line
+    # For each flank: its name, angle and line, and the colour, the alignment and the
+    # offset of the label beside the line
     flanks = (
         ("left", angle.left_deg, left_line, drawing.RED, "right", -12),
         ("right", angle.right_deg, right_line, drawing.GREEN, "left", 12),
     )
     for name, flank_deg, line, blue_green_red, alignment, offset_pt in flanks:
-        # The middle of the line. Rows count downwards, to the centre of a pixel.
+        # Find the middle of the line. Rows are counted downwards, and refer to the centre
+        # of a pixel.
         column, row = np.mean(line, axis=0)
         middle = (column * scale, height_mm - (row + 0.5) * scale)
         panel.annotate(
@@ -213,25 +223,31 @@ def _name_lines(
 
 
 def draw_test_bench(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw the test bench from the side in mm, with the grains of a pour if there is one.
+    """Draw a side view of the test bench in mm, with the grains of a pour if available.
 
     Parameters
     ----------
     inputs : mapping
-        Paths by name. `trajectory` has the positions of the grains over time, and
-        `particle` has their shape. If one of the two is missing, only the walls are drawn.
+        Paths by name. `trajectory` contains the positions of the grains over time, and
+        `particle` their shape. If either is missing, no grains are drawn.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     from repose.report.renderer.scenery import make_funnel_walls  # slow to import
 
-    # All lengths are in mm. The factory is the place where grains are made.
+    # All lengths are in mm. The factory is the place where the grains are created.
     settings = study.settings.funnel
     walls = make_funnel_walls(settings.funnel)
     top = 1e3 * walls[-1].z_high_m
     half_inlet = settings.inlet_diameter_mm / 2
     factory = top + settings.factory_height_mm
-    # Leave room for the lengths beside the funnel, below the plate and above the factory.
+    # Leave room for the dimensions beside the funnel, below the plate and above the
+    # factory.
     half_view = max(half_inlet + ROOM_BESIDE_MM, LEAST_HALF_VIEW_MM)
     low = -ROOM_BELOW_MM
     high = factory + ROOM_ABOVE_MM
@@ -266,7 +282,7 @@ def draw_test_bench(inputs: Inputs, study: StudyView) -> Figure:
 
 
 def _draw_grains(panel: Axes, inputs: Inputs, colour: str) -> None:
-    """Draw the side view of the grains during a pour, each with its true outline.
+    """Draw a side view of the grains during a pour, each with its true outline.
 
     Parameters
     ----------
@@ -292,8 +308,8 @@ def _draw_grains(panel: Axes, inputs: Inputs, colour: str) -> None:
         scales=record.get("scale", 1.0),
     )
     is_there = np.isfinite(grains.centres_m).all(axis=1)
-    # The view is along y, and x points right. The nearest grains, those of the smallest
-    # y, are drawn last, over the others.
+    # The view is along y, and x points to the right. Draw the nearest grains, which have
+    # the smallest y, last and over the others.
     shown_grains = np.flatnonzero(is_there)
     nearness = -grains.centres_m[shown_grains, 1]
     far_to_near = shown_grains[np.argsort(nearness)]
@@ -341,7 +357,7 @@ def _draw_funnel(panel: Axes, walls: Any, settings: FunnelSettings) -> None:
 def _draw_levels(
     panel: Axes, settings: FunnelSettings, factory: float, half_view: float
 ) -> None:
-    """Draw lines at the place where grains are made, at the outlet and at the plate.
+    """Draw lines at the heights where grains are created, of the outlet and of the plate.
 
     Parameters
     ----------
@@ -350,7 +366,7 @@ def _draw_levels(
     settings : FunnelSettings
         The section `funnel`.
     factory : float
-        Height at which grains are made.
+        Height at which grains are created.
     half_view : float
         Half of the panel's width.
     """
@@ -383,9 +399,9 @@ def _draw_levels(
 def _draw_dimensions(
     panel: Axes, settings: FunnelSettings, top: float, half_inlet: float
 ) -> None:
-    """Draw the lengths of the test bench as arrows with numbers, or as text.
+    """Draw the dimensions of the test bench as arrows with numbers, or as text.
 
-    Diameters are at their heights, and heights at the left.
+    Diameters are drawn near the heights to which they belong, and heights on the left.
 
     Parameters
     ----------
@@ -401,8 +417,8 @@ def _draw_dimensions(
     outlet = settings.outlet_height_mm
     half_outlet = settings.outlet_diameter_mm / 2
 
-    # Diameters of the inlet, above the place where grains are made, and of the outlet,
-    # below it. The distances were chosen by eye, as all others here.
+    # Draw the diameter of the inlet above the factory, and the diameter of the outlet
+    # below the outlet. All distances in this function were chosen by eye.
     inlet_z = top + settings.factory_height_mm + 14
     draw_dimension(
         panel,
@@ -423,7 +439,7 @@ def _draw_dimensions(
         va="center",
     )
 
-    # Heights of the outlet above the plate, and of the funnel.
+    # Draw the height of the outlet above the plate, and the height of the funnel.
     heights_x = -half_inlet - 32
     for low, high, text in (
         (0, outlet, f"{outlet:g}"),
@@ -439,7 +455,8 @@ def _draw_dimensions(
             va="center",
         )
 
-    # Angle of the cone, beside the middle of its right side, and size of the plate.
+    # Write the angle of the cone beside the middle of its right side, and the size of the
+    # plate below the plate.
     text_style = {"color": style.BLUE, "fontsize": DIMENSION_FONT_SIZE}
     panel.text(
         (half_outlet + half_inlet) / 2 + 9,
@@ -459,20 +476,20 @@ def _draw_dimensions(
 def draw_dimension(
     panel: Axes, start: Place, end: Place, text: str, place: Place, **options: Any
 ) -> None:
-    """Draw a length of the test bench as an arrow with two heads and a number.
+    """Draw a dimension of the test bench as an arrow with two heads and a number.
 
     Parameters
     ----------
     panel : Axes
-        The panel.
+        The panel to draw in.
     start, end : tuple of float
-        Ends of the arrow.
+        Both ends of the arrow, each as x and y.
     text : str
-        The number.
+        The number, which may follow a name.
     place : tuple of float
-        Place of the number.
+        Position of the number, as x and y.
     **options
-        Arguments of matplotlib's `text`. By default, the number is centred at its place.
+        Arguments of matplotlib's `text`. By default, the number is centred horizontally.
     """
     arrow = {
         "arrowstyle": "<->",
