@@ -1,4 +1,4 @@
-"""Tabulate material, contacts and simulation as values for another program."""
+"""Tabulate the values of material, contacts and simulation for another program."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
@@ -7,7 +7,7 @@ from repose.common.numbers import format_significant
 from repose.dem.materials import Material
 from repose.report.page.tables import Table
 
-# The contact parameters are found, and the other values are known, to so many digits.
+# Number of digits of the calibrated contact parameters, and of the other values
 DIGITS_FOUND = 3
 DIGITS_KNOWN = 4
 # The directions of a grain's principal axes, the longest first.
@@ -24,7 +24,7 @@ class Value(NamedTuple):
 
     @property
     def text(self) -> str:
-        """The rounded value; numbers below a million have no exponent."""
+        """The rounded value, without an exponent if it is at least 1e-4 and below 1e6."""
         return f"{float(f'{self.value:.{self.digits}g}'):.6g}"
 
 
@@ -34,7 +34,12 @@ def tabulate_material(card: Mapping[str, Any]) -> Table:
     Parameters
     ----------
     card : mapping
-        The content of a material card of a study that repose simulated.
+        The contents of the material card of a study that repose simulated.
+
+    Returns
+    -------
+    Table
+        A row for each quantity.
     """
     values = [
         *_list_grain_values(card["grain"]),
@@ -47,7 +52,7 @@ def tabulate_material(card: Mapping[str, Any]) -> Table:
 
 
 def describe_size(grain: Mapping[str, Any]) -> str:
-    """Describe whether the grains are equal in size; empty if the card does not tell."""
+    """Describe whether the grains are equal in size; empty if the card does not say."""
     spread = grain.get("relative_spread")
     if spread is None:
         return ""
@@ -65,7 +70,18 @@ def tabulate_laws(card: Mapping[str, Any]) -> Table:
 
 
 def _list_grain_values(grain: Mapping[str, Any]) -> Iterator[Value]:
-    """Yield density, elastic constants, size, mass and moments of a grain."""
+    """Yield the density, elastic constants, size, mass and moments of a grain.
+
+    Parameters
+    ----------
+    grain : mapping
+        The section `grain` of the material card.
+
+    Yields
+    ------
+    Value
+        A value in SI units.
+    """
     yield Value("grain: density", grain["density_kg_m3"], "kg/m³")
     yield Value("grain: Young's modulus", grain["elastic_modulus_pa"], "Pa")
     yield Value("grain: shear modulus", grain["shear_modulus_pa"], "Pa")
@@ -90,7 +106,7 @@ def _list_wall_values(wall: Mapping[str, Any]) -> Iterator[Value]:
 def _list_contact_values(parameters: Mapping[str, Any]) -> Iterator[Value]:
     """Yield the contact parameters of the answer."""
     for name, parameter in parameters.items():
-        # The meaning of a parameter with a unit names the unit.
+        # If a parameter has a unit, its meaning already includes the unit.
         yield Value(
             f"{parameter['meaning']} ({name})",
             parameter["value"],
@@ -100,7 +116,7 @@ def _list_contact_values(parameters: Mapping[str, Any]) -> Iterator[Value]:
 
 
 def _list_simulation_values(simulation: Mapping[str, float]) -> Iterator[Value]:
-    """Yield gravity and time step; cards of earlier versions have neither."""
+    """Yield gravity and time step, which cards of earlier versions do not contain."""
     if simulation:
         yield Value("gravity, along -z", simulation["gravity_m_s2"], "m/s²")
         yield Value("time step", simulation["time_step_s"], "s")

@@ -19,7 +19,7 @@ from repose.report.study_view import Config, parameter_ranges
 if TYPE_CHECKING:
     import pandas as pd
 
-AXIS_MARGIN = 0.04  # of a gauge to each side, as a share of what it shows
+AXIS_MARGIN = 0.04  # on each side of a gauge, as a fraction of the extent of its data
 
 
 def write_report(
@@ -54,7 +54,17 @@ def write_report_of_results(
     tables: Mapping[str, "pd.DataFrame"],
     out_path: str | os.PathLike[str],
 ) -> None:
-    """Write the report of a study in memory; `tables` are further tables by title."""
+    """Write the report of a study whose results are in memory.
+
+    Parameters
+    ----------
+    study : Results
+        The results.
+    tables : mapping
+        Further tables by title.
+    out_path : path
+        File of the page.
+    """
     text = render_template(
         "report.html",
         **sections.make_template_values(study, tables),
@@ -75,7 +85,7 @@ def _list_scripts(has_view: bool) -> list[str]:
 
 
 def make_script_data(study: Results) -> dict[str, Any]:
-    """Make the data that the scripts read: plain values without NaN."""
+    """Make the data for the scripts of the page, as plain values without NaN."""
     parameters = [
         _describe_parameter(study, name, value)
         for name, value in zip(
@@ -102,7 +112,7 @@ def make_script_data(study: Results) -> dict[str, Any]:
 
 
 def format_parameters_to_copy(study: Results) -> str:
-    """Format the parameters of the answer as lines of YAML, which the user can copy."""
+    """Format the parameters of the answer as YAML for the user to copy."""
     lines = [f"# {study.label}: {make_verdict(study).text}"]
     for name, value in zip(study.parameters.names, study.answer.tolist(), strict=True):
         line = f"{name}: {value:.6g}"
@@ -113,7 +123,7 @@ def format_parameters_to_copy(study: Results) -> str:
 
 
 def _format_material_to_copy(study: Results) -> str | None:
-    """Format the tables for another program as text; None without them."""
+    """Format the values for another program as text; None if there are none."""
     section = sections.make_material_section(study)
     if section is None:
         return None
@@ -121,7 +131,22 @@ def _format_material_to_copy(study: Results) -> str | None:
 
 
 def _describe_parameter(study: Results, name: str, value: float) -> dict[str, Any]:
-    """Describe one parameter as plain values for the scripts."""
+    """Describe one parameter as plain values for the scripts.
+
+    Parameters
+    ----------
+    study : Results
+        The results of the study.
+    name : str
+        Name of the parameter.
+    value : float
+        Value of the parameter in the answer.
+
+    Returns
+    -------
+    dict
+        The values by key. The ends of the range are None for a fixed parameter.
+    """
     is_fixed = name in study.parameters.fixed
     low = None
     high = None
@@ -152,8 +177,8 @@ def _describe_constraint(constraint: Constraint) -> dict[str, Any]:
 def _describe_target(study: Results, target: Target) -> dict[str, Any]:
     """Describe one target as plain values for the scripts.
 
-    `axis` has the limits of its gauge. Between them lie the samples, the target range,
-    the measured mean with its standard deviation, and the simulated mean.
+    `axis` holds the limits of the target's gauge. They enclose the samples, the target
+    range, the measured mean with its standard deviation, and the simulated mean.
     """
     response = target.response
     simulated = study.get_number(response.simulated)

@@ -12,7 +12,7 @@ from repose.common.errors import InputError
 
 LONGEST_SIDE_PX = 1600
 CSS_DPI = 96
-# The smallest text of a figure, 6 points, then has 9 pixels.
+# At this scale, the smallest text of a figure, of 6 points, is 9 pixels high.
 SMALLEST_SCALE = 1.1
 PALETTE_COLOURS = 128
 JPEG_QUALITY = 85
@@ -21,33 +21,38 @@ PictureSource = str | os.PathLike[str] | io.BytesIO
 
 
 class EmbeddedPicture(NamedTuple):
-    """A picture as a part of the page; sizes in pixels."""
+    """A picture as part of the page, with sizes in pixels."""
 
     caption: str
     data_url: str
     width: int
     height: int
-    least_width: int  # it is not shrunk below this width
+    least_width: int  # smallest width at which the page shows the picture
 
 
 def embed_picture(source: PictureSource, caption: str) -> EmbeddedPicture:
     """Embed a picture in the page.
 
-    A large picture is reduced. A PNG file with a resolution is a figure with text. The
-    page shows it at `SMALLEST_SCALE` of its size on paper or larger, so that the text
-    stays readable.
+    A large picture is reduced. A PNG file that states a resolution is taken for a figure
+    with text. The page shows it at least at `SMALLEST_SCALE` times its size on paper, so
+    that the text stays readable.
 
     Parameters
     ----------
     source : path or file
         The picture, as PNG or JPEG.
     caption : str
-        Text below it.
+        Text below the picture.
+
+    Returns
+    -------
+    EmbeddedPicture
+        The picture with its caption.
 
     Raises
     ------
     InputError
-        If the file is no picture.
+        If the file cannot be read as a picture.
     """
     try:
         with Image.open(source) as opened:
@@ -58,7 +63,7 @@ def embed_picture(source: PictureSource, caption: str) -> EmbeddedPicture:
         raise InputError(
             source, key="picture", value=str(error), allowed="a PNG or JPEG file"
         ) from error
-    # Pixels over dots per inch are the width on paper in inches.
+    # The width on paper in inches is the number of pixels over the dots per inch.
     least_width = 0
     if is_drawing and dpi:
         least_width = round(SMALLEST_SCALE * CSS_DPI * image.width / dpi)
@@ -86,7 +91,19 @@ def embed_captioned_pictures(
 def _encode_data_url(image: Image.Image, is_drawing: bool) -> str:
     """Encode a picture as a data URL: a drawing as PNG, any other picture as JPEG.
 
-    A drawing gets a palette of few colours, which makes it small.
+    To save bytes, a drawing is reduced to a palette of few colours.
+
+    Parameters
+    ----------
+    image : Image
+        The picture.
+    is_drawing : bool
+        Whether it is a drawing.
+
+    Returns
+    -------
+    str
+        The data URL.
     """
     content = io.BytesIO()
     if is_drawing:

@@ -1,9 +1,9 @@
-"""Write the surrogate for a page without Python, as data from which sliders predict.
+"""Store the surrogate as data from which the page predicts responses without Python.
 
-A network, and each network of an ensemble, is stored whole, with the root of the
-covariance of its weights; `network.js` predicts from them like
-`repose.calibrate.surrogates.network_ensemble`. Other surrogates are stored as curves
-and planes: one parameter, or two of them, vary over their ranges, the others stay at
+A network, or each network of an ensemble, is stored completely, with a square root of the
+covariance of its weights. From these data `network.js` makes the same predictions as
+`repose.calibrate.surrogates.network_ensemble`. Any other surrogate is stored as curves and
+planes, along which one or two parameters vary over their ranges while the others stay at
 the answer.
 """
 
@@ -25,7 +25,7 @@ CURVE_POINTS = 41
 MAX_PLANE_POINTS = 21  # along each side, at most
 MIN_PLANE_POINTS = 5
 MAX_PLANE_NUMBERS = 100_000  # of all planes together, 0.5 MB in the page
-# What the networks of an ensemble have in common.
+# Scaling of the inputs and outputs, which all networks of an ensemble share.
 SCALING_KEYS = ("input_min", "input_max", "output_min", "output_max", "scaled_range")
 
 
@@ -38,19 +38,24 @@ def pack_array(array: np.ndarray, dtype: str) -> str:
         The numbers.
     dtype : str
         A little-endian type of NumPy, such as ``<f4``.
+
+    Returns
+    -------
+    str
+        The bytes of the array in Base64.
     """
     return base64.b64encode(np.ascontiguousarray(array, dtype=dtype).tobytes()).decode()
 
 
 def has_network(surrogate: Predictor) -> TypeGuard[BayesianBP | NetworkEnsemble]:
-    """Return whether the page holds the surrogate itself instead of curves."""
+    """Return whether the page stores the surrogate itself instead of curves."""
     return isinstance(surrogate, BayesianBP | NetworkEnsemble)
 
 
 def unwrap_scales(surrogate: Predictor) -> Predictor:
-    """Return the surrogate inside a `ScaledInputs`; any other surrogate unchanged.
+    """Return the surrogate inside a `ScaledInputs`; return any other one unchanged.
 
-    The inner surrogate takes the coordinates along the parameters' scales.
+    The inner surrogate expects coordinates along the scales of the parameters.
     """
     return surrogate.model if isinstance(surrogate, ScaledInputs) else surrogate
 
@@ -72,8 +77,8 @@ def describe_surrogate(
     Returns
     -------
     dict
-        The values by name. `kind` is ``network`` or ``curves``. A network takes the
-        coordinates along the parameters' scales, which the page computes.
+        The values by name. `kind` is ``network`` or ``curves``. A network expects
+        coordinates along the scales of the parameters, which the page computes.
     """
     inner_surrogate = unwrap_scales(surrogate)
     if has_network(inner_surrogate):
@@ -84,12 +89,17 @@ def describe_surrogate(
 def _describe_networks(surrogate: BayesianBP | NetworkEnsemble) -> dict[str, Any]:
     """Collect the weights of a network, or of each network of an ensemble.
 
+    Parameters
+    ----------
+    surrogate : BayesianBP or NetworkEnsemble
+        The network, or the ensemble.
+
     Returns
     -------
     dict
-        `kind` is ``network``. `members` has the weights of each network, and the root
-        of the covariance of the weights as `root`, from `pack_array`. Other keys have
-        the scaling of inputs and outputs, which all networks share.
+        `kind` is ``network``. `members` contains the weights of each network, with a root
+        of their covariance as `root`, from `pack_array`. The other keys describe the
+        scaling of inputs and outputs, which all networks share.
     """
     if isinstance(surrogate, NetworkEnsemble):
         networks: list[BayesianBP] = surrogate.members_
@@ -124,11 +134,11 @@ def _predict_curves_and_planes(
     Returns
     -------
     dict
-        `kind` is ``curves``. The keys of `curves` are names of parameters, those of
-        `planes` pairs of names, such as ``first second``. Each entry has the mean and
-        the standard deviation. The arrays of a plane (points, points, responses) come
-        from `pack_array`, and the first parameter varies with the row. `planePoints` is
-        the number of points along a side.
+        `kind` is ``curves``. The keys of `curves` are names of parameters, and those of
+        `planes` are pairs of names, such as ``first second``. Each entry contains the
+        mean and the standard deviation. The arrays of a plane (points, points, responses)
+        come from `pack_array`, and their rows belong to the first parameter.
+        `planePoints` is the number of points along each side.
     """
     curves = {}
     n_responses = 0
@@ -143,7 +153,7 @@ def _predict_curves_and_planes(
             "std": np.asarray(std).tolist(),
         }
 
-    # A study of a single parameter has no pairs, and then no planes.
+    # A study of a single parameter has no pairs, and therefore no planes.
     pairs = list(combinations(parameters.free, 2))
     n_points = choose_plane_points(len(pairs), n_responses) if pairs else 0
     planes = {}
@@ -163,9 +173,9 @@ def _predict_curves_and_planes(
 
 
 def choose_plane_points(n_pairs: int, n_responses: int) -> int:
-    """Choose the number of points along a side of each plane, so that the page is small.
+    """Choose the number of points along each side of a plane, to keep the page small.
 
-    Mean and standard deviation of each response are stored at each point.
+    At each point, the mean and the standard deviation of each response are stored.
 
     Parameters
     ----------
@@ -173,6 +183,11 @@ def choose_plane_points(n_pairs: int, n_responses: int) -> int:
         Number of planes.
     n_responses : int
         Number of responses.
+
+    Returns
+    -------
+    int
+        The number of points.
     """
     points_of_plane = MAX_PLANE_NUMBERS / (2 * n_responses * n_pairs)
     points_of_side = math.isqrt(int(points_of_plane))
@@ -185,7 +200,7 @@ def _make_plane_points(
     pair: Sequence[str],
     n_points: int,
 ) -> np.ndarray:
-    """Make the points of a plane, which two parameters span.
+    """Make the points of a plane along which two parameters vary.
 
     Parameters
     ----------
@@ -194,14 +209,14 @@ def _make_plane_points(
     answer : ndarray
         The reported parameter set (d,), at which the other parameters stay.
     pair : sequence of str
-        Names of both parameters.
+        Names of the two parameters.
     n_points : int
-        Number of points along each.
+        Number of points along each of them.
 
     Returns
     -------
     ndarray
-        Points (n_points^2, d); the first parameter of the pair changes last.
+        Points (n_points^2, d). The second parameter of the pair varies fastest.
     """
     first, second = pair
     down, across = np.meshgrid(
@@ -232,7 +247,7 @@ def _spread_over_range(
     Returns
     -------
     ndarray
-        Values (n_points,), with both ends of the range.
+        Values (n_points,), including both ends of the range.
     """
     if name in parameters.scale:
         return parameters.values_at(name, np.linspace(0, 1, n_points))

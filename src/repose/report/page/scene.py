@@ -1,8 +1,8 @@
-"""Write a pour for the page's 3-D view: triangles of a grain, and the grains' places.
+"""Write a pour for the page's 3-D view: the surface of a grain, and where the grains are.
 
-To take few bytes, positions are whole multiples of 1/65534 of the space of the grains,
-and orientations whole multiples of 1/127: a grain is within 0.02 mm and 1 degree of its
-true place.
+To save bytes, positions are rounded to one of `POSITION_STEPS` steps across the space of
+all grains, and the components of orientations to multiples of 1 / `ORIENTATION_STEPS`.
+The error of a grain is below 0.02 mm and 1 degree.
 """
 
 import os
@@ -30,13 +30,13 @@ POSITION_STEPS = 65534
 ABSENT_POSITION = 65535
 ORIENTATION_STEPS = 127  # numbers of 8 bits with a sign
 MAX_TRIANGLES = 600_000  # of all grains together, for a phone
-# Rings of points on the surface of a smooth grain, at least and at most
+# Smallest and largest number of rings of points on the surface of a smooth grain
 LEAST_RINGS = 8
 MOST_RINGS = 18
-# The least extent of the grains in mm avoids a division by zero if all of them have the
-# same coordinate.
+# This smallest extent, in mm, avoids a division by zero if all grains have the same
+# coordinate.
 LEAST_EXTENT = 1e-9
-ROUNDED_DOWN = 1 - 1e-9  # factor by which a radius is reduced, more than by rounding
+ROUNDED_DOWN = 1 - 1e-9  # factor that reduces a radius by more than a rounding error
 
 
 class Surface(NamedTuple):
@@ -51,8 +51,8 @@ class QuantisedPositions(NamedTuple):
     """Positions as whole numbers: a position is low + step * whole."""
 
     whole: np.ndarray  # (T, N, 3) of uint16, `ABSENT_POSITION` for an absent grain
-    low: np.ndarray  # (3,)
-    step: np.ndarray  # (3,)
+    low: np.ndarray  # (3,), smallest coordinates
+    step: np.ndarray  # (3,), step along each axis
 
 
 def export_pour(
@@ -63,7 +63,7 @@ def export_pour(
     Parameters
     ----------
     trajectory : path
-        As for `repose.report.renderer.film.animate_pour`.
+        File of the trajectory, as for `repose.report.renderer.film.animate_pour`.
     particle : Particle
         The shape of the grains.
     section : FunnelSettings
@@ -74,10 +74,10 @@ def export_pour(
     dict
         `body` is the surface of a grain, and `count` the number of grains. `times_s` are
         the times of the frames. `positions` (frames, grains, 3) are whole numbers, which
-        `low` and `step` convert to mm, see `QuantisedPositions`. `turns` (frames, grains,
-        4) are quaternions x, y, z, w. `scales` are the sizes of the grains, or None.
-        `walls` has a row for each wall: height and radius of the lower and of the upper
-        end. `plate_mm` is the radius of the plate.
+        are converted to mm by `low` and `step` (`QuantisedPositions`). `turns` (frames,
+        grains, 4) are quaternions x, y, z, w. `scales` are the relative sizes of the
+        grains, or None. `walls` has a row for each wall: height and radius of its lower
+        end, then of its upper end. `plate_mm` is the radius of the plate.
 
     Raises
     ------
@@ -89,7 +89,7 @@ def export_pour(
     n_grains = record["position"].shape[1]
     frames = choose_frames(times_s, n_grains)
     positions = quantise(1e3 * record["position"][frames].astype(float))
-    # A quaternion is w, x, y, z in the file, but x, y, z, w in the page.
+    # The order of a quaternion is w, x, y, z in the file, but x, y, z, w in the page.
     quaternions = np.roll(record["quaternion"][frames].astype(float), -1, axis=2)
     # An absent grain has no orientation in the file.
     orientations = np.nan_to_num(quaternions)
@@ -119,9 +119,10 @@ def export_pour(
 
 
 def choose_frames(times_s: np.ndarray, n_grains: int) -> np.ndarray:
-    """Choose the frames of a page: evenly over the time, with the last one.
+    """Choose the frames of a page, spread evenly over the time of the trajectory.
 
-    Their number is limited by `MAX_FRAMES` and `MAX_BYTES`.
+    The first and the last frame are included. The number of frames is limited by
+    `MAX_FRAMES` and `MAX_BYTES`.
 
     Parameters
     ----------
@@ -143,7 +144,7 @@ def choose_frames(times_s: np.ndarray, n_grains: int) -> np.ndarray:
 
 
 def quantise(positions: np.ndarray) -> QuantisedPositions:
-    """Convert positions to whole numbers of 2 bytes, to make the page small.
+    """Convert positions to whole numbers of 2 bytes, to keep the page small.
 
     Parameters
     ----------
@@ -159,7 +160,7 @@ def quantise(positions: np.ndarray) -> QuantisedPositions:
     whole = np.full(positions.shape, ABSENT_POSITION, np.uint16)
     if not is_there.any():
         return QuantisedPositions(whole, low=np.zeros(3), step=np.ones(3))
-    # Divide the space of all grains into equal steps along each axis.
+    # Divide the extent of all grains into equal steps along each axis.
     low = positions[is_there].min(axis=0)
     high = positions[is_there].max(axis=0)
     step = np.maximum(high - low, LEAST_EXTENT) / POSITION_STEPS
@@ -168,16 +169,21 @@ def quantise(positions: np.ndarray) -> QuantisedPositions:
 
 
 def make_grain_surface(particle: Particle, most_triangles: int) -> Surface:
-    """Make the surface of a grain as a coarse mesh.
+    """Make a coarse mesh of the surface of a grain.
 
-    A grain of spheres loses the triangles that lie inside other spheres.
+    For a clump of spheres, triangles that lie inside other spheres are left out.
 
     Parameters
     ----------
     particle : Particle
         The grain.
     most_triangles : int
-        Largest number of triangles. The coarsest mesh may have more.
+        Desired limit of the number of triangles. The coarsest mesh may exceed it.
+
+    Returns
+    -------
+    Surface
+        The surface in mm.
     """
     if not particle.is_clump:
         # n rings of 2 n points have about 4 n^2 triangles.
@@ -200,20 +206,25 @@ def _make_visible_surface(spheres: np.ndarray, unit_sphere: trimesh.Trimesh) -> 
     spheres : ndarray
         Centres and radii (M, 4) in mm.
     unit_sphere : Trimesh
-        Mesh of the unit sphere, which is scaled and moved to each of them.
+        Mesh of the unit sphere, which is scaled and moved to each sphere.
+
+    Returns
+    -------
+    Surface
+        The surface in mm.
     """
     unit_points = np.asarray(unit_sphere.vertices)
     centres = spheres[:, :3]
     radii = spheres[:, 3]
     points = centres[:, None, :] + radii[:, None, None] * unit_points
 
-    # A point is hidden if it lies inside any other sphere. It is not inside its own one,
-    # from which its distance is the radius but for rounding.
+    # A point is hidden if it lies inside any other sphere. Reducing the radii ensures that
+    # rounding errors do not place it inside its own sphere.
     distances = np.linalg.norm(points[:, :, None] - centres, axis=3)
     is_hidden = (distances < radii * ROUNDED_DOWN).any(axis=2).ravel()
 
-    # Offset the point numbers of each sphere, because all points form one list. A
-    # triangle is hidden if all its points are.
+    # All points form one list, so offset the point numbers of each sphere. A triangle is
+    # hidden if all its points are hidden.
     first_point = len(unit_points) * np.arange(len(spheres))
     triangles = (first_point[:, None, None] + unit_sphere.faces).reshape(-1, 3)
     visible_triangles = triangles[~is_hidden[triangles].all(axis=1)]

@@ -1,4 +1,4 @@
-"""What each section of the report says, as plain values for its template."""
+"""Collect what each section of the report says, as plain values for its template."""
 
 import math
 from collections import Counter
@@ -56,14 +56,14 @@ OTHER_PROGRAM_STEP = (
 )
 # An interval that covers this share of the range or more does not determine a parameter.
 UNDETERMINED_SHARE = 0.9
-# A standard error that is a smaller share of its mean is a rounding error: all runs gave
-# the same value.
+# If a standard error is a smaller fraction of its mean, all runs gave the same value, and
+# the error is only due to rounding.
 ROUNDING_SHARE = 1e-9
 # Angles by which the drum has turned: before the first slip, and at the time when the
 # run of the article ends.
 SLIP_ANGLE = "before_turned_deg"
 REPORT_ANGLE = "report_turned_deg"
-# Quantities of the drum by their keys, and their units.
+# Quantities of the drum by key, with their units.
 DRUM_QUANTITIES = {
     SLIP_ANGLE: "deg",
     "before_time_s": "s",
@@ -78,14 +78,14 @@ DRUM_QUANTITIES = {
 class AnswerSection:
     """The parameters with their intervals, and whether they meet the targets."""
 
-    label: str
+    label: str  # name of the study
     verdict: VerdictText
     impossible_targets: list[str]
-    origin: str
-    determination: str  # empty without intervals
-    sets_inside: str  # how little it says that a set meets the targets
-    nearness: str  # empty if the answer was not simulated again
-    near_bounds: str  # empty where no parameter is near a bound
+    origin: str  # when, and by which version and machine, the results were made
+    determination: str  # how many parameters are determined; empty without intervals
+    sets_inside: str  # how many samples meet the targets; empty if there are few
+    nearness: str  # of the simulated means; empty if the answer was not simulated again
+    near_bounds: str  # parameters that may be at a bound; empty without any
     table: Table
     has_intervals: bool
     intervals_are_unsettled: bool
@@ -96,15 +96,15 @@ class CheckSection:
     """Measured, predicted and simulated responses, and the pile."""
 
     responses: Table
-    has_simulations: bool  # new ones, of the answer
-    failures: str  # of the new simulations; empty without any
+    has_simulations: bool  # whether the answer was simulated again
+    failures: str  # of these simulations; empty without any
     overlaps: str  # a warning of deep overlaps in them
     angle_definitions: Table | None
-    has_view: bool  # of the pile in 3-D
+    has_view: bool  # whether there is a 3-D view of the pile
     pile_pictures: list[EmbeddedPicture]
     checked_sets: Table | None
     abbreviations: str  # of responses in the columns of this table
-    has_published_sets: bool  # in the table of the checked sets
+    has_published_sets: bool  # whether this table contains published sets
 
 
 class MaterialSection(NamedTuple):
@@ -112,32 +112,32 @@ class MaterialSection(NamedTuple):
 
     values: Table
     laws: Table
-    size: str  # whether the grains are equal in size, a sentence
+    size: str  # a sentence on whether the grains are equal in size
 
 
 class DrumSection(NamedTuple):
     """The answer in the rotating drum."""
 
-    comparison: str  # with the article; empty without published sets
+    comparison: str  # with the article; empty if there are no published sets
     table: Table
     figures: list[EmbeddedPicture]
 
 
 class OtherParametersSection(NamedTuple):
-    """What the sliders' predictions come from."""
+    """How the predictions for other parameters, chosen by sliders, are made."""
 
-    surrogate: str
-    has_network: bool
-    constraints: str  # those of the study; empty without any
+    surrogate: str  # name of the surrogate
+    has_network: bool  # whether the page contains the surrogate itself
+    constraints: str  # on the parameters; empty without any
 
 
 @dataclass(frozen=True)
 class MethodSection:
-    """The steps to the answer, a sentence each, with their figures."""
+    """The steps to the answer, with their figures."""
 
-    steps: list[str]
-    search_result: str  # how many sets the search kept, a sentence
-    sets_found: Table | None  # their span; None for a single set
+    steps: list[str]  # a sentence for each step
+    search_result: str  # a sentence on how many sets the search kept
+    sets_found: Table | None  # ranges of the parameters of these sets
     figures: list[EmbeddedPicture]
 
 
@@ -164,9 +164,9 @@ def make_answer_section(study: Results) -> AnswerSection:
 
 
 def list_impossible_targets(files: Mapping[str, str]) -> list[str]:
-    """List the warnings of the card about angles that no pile of this height can have.
+    """List the card's warnings about angles that no pile of this height can have.
 
-    The list is empty without a card.
+    Without a card, the list is empty.
     """
     if "card" not in files:
         return []
@@ -178,7 +178,7 @@ def list_impossible_targets(files: Mapping[str, str]) -> list[str]:
 
 
 def _describe_origin(study: Results) -> str:
-    """State when and by what the results were made."""
+    """State when the results were made, and by which version and processor."""
     version = study.origin.get("repose")
     processor = study.origin.get("processor")
     commit = ""
@@ -190,14 +190,22 @@ def _describe_origin(study: Results) -> str:
 def _describe_determination(study: Results) -> str:
     """Describe how many parameters the measurements determine.
 
-    The text is empty for a study without intervals of the parameters.
+    Parameters
+    ----------
+    study : Results
+        The results of the study.
+
+    Returns
+    -------
+    str
+        One sentence. It is empty if the study has no intervals of the parameters.
     """
     if study.posterior is None:
         return ""
     shares = study.posterior["width_ratio"]
     n_parameters = len(shares)
     n_determined = int((shares < UNDETERMINED_SHARE).sum())
-    # The intervals are estimates, so their share may be a little above 1.
+    # The intervals are estimates, so this share may slightly exceed 1.
     narrowest = 100 * min(shares.min(), 1.0)
     condition = f"With the assumed error of the simulator{_list_assumed_errors(study)}"
     if n_determined == 0:
@@ -214,7 +222,7 @@ def _describe_determination(study: Results) -> str:
 
 
 def _list_assumed_errors(study: Results) -> str:
-    """List the assumed errors in brackets, as in `` (2 deg, 2.5 mm)``."""
+    """List the assumed errors in brackets, such as `` (2 deg, 2.5 mm)``."""
     if not study.assumed_errors:
         return ""
     errors = [
@@ -227,7 +235,15 @@ def _list_assumed_errors(study: Results) -> str:
 def _describe_sets_inside(study: Results) -> str:
     """Describe how many samples meet all targets, and how far apart they are.
 
-    The text is empty if fewer than two samples meet all targets.
+    Parameters
+    ----------
+    study : Results
+        The results of the study.
+
+    Returns
+    -------
+    str
+        One sentence. It is empty if fewer than two samples meet all targets.
     """
     samples = study.samples
     is_inside = np.ones(len(samples), bool)
@@ -236,7 +252,7 @@ def _describe_sets_inside(study: Results) -> str:
     samples_inside = samples[is_inside]
     if len(samples_inside) < 2:
         return ""
-    # The share of each parameter's range that these samples span, with the parameter
+    # For each parameter, compute the share of its range that these samples span.
     spans = [
         (np.ptp(study.parameters.shares(name, samples_inside[name])), name)
         for name in study.parameters.free
@@ -253,13 +269,23 @@ def _describe_sets_inside(study: Results) -> str:
 def _describe_nearness(study: Results) -> str:
     """Describe how far the simulated means are from the measured ones.
 
-    Two more sentences state the scatter of single simulations and the standard errors of
-    the measured means. The text is empty if the answer was not simulated.
+    Further sentences state the scatter of single simulations and the standard errors of
+    the measured means.
+
+    Parameters
+    ----------
+    study : Results
+        The results of the study.
+
+    Returns
+    -------
+    str
+        The sentences; empty if the answer was not simulated again.
     """
     if not study.get_number("n_seeds"):
         return ""
     checks = list(make_checks(study))
-    # The sentence names the responses by their labels, which people understand.
+    # Name the responses by their labels, which readers understand.
     named_checks = [replace(check, response=check.label) for check in checks]
     sentences = [describe_differences(named_checks)]
     # The standard deviation of a single run follows from the standard error of the mean.
@@ -286,7 +312,7 @@ def _describe_nearness(study: Results) -> str:
 
 
 def _describe_near_bounds(study: Results) -> str:
-    """Describe which parameters the fit cannot tell from a bound; empty if none."""
+    """Describe which parameters may lie at a bound; empty if there are none."""
     clauses = [
         describe_near_bound(near) for near in study.summary.get("near_bounds", ())
     ]
@@ -309,15 +335,28 @@ def _make_parameter_table(study: Results) -> Table:
 
 
 def _format_with_unit(value: float, unit: str) -> str:
-    """Write a number in two digits with its unit, which may be empty."""
+    """Write a number with two digits and its unit, which may be empty."""
     return f"{format_significant(value, 2)} {unit}".rstrip()
 
 
 def _make_parameter_row(study: Results, name: str, value: float) -> list[str]:
     """Make the cells of one parameter in the table of the answer.
 
-    The table has two columns about the interval of the parameter, unless the study has
-    no intervals.
+    If the study has intervals, two of the columns describe that of the parameter.
+
+    Parameters
+    ----------
+    study : Results
+        The results of the study.
+    name : str
+        Name of the parameter.
+    value : float
+        Value of the parameter in the answer.
+
+    Returns
+    -------
+    list of str
+        The cells, from left to right.
     """
     parameters = study.parameters
     label = LABELS.get(name, "")  # empty for parameters of another simulator
@@ -325,7 +364,7 @@ def _make_parameter_row(study: Results, name: str, value: float) -> list[str]:
         empty_cells = [] if study.posterior is None else ["", ""]
         return [name, label, format_significant(value), *empty_cells, "fixed"]
 
-    # `widen_to_value` also finds out whether the value lies at an end of its range.
+    # `widen_to_value` also notes whether the value lies at an end of its range.
     if study.posterior is None:
         interval_cells: list[str] = []
         interval = widen_to_value(parameters, name, value=value, low=value, high=value)
@@ -343,20 +382,20 @@ def _make_parameter_row(study: Results, name: str, value: float) -> list[str]:
             _describe_share_left_open(row["width_ratio"]),
         ]
     searched = _format_ends(*parameter_ranges(parameters)[name])
-    # Without a label, only the remark is left, with the separator before it.
+    # If the label is empty, the remark begins with a separator. Remove it.
     meaning = add_remark(label, interval).removeprefix("; ")
     return [name, meaning, format_significant(value, 3), *interval_cells, searched]
 
 
 def _format_ends(low: float, high: float) -> str:
-    """Write both ends of an interval in three digits."""
+    """Write both ends of an interval with three digits."""
     return f"{format_significant(low, 3)} to {format_significant(high, 3)}"
 
 
 def _describe_share_left_open(share: float) -> str:
     """Write how much of a parameter's range its 95 % interval leaves open.
 
-    The intervals are estimated, so the share can pass 1 by a little.
+    The intervals are estimates, so the share may slightly exceed 1.
     """
     percent = f"{100 * min(share, 1.0):.0f} %"
     return f"{percent}: not determined" if share >= UNDETERMINED_SHARE else percent
@@ -368,7 +407,16 @@ def _describe_share_left_open(share: float) -> str:
 def make_material_section(study: Results) -> MaterialSection | None:
     """Describe the material and the contact laws.
 
-    The result is None unless this program simulated the study and wrote its card.
+    Parameters
+    ----------
+    study : Results
+        The results of the study.
+
+    Returns
+    -------
+    MaterialSection or None
+        The section. It is None if the study has no card, or if another program simulated
+        the study.
     """
     if "card" not in study.files:
         return None
@@ -421,12 +469,12 @@ def _describe_failures(study: Results) -> str:
 def _make_response_table(study: Results) -> Table:
     """Tabulate the responses of the answer.
 
-    Without new simulations, the last column is that of the predictions.
+    Without new simulations, the last column contains the predictions.
     """
     columns = ["response", "measured", "target range", "predicted"]
     if study.get_number("n_seeds") is not None:
         columns += ["simulated", "difference", "inside"]
-    # A row has cells for all columns. Leave out those of columns that are not shown.
+    # Each row is made for all columns. Drop the cells of columns that are not shown.
     rows = [
         _make_response_row(study, target)[: len(columns)] for target in study.targets
     ]
@@ -436,8 +484,20 @@ def _make_response_table(study: Results) -> Table:
 def _make_response_row(study: Results, target: Target) -> list[str]:
     """Make the cells of one target in the table of the responses.
 
-    The cells fill all columns, although the last ones are only shown if the answer was
-    simulated.
+    There are cells for all columns, although the last columns are shown only if the answer
+    was simulated again.
+
+    Parameters
+    ----------
+    study : Results
+        The results of the study.
+    target : Target
+        The target.
+
+    Returns
+    -------
+    list of str
+        The cells, from left to right.
     """
     response = target.response
     unit = response.unit
@@ -446,7 +506,7 @@ def _make_response_row(study: Results, target: Target) -> list[str]:
     measured = f"{mean} ± {sd} {unit} (n = {target.repetitions})"
     target_range = f"{target.low:g} to {target.high:g} {unit}"
 
-    # The simulated mean, and how far it is off the measured one.
+    # Write the simulated mean, and its difference from the measured mean.
     simulated = study.get_number(response.simulated)
     error = study.get_number(response.standard_error)
     simulated_text = _format_mean_with_error(simulated, error, f" {unit}")
@@ -470,7 +530,17 @@ def _make_response_row(study: Results, target: Target) -> list[str]:
 def _format_prediction(study: Results, target: Target) -> str:
     """Write the predicted response of the answer, with its expected optimism.
 
-    The text is empty without a prediction.
+    Parameters
+    ----------
+    study : Results
+        The results of the study.
+    target : Target
+        The target of the response.
+
+    Returns
+    -------
+    str
+        The prediction; empty if there is none.
     """
     response = target.response
     predicted = study.get_number(response.predicted)
@@ -487,7 +557,16 @@ def _format_prediction(study: Results, target: Target) -> str:
 def _make_table_of_angle_definitions(study: Results) -> Table | None:
     """Tabulate the answer's angle of repose by each definition.
 
-    The result is None if the study has no piles, or if its tables lack these angles.
+    Parameters
+    ----------
+    study : Results
+        The results of the study.
+
+    Returns
+    -------
+    Table or None
+        A row for each definition. The table is None if the study has no piles, or if its
+        results do not contain all of these angles.
     """
     measure = study.measure
     has_all_angles = set(MEAN_KEYS.values()) <= set(study.answer_row.index)
@@ -514,10 +593,9 @@ class _Cell(NamedTuple):
 
 
 def _make_table_of_checked_sets(study: Results) -> Table | None:
-    """Tabulate the sets that were simulated again.
+    """Tabulate the sets that were simulated again; None if only the answer was.
 
-    The result is None if only the answer was simulated again. Published sets follow in
-    further rows, with the numbers of their publication.
+    Published sets follow in further rows, with the numbers from their publication.
     """
     if len(study.checked_sets) < 2:
         return None
@@ -538,7 +616,7 @@ def _make_table_of_checked_sets(study: Results) -> Table | None:
 
 
 def _mark_as_published(row: pd.Series) -> pd.Series:
-    """Mark the name of a published set, since the study's own sets have numbers, too."""
+    """Mark the name of a published set, because the study's sets also have numbers."""
     name = row["solution"]
     marked = row.copy()
     if name == "representative":
@@ -550,7 +628,7 @@ def _mark_as_published(row: pd.Series) -> pd.Series:
 
 
 def _explain_abbreviations(study: Results) -> str:
-    """Write out the symbols of the responses that have another name in words."""
+    """Explain the symbols of those responses whose label is different."""
     sentences = []
     for response in study.targets.responses:
         if response.symbol != response.label:
@@ -563,7 +641,7 @@ def _make_cells_of_set(
 ) -> list[_Cell]:
     """Make the cells of one parameter set, from left to right.
 
-    Every set has the same headers.
+    The headers are the same for every set.
 
     Parameters
     ----------
@@ -572,7 +650,12 @@ def _make_cells_of_set(
     row : Series
         The parameter set with its predicted and simulated responses.
     placeholder : str
-        Text in place of a simulated mean that is missing.
+        Text that takes the place of a missing simulated mean.
+
+    Returns
+    -------
+    list of _Cell
+        The cells.
     """
     cells = [
         _Cell("set", row.get("solution")),
@@ -606,7 +689,7 @@ def _make_cells_of_set(
 def _format_error_percent(predicted: float | None, simulated: float | None) -> str:
     """Write the error of a prediction in percent of the simulated value.
 
-    The text is empty without a prediction or a simulated value, and for a simulated 0.
+    The result is empty if either value is missing, or if the simulated value is 0.
     """
     if predicted is None or simulated is None:
         return ""
@@ -627,11 +710,17 @@ def _format_mean_with_error(
     mean : float or None
         The mean; None or NaN if there is none.
     error : float or None
-        Its standard error. None, NaN and a rounding error are left out.
+        Standard error of the mean. It is left out if it is None, NaN or so small that it
+        is only due to rounding.
     unit : str
-        What follows the numbers.
+        Text that follows the numbers.
     missing : str
-        What is written without a mean.
+        Text that is returned if there is no mean.
+
+    Returns
+    -------
+    str
+        The mean with its standard error and unit, or `missing`.
     """
     if mean is None or pd.isna(mean):
         return missing
@@ -645,9 +734,17 @@ def _format_mean_with_error(
 
 
 def make_drum_section(study: Results) -> DrumSection | None:
-    """Describe the check in the drum.
+    """Describe the check of the answer in the drum.
 
-    The result is None for a study without this check.
+    Parameters
+    ----------
+    study : Results
+        The results of the study.
+
+    Returns
+    -------
+    DrumSection or None
+        The section; None if the study does not include this check.
     """
     if "drum_summary" not in study.files:
         return None
@@ -661,7 +758,7 @@ def make_drum_section(study: Results) -> DrumSection | None:
                 row["mean"], row["standard_error"], f" {unit}"
             )
             rows.append([row["quantity"], mean, f"{row['runs']:.0f}"])
-    # The article is that of the published sets.
+    # Only a study with published sets belongs to the article.
     comparison = ""
     if len(study.published_sets) > 0:
         comparison = _compare_slip_with_article(summary)
@@ -678,8 +775,13 @@ def _compare_slip_with_article(summary: pd.DataFrame) -> str:
     Parameters
     ----------
     summary : DataFrame
-        Means of the drum's quantities, by their keys. The text is empty if the angles of
-        the slip or of the reported time are not among them.
+        Means of the drum's quantities, by their keys.
+
+    Returns
+    -------
+    str
+        The sentences. They are empty if the angle of the slip, or that of the reported
+        time, is missing.
     """
     if SLIP_ANGLE not in summary.index or REPORT_ANGLE not in summary.index:
         return ""
@@ -714,7 +816,7 @@ def make_other_parameters_section(study: Results) -> OtherParametersSection | No
 
 
 def make_method_section(study: Results) -> MethodSection:
-    """Describe the steps to the answer with their figures."""
+    """Describe the steps to the answer, with their figures."""
     return MethodSection(
         steps=_list_steps(study),
         search_result=_describe_search_result(study),
@@ -733,9 +835,17 @@ def _describe_search_result(study: Results) -> str:
 
 
 def _make_table_of_sets_found(study: Results) -> Table | None:
-    """Tabulate the span of the sets that the search kept.
+    """Tabulate the ranges of the parameters in the sets that the search kept.
 
-    The result is None for a single set.
+    Parameters
+    ----------
+    study : Results
+        The results of the study.
+
+    Returns
+    -------
+    Table or None
+        A row for each free parameter; None if the search kept fewer than two sets.
     """
     if len(study.solutions) < 2:
         return None
@@ -748,14 +858,25 @@ def _make_table_of_sets_found(study: Results) -> Table | None:
 
 
 def _list_steps(study: Results) -> list[str]:
-    """List the steps to the answer, a sentence each."""
+    """List the steps to the answer, in one sentence each."""
     if study.simulator is not None:
         return [*_list_strategy_steps(study), OTHER_PROGRAM_STEP]
     return _list_strategy_steps(study)
 
 
 def _list_strategy_steps(study: Results) -> list[str]:
-    """List the steps that the strategy reports, or those of the article's method."""
+    """List the steps that the strategy reports, or those of the article's method.
+
+    Parameters
+    ----------
+    study : Results
+        The results of the study.
+
+    Returns
+    -------
+    list of str
+        The steps in their order.
+    """
     if "steps" in study.summary:
         return list(study.summary["steps"])
 
@@ -798,7 +919,18 @@ def _describe_design(study: Results, design: DesignSettings) -> str:
 
 
 def _describe_accuracy(study: Results) -> str:
-    """Describe the accuracy of the surrogate on samples that it was not trained on."""
+    """Describe the accuracy of the surrogate on samples that it was not trained on.
+
+    Parameters
+    ----------
+    study : Results
+        The results of the study.
+
+    Returns
+    -------
+    str
+        The end of a sentence about the surrogate, and possibly a further sentence.
+    """
     test_metrics = read_json(study.files["metrics"]).get("test") or {}
     accuracies = []
     for response in study.targets.responses:
@@ -820,9 +952,18 @@ def _describe_accuracy(study: Results) -> str:
 
 
 def _describe_noise_of_samples(study: Results) -> str:
-    """Describe the standard errors of the samples in a sentence.
+    """Describe the standard errors of the samples.
 
-    The text is empty if each sample has a single run, which has no standard error.
+    Parameters
+    ----------
+    study : Results
+        The results of the study.
+
+    Returns
+    -------
+    str
+        One sentence, which begins with a space. It is empty if no standard errors are
+        known, for example because each sample has a single run.
     """
     clauses = []
     for target in study.targets:
@@ -840,14 +981,14 @@ def _describe_noise_of_samples(study: Results) -> str:
 
 
 def fold_tables(tables: Mapping[str, pd.DataFrame]) -> list[FoldedTable]:
-    """Fold each table of the study behind its title."""
+    """Prepare the tables, by title, so that each can be unfolded by a click."""
     return [fold_table(title, frame) for title, frame in tables.items()]
 
 
 def make_template_values(
     study: Results, tables: Mapping[str, pd.DataFrame]
 ) -> dict[str, Any]:
-    """Make the sections of the page, by their names in the templates."""
+    """Make all sections of the page, by their names in the templates."""
     return {
         "answer": make_answer_section(study),
         "material": make_material_section(study),

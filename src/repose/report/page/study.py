@@ -36,9 +36,9 @@ Files = Mapping[str, str]  # paths by name
 
 # Files that every report needs.
 REQUIRED_FILES = ("dataset", "feasible", "summary", "table4")
-# Files that it also needs if the summary does not tell the steps to the answer.
+# Files that a report also needs if the summary does not list the steps to the answer.
 FILES_OF_STEPS = ("network", "metrics", "dataset_summary")
-# Files that it shows if they are there.
+# Files that a report shows if they are available.
 OPTIONAL_FILES = (
     "runs",
     "posterior",
@@ -69,12 +69,12 @@ class Results:
     label, is_small_run
         Name of the study, and whether it is only a trial.
     targets, parameters
-        What was measured, and what was searched.
+        The measured responses, and the parameters that were searched.
     answer_row
         The representative parameter set, with its predicted and simulated responses.
     probability
-        Probability that the simulated mean meets a target, by the name of the target.
-        The key ``all`` is for all targets together. It is None if it is unknown.
+        Probability that the mean response meets a target, by the name of the target, and
+        that all targets are met, by the key ``all``. It is None if it is unknown.
     probability_within
         Probability that all responses lie within a percentage of their targets, by this
         percentage.
@@ -82,14 +82,14 @@ class Results:
         The table of the posterior by parameter, if there is one.
     assumed_errors
         The error of the simulator that the posterior assumes for each target, in the unit
-        of the target. It is empty if it is unknown.
+        of the target; empty if it is unknown.
     surrogate
         A model of the responses over all ranges, if there is one.
     solutions, checked_sets, samples
         Tables of the sets that the search found, of those that were simulated again,
         and of all samples.
     summary
-        The outcome of the search; with ``steps`` if the strategy reports its course.
+        The outcome of the search. It contains ``steps`` if the strategy reports them.
     date, origin
         Day of the results, and their version, commit and processor, as
         `repose.common.provenance.describe_machine`.
@@ -97,7 +97,7 @@ class Results:
         The sections of the configuration, such as `settings.measure`; None for a study
         with a simulator of the user's own.
     simulator
-        Name of the program of the user's own that the workflow called, if one did.
+        Name of the user's own program, if the workflow called one.
     files
         Paths of the files by name. A figure in memory replaces its path.
     published_sets
@@ -105,7 +105,7 @@ class Results:
     captions
         Captions of the figures by name.
     runs_of_answer
-        The runs that check the answer: the status of each, and its responses.
+        The runs that check the answer, each with its status and its responses.
     """
 
     label: str
@@ -138,7 +138,7 @@ class Results:
 
     @property
     def measure(self) -> "MeasureSettings | None":
-        """The section `measure` of the configuration, or None without one."""
+        """The section `measure` of the configuration; None if there is none."""
         return None if self.settings is None else self.settings.measure
 
     def get_number(self, column: str) -> float | None:
@@ -161,6 +161,11 @@ def read_results(config: Config, jobs: Sequence[str], files: Files) -> Results:
     files : mapping
         Paths by name, for the names in `REQUIRED_FILES`, `FILES_OF_STEPS` and
         `OPTIONAL_FILES`, and for the figures that have a caption.
+
+    Returns
+    -------
+    Results
+        The results.
 
     Raises
     ------
@@ -187,7 +192,8 @@ def read_results(config: Config, jobs: Sequence[str], files: Files) -> Results:
         ]
         for percent in REPORTED_PERCENTS
     }
-    # Date the page by the file of the answer, so that it only changes with the results.
+    # Date the page by the file of the answer, so that the date changes only with the
+    # results.
     modified = date.fromtimestamp(os.path.getmtime(files["table4"]))
     return Results(
         label=study.settings.label,
@@ -215,7 +221,7 @@ def read_results(config: Config, jobs: Sequence[str], files: Files) -> Results:
 
 
 def _check_file_names(files: Files) -> None:
-    """Raise InputError for a file of a name that no report knows."""
+    """Raise InputError for a file whose name no report uses."""
     known_names = (
         *REQUIRED_FILES,
         *FILES_OF_STEPS,
@@ -260,7 +266,7 @@ def _read_assumed_errors(files: Files) -> list[float]:
 
 
 def _read_published_sets(files: Files) -> pd.DataFrame:
-    """Read the published parameter sets; an empty table without them."""
+    """Read the published parameter sets; the table is empty if there are none."""
     if "published" not in files:
         return pd.DataFrame()
     return read_table(files["published"], ("solution", *PARAMETERS))
@@ -272,25 +278,24 @@ def _load_surrogate(
     parameters: ParameterSpace,
     names: Sequence[str] | None,
 ) -> Predictor | None:
-    """Load the surrogate from its file, or fit one to all runs of a strategy.
+    """Load the surrogate from its file, or fit one to all runs of the study.
 
     Parameters
     ----------
     files : mapping
         Paths of the study's files by name.
     targets : Targets
-        The targets, whose responses it predicts.
+        The targets, whose responses the surrogate predicts.
     parameters : ParameterSpace
         The parameters of the study.
     names : sequence of str or None
-        Names of the parameters of another simulator. With None, they are those of our
-        own one.
+        Names of the parameters of another simulator; None for those of our own.
 
     Returns
     -------
     Predictor or None
-        The surrogate of the file, or else kriging. None if there is neither a file of a
-        surrogate nor a table of runs.
+        The surrogate from the file, or a kriging model fitted to the runs. It is None if
+        there is neither a file of a surrogate nor a table of runs.
     """
     if "network" in files:
         return load(files["network"], targets.names)
@@ -307,7 +312,7 @@ def _load_surrogate(
 
 
 def _read_runs_of_answer(jobs: Sequence[str], targets: Targets) -> dict[str, list[Any]]:
-    """Read the runs of the answer, by the name of their bench test."""
+    """Read the runs of the answer from files, by the name of their bench test."""
     runs: dict[str, list[Any]] = defaultdict(list)
     for path in jobs:
         job, bench_test = read_job(path, targets)

@@ -9,7 +9,7 @@ import pandas as pd
 from repose.common.statuses import replace_statuses
 from repose.stages.published import STALE_WARNING
 
-# Columns of words, which the style sheet aligns to the left.
+# Columns of text, which the style sheet aligns to the left.
 TEXT_COLUMNS = ("reason", "warning", "status", "role", "line", "source", "wall")
 
 
@@ -17,8 +17,17 @@ TEXT_COLUMNS = ("reason", "warning", "status", "role", "line", "source", "wall")
 class Table:
     """A table of the page.
 
-    `style` is its class in the style sheet; a table of the class `sorts` sorts by the
-    column whose head is clicked. The last `screen_rows` rows are not printed.
+    Attributes
+    ----------
+    columns : sequence of str
+        The headers.
+    rows : sequence of sequence
+        The cells of each row.
+    style : str
+        Class of the table in the style sheet. A table of the class `sorts` is sorted by
+        a column when the user clicks on its header.
+    screen_rows : int
+        Number of rows at the end that are shown on the screen, but not printed.
     """
 
     columns: Sequence[str]
@@ -38,14 +47,14 @@ class Table:
 
 @dataclass(frozen=True)
 class FoldedTable:
-    """A table that opens by a click on its title."""
+    """A table that unfolds when the user clicks on its title."""
 
     title: str
     table: Table
 
 
 def fold_table(title: str, frame: pd.DataFrame) -> FoldedTable:
-    """Fold a table of a study behind a title that shows its number of rows."""
+    """Prepare a table that unfolds by a click on its title, which states the row count."""
     if "stale" in frame and frame["stale"].any():
         title = f"{title}, {STALE_WARNING}"
     columns = [str(column) for column in frame.columns]
@@ -58,7 +67,7 @@ def fold_table(title: str, frame: pd.DataFrame) -> FoldedTable:
 
 
 def format_tables(tables: Iterable[Table]) -> str:
-    """Write tables of words as lines with tabs, which a spreadsheet can read."""
+    """Write tables of strings as lines separated by tabs, which a spreadsheet can read."""
     lines = []
     for table in tables:
         lines.append("\t".join(table.columns))

@@ -17,14 +17,14 @@ from repose.measure.settings import describe_line_of_response
 from repose.report.page.study import Results
 from repose.report.page.templates import cell_text
 
-# Half of the precision with which `format_percent` writes probabilities.
+# Half of the step to which `format_percent` rounds probabilities.
 HALF_PERCENT = 0.005
 
 
 class VerdictText(NamedTuple):
-    """Whether the targets are met, in sentences.
+    """A description of whether the targets are met.
 
-    `rating` is a class of the style sheet: good, fair or bad.
+    `rating` is a class in the style sheet: good, fair or bad.
     """
 
     rating: str
@@ -44,7 +44,17 @@ class VerdictText(NamedTuple):
 def make_verdict(study: Results) -> VerdictText:
     """Describe whether the answer meets the targets, and how probably.
 
-    The first sentences are the line that a run prints at its end.
+    The description begins with the line that a study prints at its end.
+
+    Parameters
+    ----------
+    study : Results
+        The results of the study.
+
+    Returns
+    -------
+    VerdictText
+        The rating and the description.
     """
     checks = tuple(make_checks(study))
     assessment = Assessment(
@@ -63,8 +73,8 @@ def make_verdict(study: Results) -> VerdictText:
     )
     first_sentences = line[0].upper() + line[1:]
     if assessment.feasible:
-        # The line of an undecided verdict already has the probability that all means are
-        # inside, so do not repeat it.
+        # The line of an undecided verdict already states the probability that all means
+        # are inside, so do not repeat it.
         is_undecided = assessment.verdict is Verdict.UNDECIDED
         last_sentences = describe_probability(study, names_inside=not is_undecided)
     else:
@@ -77,7 +87,7 @@ def make_verdict(study: Results) -> VerdictText:
 def _rate_answer(assessment: Assessment, probability: float | None) -> str:
     """Rate the answer as good, fair or bad.
 
-    `probability` is that of meeting all targets; None if it is unknown.
+    `probability` is the probability that all targets are met, or None if it is unknown.
     """
     if not assessment.feasible or assessment.verdict is Verdict.NOT_MET:
         return "bad"
@@ -87,14 +97,19 @@ def _rate_answer(assessment: Assessment, probability: float | None) -> str:
 
 
 def describe_probability(study: Results, names_inside: bool = True) -> str:
-    """Describe in sentences how probable it is that the answer meets the targets.
+    """Describe how probable it is that the answer meets the targets.
 
     Parameters
     ----------
     study : Results
         The results of the study.
     names_inside : bool
-        Whether to begin with the sentence on all target ranges together.
+        Whether to begin with a sentence about all target ranges together.
+
+    Returns
+    -------
+    str
+        Several sentences.
     """
     probability = study.probability["all"]
     if probability is None:
@@ -123,7 +138,12 @@ def describe_probability(study: Results, names_inside: bool = True) -> str:
 
 
 def _describe_within(study: Results) -> Iterator[str]:
-    """Describe how probably all means lie within some percent of the measured ones.
+    """Describe how probable it is that all means lie close to the measured ones.
+
+    Parameters
+    ----------
+    study : Results
+        The results of the study.
 
     Yields
     ------
@@ -145,7 +165,18 @@ def _describe_within(study: Results) -> Iterator[str]:
 
 
 def _describe_optimism(study: Results) -> str:
-    """Describe the expected optimism of the answer's predictions in a sentence."""
+    """Describe the expected optimism of the answer's predictions.
+
+    Parameters
+    ----------
+    study : Results
+        The results of the study.
+
+    Returns
+    -------
+    str
+        One sentence, which may say that the optimism is unknown.
+    """
     clauses = []
     for target in study.targets:
         response = target.response
@@ -165,7 +196,7 @@ def _describe_optimism(study: Results) -> str:
 
 
 def _describe_inside(n_targets: int) -> str:
-    """Write the clause that the means of all responses lie in their target ranges."""
+    """Write the clause that the means of all responses are inside their ranges."""
     if n_targets == 1:
         return "the mean of the response lies inside its target range"
     responses = "both responses" if n_targets == 2 else f"all {n_targets} responses"
@@ -175,7 +206,7 @@ def _describe_inside(n_targets: int) -> str:
 def format_percent(probability: float | None) -> str:
     """Format a probability in whole percent, but never as 0 % or 100 %.
 
-    The number of runs does not allow such certainty.
+    The number of runs is too small for such certainty.
     """
     if probability is None:
         return "unknown"
@@ -192,10 +223,15 @@ def make_checks(study: Results) -> Iterator[Check]:
 
     A check compares the predicted, simulated and measured values of a response.
 
+    Parameters
+    ----------
+    study : Results
+        The results of the study.
+
     Yields
     ------
     Check
-        One for each target, in their order.
+        One check for each target, in the order of the targets.
     """
     n_runs = study.get_number("n_seeds")
     if n_runs is None:
