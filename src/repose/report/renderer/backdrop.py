@@ -12,15 +12,15 @@ MARK_TONE = np.array([0.16, 0.18, 0.20])
 N_MARKS = 12
 MARK_HALF_WIDTH_RAD = 0.035
 CIRCLE_POINTS = 72
-# The rim begins at the inner radius, and at half the length from the middle. A little is
-# left out, so that rounded places on the rim are beyond both.
+# The rim begins at the inner radius, and at half the length from the middle. These limits
+# are slightly smaller, so that points on the rim exceed them despite rounding errors.
 RIM_RADIUS_SHARE = 0.9999
 RIM_LENGTH_SHARE = 0.4999
 
 
 @dataclass(frozen=True)
 class DrumInside:
-    """The inside of a drum about the y axis, seen along +y from a place on the axis.
+    """The inside of a drum about the y axis, seen along +y from a point on the axis.
 
     The drum is open towards the camera and closed at its far end.
     """
@@ -28,10 +28,10 @@ class DrumInside:
     radius_m: float  # inner
     length_m: float
     thickness_m: float
-    turned_rad: float = 0.0  # about -y; the marks on the rim show it
+    turned_rad: float = 0.0  # angle about -y, which the marks on the rim show
 
     def compute_outline_points(self) -> np.ndarray:
-        """Compute points (144, 3) in m on both rims, which a picture must contain."""
+        """Compute points (2 * CIRCLE_POINTS, 3) in m that enclose both rims."""
         angle = np.linspace(0.0, 2.0 * math.pi, CIRCLE_POINTS, endpoint=False)
         outer_radius = self.radius_m + self.thickness_m
         x = outer_radius * np.cos(angle)
@@ -46,24 +46,24 @@ class DrumInside:
     def find_intersections(
         self, eye_m: np.ndarray, rays: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Find where rays meet the drum, as seen from in front of its open end.
+        """Find where rays from a camera in front of the open end meet the drum.
 
         Parameters
         ----------
         eye_m : array (3,)
-            Place of the camera.
+            Position of the camera.
         rays : array (H, W, 3)
-            Directions of unit depth.
+            Directions of the rays, scaled to unit depth.
 
         Returns
         -------
         depth : array (H, W)
-            Depth in m, infinite for a ray that misses the drum.
+            Depth in m; infinite for a ray that misses the drum.
         normals : array (H, W, 3)
-            Unit normals there.
+            Unit normals at the points where the rays meet the drum.
         """
-        # The open front end and the closed back end are planes normal to the y axis. A
-        # camera with a narrow view along y has no ray parallel to them.
+        # The open front end and the closed back end are planes perpendicular to the y
+        # axis. A camera with a narrow view along y has no ray parallel to them.
         half_length = 0.5 * self.length_m
         front_depth = (-half_length - eye_m[1]) / rays[..., 1]
         back_depth = (half_length - eye_m[1]) / rays[..., 1]
@@ -92,14 +92,14 @@ class DrumInside:
         Parameters
         ----------
         eye_m : array (3,)
-            Place of the camera.
+            Position of the camera.
         rays : array (H, W, 3)
-            Directions of unit depth.
+            Directions of the rays, scaled to unit depth.
 
         Returns
         -------
         array (H, W)
-            Depth in m, infinite for a ray along the axis.
+            Depth in m; infinite for a ray along the axis.
         """
         # A point eye + t * ray is on the cylinder where a t^2 + 2 b t + c = 0; the ray
         # leaves the cylinder at the larger root.
@@ -117,19 +117,19 @@ class DrumInside:
         light_share: np.ndarray,
         sky_share: np.ndarray,
     ) -> np.ndarray:
-        """Compute the colours of places on the drum.
+        """Compute the colours of points on the drum.
 
         Parameters
         ----------
         points_m, normals : array (M, 3)
-            Places in m and unit normals there.
+            The points in m, and the unit normals at these points.
         light_share, sky_share : array (M,)
-            Shares of the light and of the sky that reach them.
+            Shares of the light and of the sky that reach the points.
 
         Returns
         -------
         array (M, 3)
-            Red, green and blue, 0 to 1 or a little above.
+            Red, green and blue, from 0 to 1 or slightly above.
         """
         # Shadows, gaps between grains, and surfaces that face down are darker. The
         # weights were chosen by eye, as was the factor of the colour.
@@ -153,25 +153,25 @@ class DrumInside:
 
 
 def _is_marked(angle: np.ndarray) -> np.ndarray:
-    """Tell which places on the rim have a mark.
+    """Tell which points on the rim have a mark.
 
     The mark at the bottom of a drum that has not turned is three times as wide.
 
     Parameters
     ----------
     angle : array (M,)
-        Angles of the places in radians, from the drum's own x axis.
+        Angles of the points in radians, from the drum's own x axis.
 
     Returns
     -------
     array (M,) of bool
-        True at a place with a mark.
+        True for a point on a mark.
     """
-    # Marks are at multiples of the spacing. Bring the angle to the range of half a
-    # spacing on both sides of the nearest one.
+    # The marks are at multiples of the spacing. Compute the angle from the nearest mark,
+    # which is at most half a spacing.
     spacing = 2.0 * math.pi / N_MARKS
     to_nearest_mark = np.abs((angle + 0.5 * spacing) % spacing - 0.5 * spacing)
-    # The bottom is at the angle -pi / 2. Bring the difference to the range -pi to pi.
+    # The bottom is at the angle -pi / 2. Compute the angle from it, which is at most pi.
     to_bottom = np.abs((angle + 0.5 * math.pi + math.pi) % (2.0 * math.pi) - math.pi)
     on_mark = to_nearest_mark < MARK_HALF_WIDTH_RAD
     on_wide_mark = to_bottom < 3.0 * MARK_HALF_WIDTH_RAD

@@ -1,4 +1,4 @@
-"""Turn the bodies of a picture into triangles with normals at their corners."""
+"""Convert the bodies of a picture to triangles with normals at their corners."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,27 +18,27 @@ class Drawable(Protocol):
 
     @property
     def bounding_radius_m(self) -> float:
-        """Distance of its farthest point from its centre in m."""
+        """Distance of the farthest point of the shape from its centre in m."""
 
     def support(self, n: np.ndarray) -> np.ndarray:
-        """Return the distance (...,) in m of the tangent plane with normal `n`."""
+        """Return the distances (...,) in m of tangent planes with the unit normals `n`."""
 
     def support_point(self, n: np.ndarray) -> np.ndarray:
-        """Return the farthest points (..., 3) in m in the unit directions `n`."""
+        """Return the farthest points (..., 3) in m along the unit directions `n`."""
 
 
 @dataclass(frozen=True)
 class Bodies:
-    """N parts to be drawn, of S shapes with V points and T triangles each.
+    """N parts to be drawn, which have S shapes with V points and T triangles each.
 
-    A part is a whole body or a sphere of a clump. A clump is a body made of spheres.
+    A part is either a whole body or one sphere of a clump, a body made of spheres.
 
     Attributes
     ----------
     normals : array (S, V, 3)
         Unit normals at the points of each shape.
     triangles : array (T, 3) of int
-        Numbers of their points, the same for all shapes.
+        Numbers of the points of each triangle, the same for all shapes.
     shape_ids : array (N,) of int
         Number of the shape of each part.
     rotations : array (N, 3, 3)
@@ -48,8 +48,7 @@ class Bodies:
     owner : array (N,) of int
         Number of the body to which each part belongs.
     largest_m : float
-        Bounding radius of the largest body. Without bodies it is that of the first
-        shape.
+        Bounding radius of the largest body, or of the first shape if there are no bodies.
     """
 
     normals: np.ndarray
@@ -89,7 +88,7 @@ def place_bodies(
     shape_ids: np.ndarray,
     scales: np.ndarray,
 ) -> Bodies:
-    """Place bodies in the world, and return them as triangles.
+    """Place bodies in the world, and convert them to triangles.
 
     Parameters
     ----------
@@ -107,11 +106,11 @@ def place_bodies(
     Returns
     -------
     Bodies
-        Their parts, with the triangles of S + 1 shapes. The last shape is the unit
-        sphere.
+        The parts of the bodies, with the meshes of S + 1 shapes. The last shape is the
+        unit sphere.
     """
     rotations = rotation_matrices(quaternions)
-    # The unit sphere follows the other shapes, so its number is that of the shapes.
+    # The unit sphere follows the other shapes, so its number is the number of shapes.
     parts = _split_into_parts(
         centres,
         rotations=rotations,
@@ -120,8 +119,8 @@ def place_bodies(
         scales=scales,
         sphere_id=len(shapes),
     )
-    # Only the spheres of a clump are drawn, not the clump itself. Since each shape must
-    # have a mesh, a clump gets the mesh of a sphere.
+    # Of a clump, only the spheres are drawn. Because each shape must have a mesh, give a
+    # clump the mesh of a sphere, which is not used.
     meshed_shapes = [
         _UnitSphere() if len(_read_spheres(shape)) else shape for shape in shapes
     ]
@@ -132,7 +131,7 @@ def place_bodies(
     # All meshes have the same triangles.
     _, _, triangles = meshes[0]
 
-    # Scale the points of each part, turn them, and move them to its centre.
+    # Scale and rotate the points of each part, and move them to its centre.
     rotations_of_parts = rotations[parts.owner]
     scaled_points = parts.scales[:, None, None] * points[parts.shape_ids]
     vertices = parts.centres[:, None, :] + np.einsum(
@@ -152,7 +151,7 @@ def place_bodies(
 
 
 def _read_spheres(shape: Drawable) -> np.ndarray:
-    """Return the spheres (M, 4) of a shape; empty for a shape of another kind."""
+    """Return the spheres (M, 4) of a shape; empty if it is not made of spheres."""
     return np.asarray(getattr(shape, "spheres_m", ()))
 
 
@@ -164,16 +163,16 @@ def _split_into_parts(
     scales: np.ndarray,
     sphere_id: int,
 ) -> _Parts:
-    """Split clumps into their spheres. Each other body is one part.
+    """Split clumps into their spheres. Any other body is a single part.
 
     Parameters
     ----------
     centres, shapes, shape_ids, scales
-        As in `place_bodies`.
+        The bodies, as for `place_bodies`.
     rotations : array (N, 3, 3)
         Rotations of the bodies to the world.
     sphere_id : int
-        Number of the unit sphere, which is the shape of each sphere of a clump.
+        Number of the unit sphere among the shapes, for the spheres of clumps.
 
     Returns
     -------
@@ -226,19 +225,19 @@ def _place_spheres(
     spheres : array (S, 4)
         Centres and radii of the spheres of their shape in m.
     centres, rotations, scales
-        Those of all bodies, as in `_split_into_parts`.
+        Values of all bodies, as for `_split_into_parts`.
     sphere_id : int
         Number of the unit sphere among the shapes.
 
     Returns
     -------
     _Parts
-        M S parts, with all spheres of a clump one after the other.
+        M * S parts, in which the spheres of a clump follow each other.
     """
     owner = np.repeat(body_numbers, len(spheres))
     spheres_of_bodies = np.tile(spheres, (len(body_numbers), 1))
     radii = spheres_of_bodies[:, 3]
-    # Turn the centre of each sphere with its clump.
+    # Rotate the centre of each sphere with its clump.
     offsets = np.einsum("nij,nj->ni", rotations[owner], spheres_of_bodies[:, :3])
     return _Parts(
         centres[owner] + scales[owner, None] * offsets,

@@ -1,4 +1,4 @@
-"""Make short endless animations of a pour, a drum or any simulation."""
+"""Make short animations, repeated endlessly, of a pour, a drum or any simulation."""
 
 import io
 from collections.abc import Mapping, Sequence
@@ -26,12 +26,13 @@ if TYPE_CHECKING:
 
 TRAJECTORY_KEYS = ("time_s", "position", "quaternion")  # of the file of a trajectory
 FORMATS = {".gif": "GIF", ".webp": "WEBP"}
-# Times for which a picture is shown
+# Time for which each picture is shown, for the last one and for the others
 LAST_FRAME_S = 1.6
 FRAME_S = 0.08
 DRUM_FRAME_S = 0.12
 MAX_BYTES = 3_000_000
-# A grain farther from the axis than this many median distances has left the pile.
+# A grain has left the pile if its distance from the axis is more than this many times the
+# median distance.
 PILE_MEDIANS = 2
 DRUM_MAX_BYTES = 3_900_000
 # Colours of a GIF and qualities of a WebP to try, from the largest file to the smallest.
@@ -49,13 +50,13 @@ def animate_pour(
 ) -> None:
     """Write an endless animation of a pour, in at most `MAX_BYTES`.
 
-    A file that would be larger gets fewer colours.
+    If the file would be larger, the number of colours, or the quality, is reduced.
 
     Parameters
     ----------
     trajectory : path
-        An .npz file with time_s (T,), position (T, N, 3) in m, NaN before a grain
-        appears, quaternion (T, N, 4) and perhaps scale (N,).
+        An .npz file with time_s (T,), position (T, N, 3) in m, quaternion (T, N, 4) and
+        optionally scale (N,). Before a grain appears, its position is NaN.
     particle : Drawable
         The shape of the grains.
     out_path : path
@@ -63,14 +64,15 @@ def animate_pour(
     walls : sequence of Frustum
         Walls that are drawn translucent.
     frames : int
-        Number of pictures, spread evenly over the time.
+        Largest number of pictures, which are spread evenly over the time.
     **view
         Further arguments of `repose.report.renderer.render.render_bodies`.
 
     Raises
     ------
     InputError
-        For a bad trajectory, another ending, or a file that stays too large.
+        If the trajectory cannot be read, if `out_path` has another ending, or if the file
+        remains too large.
     """
     out_path = _check_ending(out_path)
     record = read_npz(trajectory, TRAJECTORY_KEYS, "the trajectory of a pour")
@@ -104,18 +106,18 @@ def _find_points_of_pour(
     scales: np.ndarray,
     walls: Sequence[Frustum],
 ) -> np.ndarray:
-    """Find the points that each picture of a pour must contain: pile and funnel.
+    """Find points around the pile and the funnel, which each picture must contain.
 
-    Grains that rolled far away may be outside of the picture.
+    Grains that rolled far away may lie outside the picture.
 
     Parameters
     ----------
     last_positions : array (N, 3)
-        Positions of the grains at the end in m; NaN for a grain that is not there.
+        Final positions of the grains in m; NaN for a grain that is absent.
     particle : Drawable
         The shape of the grains.
     scales : array (N,)
-        Sizes of the grains as multiples of it.
+        Sizes of the grains as multiples of this shape.
     walls : sequence of Frustum
         The walls of the funnel.
 
@@ -147,21 +149,22 @@ def animate(
     Parameters
     ----------
     simulation : Simulation
-        The simulation, for its shapes and walls.
+        The simulation, which provides the shapes and the walls.
     frames : mapping
-        What `repose.dem.Recorder.frames` returns.
+        The recorded frames, from `repose.dem.Recorder.frames`.
     out_path : path
         File that ends in .gif or .webp.
     pictures : int
-        Number of pictures, spread evenly over the time.
+        Largest number of pictures, which are spread evenly over the time.
     **view
         Further arguments of `repose.report.renderer.render.render_bodies`. By default,
-        `frame_m` contains the bodies of the first and of the last frame.
+        `frame_m` encloses the bodies in the first and in the last frame.
 
     Raises
     ------
     InputError
-        If there is no frame, and for the reasons of `animate_pour`.
+        If there is no frame, if `out_path` has another ending, or if the file remains too
+        large.
     """
     out_path = _check_ending(out_path)
     times = frames["time_s"]
@@ -198,8 +201,13 @@ def _list_settings(
     simulation : Simulation
         The simulation.
     frames : mapping
-        What `repose.dem.Recorder.frames` returns; without ``planes`` the walls rest, or
-        turn about their axis.
+        The recorded frames, from `repose.dem.Recorder.frames`. If they do not contain
+        ``planes``, all walls rest, or turn about their axis.
+
+    Returns
+    -------
+    list of Setting
+        The walls in each frame.
     """
     if "planes" not in frames:
         # All frames have the same walls.
@@ -215,14 +223,14 @@ def _find_points_of_ends(
 ) -> np.ndarray:
     """Find the points that each picture of a film must contain.
 
-    They lie about the bodies in the first and in the last frame, and about the walls.
+    They enclose the walls, and the bodies in the first and in the last frame.
 
     Parameters
     ----------
     shapes : sequence of Drawable
         The shapes of the bodies.
     frames : mapping
-        What `repose.dem.Recorder.frames` returns.
+        The recorded frames, from `repose.dem.Recorder.frames`.
     last_setting : Setting
         The walls in the last frame.
 
@@ -255,7 +263,7 @@ def animate_drum(
     Parameters
     ----------
     trajectory : path
-        As for `animate_pour`, with turned_deg (T,) in addition.
+        An .npz file as for `animate_pour`, which also contains turned_deg (T,).
     particle : Drawable
         The shape of the grains.
     out_path : path
@@ -263,21 +271,21 @@ def animate_drum(
     section : DrumSettings
         The section `drum` of the configuration.
     frames : int
-        Number of pictures, spread evenly over the time.
+        Largest number of pictures, which are spread evenly over the time.
     **view
         Further arguments of `repose.report.renderer.render.render_bodies`.
 
     Raises
     ------
     InputError
-        For the reasons of `animate_pour`.
+        For the same reasons as in `animate_pour`.
     """
     out_path = _check_ending(out_path)
     record = read_npz(
         trajectory, (*TRAJECTORY_KEYS, "turned_deg"), "the trajectory of a drum"
     )
     turned_rad = np.radians(record["turned_deg"])
-    # The camera looks along the axis, on which the picture is centred.
+    # The camera looks along the axis of the drum, which is the centre of the picture.
     default_view: dict[str, Any] = {
         "width": 380,
         "elevation_deg": 0.0,
@@ -309,6 +317,11 @@ def make_drum_inside(section: "DrumSettings", turned_rad: float) -> DrumInside:
         The section `drum`.
     turned_rad : float
         Angle by which the drum has turned.
+
+    Returns
+    -------
+    DrumInside
+        The backdrop.
     """
     thickness_m = 1e-3 * section.wall_thickness_mm
     radius_m = 0.5e-3 * section.outer_diameter_mm - thickness_m
@@ -321,12 +334,12 @@ def make_drum_inside(section: "DrumSettings", turned_rad: float) -> DrumInside:
 
 
 def _read_scales(record: Mapping[str, np.ndarray]) -> np.ndarray:
-    """Read the sizes (N,) of the grains of a trajectory; 1 if it has none."""
+    """Read the relative sizes (N,) of the grains; they are 1 if the record has none."""
     return record.get("scale", np.ones(record["position"].shape[1]))
 
 
 def _check_ending(out_path: StrPath) -> Path:
-    """Return a path; raise InputError for an ending that cannot be written."""
+    """Convert to a path; raise InputError unless its ending is one of `FORMATS`."""
     out_path = Path(out_path)
     if out_path.suffix.lower() not in FORMATS:
         raise InputError(
@@ -336,14 +349,14 @@ def _check_ending(out_path: StrPath) -> Path:
 
 
 def _choose_frames(times: np.ndarray, frames: int) -> np.ndarray:
-    """Choose frames evenly over the time.
+    """Choose frames that are spread evenly over the time.
 
     Parameters
     ----------
     times : array (T,)
         Times of all frames.
     frames : int
-        Number of frames to choose, at most.
+        Largest number of frames to choose.
 
     Returns
     -------
@@ -357,23 +370,24 @@ def _choose_frames(times: np.ndarray, frames: int) -> np.ndarray:
 def _write_limited(
     pictures: Sequence[np.ndarray], frame_s: float, out_path: Path, max_bytes: int
 ) -> None:
-    """Write an animation with the most colours that the limit of its size allows.
+    """Write an animation in the best quality that the limit of the file size allows.
 
     Parameters
     ----------
     pictures : sequence of array
         Pictures (H, W, 3) of uint8.
     frame_s : float
-        Time that each picture is shown; the last one is shown for `LAST_FRAME_S`.
+        Time for which each picture is shown, except the last one, which is shown for
+        `LAST_FRAME_S`.
     out_path : Path
         File that ends in .gif or .webp.
     max_bytes : int
-        Largest size of the file.
+        Largest allowed size of the file.
 
     Raises
     ------
     InputError
-        If the file is too large even with the fewest colours.
+        If the file is too large even in the lowest quality.
     """
     images = [Image.fromarray(picture) for picture in pictures]
     durations_ms = [round(1000 * frame_s)] * len(images)
@@ -407,17 +421,17 @@ def _encode_gif(
     images : sequence of Image
         The pictures.
     durations_ms : list of int
-        How long each is shown.
+        Time for which each picture is shown.
     colours : int
         Number of colours.
 
     Returns
     -------
     bytes
-        The content of the file.
+        The contents of the file.
     """
-    # All frames get the palette of the last one, so that parts at rest keep their
-    # colours.
+    # Give all frames the palette of the last one, so that parts at rest do not change
+    # colour.
     palette = images[-1].quantize(colours)
     first, *others = (
         image.quantize(palette=palette, dither=Image.Dither.NONE) for image in images
@@ -446,14 +460,14 @@ def _encode_webp(
     images : sequence of Image
         The pictures.
     durations_ms : list of int
-        How long each is shown.
+        Time for which each picture is shown.
     quality : int
         Quality from 0 to 100.
 
     Returns
     -------
     bytes
-        The content of the file.
+        The contents of the file.
     """
     first, *others = images
     content = io.BytesIO()

@@ -1,7 +1,7 @@
 """Loop over the pixels of a picture in compiled code: z-buffer, soft shadow, open sky.
 
-A `camera` is here the tuple of its place (3,) in m, its axes (3, 3), rows right, up and
-forward, and its focal length in pixels.
+A `camera` is here a tuple of three items: its position (3,) in m, its axes (3, 3) with the
+rows right, up and forward, and its focal length in pixels.
 """
 
 import math
@@ -18,8 +18,8 @@ def _rasterise(x, y, near, triangles, nearest, body, weights, triangle):
     """Draw all triangles that face the viewer into a z-buffer.
 
     A pixel keeps the triangle with the largest `near`, which is the nearest one. The
-    first four arguments are those of `draw`. The others are the arrays that `draw`
-    returns, which are written to.
+    first four parameters are those of `draw_triangles`. The others are the arrays that
+    `draw_triangles` returns, and are written to.
     """
     rows, columns = nearest.shape
     for b in range(x.shape[0]):
@@ -33,7 +33,7 @@ def _rasterise(x, y, near, triangles, nearest, body, weights, triangle):
             y1 = y[b, j]
             x2 = x[b, k]
             y2 = y[b, k]
-            # Twice the area; positive for a triangle that is seen from its back.
+            # Twice the area, which is positive if the triangle is seen from behind
             area = (x1 - x0) * (y2 - y0) - (x2 - x0) * (y1 - y0)
             if area >= 0.0:
                 continue
@@ -44,7 +44,7 @@ def _rasterise(x, y, near, triangles, nearest, body, weights, triangle):
             last_column = min(columns - 1, math.floor(max(x0, x1, x2) - 0.5))
             for row in range(first_row, last_row + 1):
                 for column in range(first_column, last_column + 1):
-                    # Shares u and v of the second and third corner in the pixel.
+                    # Compute the weights u and v of the second and third corner.
                     px = column + 0.5
                     py = row + 0.5
                     u = ((px - x0) * (y2 - y0) - (x2 - x0) * (py - y0)) * inverse_area
@@ -76,25 +76,25 @@ def draw_triangles(
     Parameters
     ----------
     x, y : array (N, V)
-        Places of the points in pixels, row 0 on top.
+        Positions of the points in pixels, with row 0 at the top.
     near : array (N, V)
-        A larger number is nearer.
+        Nearness of the points: a larger number is nearer.
     triangles : array (T, 3) of int
-        Numbers of the points of closed surfaces, the same for all bodies, anticlockwise
-        seen from outside.
+        Numbers of the corners of triangles that form a closed surface, in anticlockwise
+        order as seen from outside. They are the same for all bodies.
     shape : tuple
-        Rows H and columns W of the picture.
+        Number of rows H and columns W of the picture.
 
     Returns
     -------
     nearest : array (H, W)
-        `near` of the visible point, minus infinity if there is none.
+        Nearness of the visible point; minus infinity if there is none.
     body : array (H, W) of int
-        Number of its body, -1 if there is none.
+        Number of the body of this point; -1 if there is none.
     triangle : array (H, W) of int
-        Number of its triangle.
+        Number of the triangle of this point.
     weights : array (H, W, 2)
-        Shares of the second and third point of the triangle.
+        Weights of the second and third corner of the triangle at this point.
     """
     nearest = np.full(shape, -np.inf, np.float32)
     body = np.full(shape, -1, np.int32)
@@ -109,9 +109,9 @@ def draw_triangles(
 def _compute_pixel_angle(row, column):
     """Compute a fixed angle for a pixel, which differs between neighbours.
 
-    If each pixel turns its samples by this angle, few samples give fine noise instead of
-    bands. The numbers are those of interleaved gradient noise (Jimenez 2014, Next
-    Generation Post Processing in Call of Duty).
+    If the samples of each pixel are turned by this angle, few samples cause fine noise
+    instead of bands. The numbers are those of interleaved gradient noise (Jimenez 2014,
+    Next Generation Post Processing in Call of Duty).
     """
     grain = 0.06711056 * column + 0.00583715 * row
     grain = 52.9829189 * (grain - math.floor(grain))
@@ -130,7 +130,7 @@ def _make_spiral(taps):
     Returns
     -------
     across, down : array (taps,)
-        Their coordinates.
+        Coordinates of the points.
     """
     across = np.empty(taps)
     down = np.empty(taps)
@@ -143,7 +143,7 @@ def _make_spiral(taps):
 
 @compiled
 def write_place(camera, shape, row, column, depth, place):
-    """Write the place (3,) in m at a depth along the ray of a pixel into `place`."""
+    """Write the point (3,) in m at a depth along the ray of a pixel into `place`."""
     eye, axes, focal = camera
     right = (column + 0.5 - shape[1] / 2) / focal
     up = (shape[0] / 2 - row - 0.5) / focal
@@ -160,36 +160,37 @@ def compute_lit_share(
     Parameters
     ----------
     depth : array (H, W)
-        Depth of the visible point in m, infinite if there is none.
+        Depth of the visible point in m; infinite if there is none.
     normals : array (H, W, 3)
-        Unit normals there.
+        Unit normals at these points.
     camera : tuple
-        See the module.
+        The camera, as described in the docstring of the module.
     light_map : array
-        Largest height towards the light in m: a depth map seen from the light.
+        Depth map seen from the light: the largest height towards the light in m.
     axes : array (3, 3)
-        Rows: two axes across the light, then towards it.
+        Rows: two axes across the light, and the axis towards the light.
     origin : array (2,)
         Corner of the map in m across the light.
     pixel_m : float
         Size of a pixel of the map.
     softness_m : float
-        Radius of the disc of samples on the map, which makes shadows soft.
+        Radius of the disc of samples on the map. It makes the edges of shadows soft.
     bias_m : float
-        Distance at which a surface begins to shade a point.
+        Distance at which a surface begins to cast a shadow on a point.
     taps : int
         Number of samples.
 
     Returns
     -------
     array (H, W)
+        The share, from 0 to 1.
     """
     rows, columns = depth.shape
     map_rows, map_columns = light_map.shape
     lit = np.ones((rows, columns), np.float32)
     across, down = _make_spiral(taps)
     point = np.empty(3)
-    place = np.empty(3)  # of the point, in the axes of the light
+    place = np.empty(3)  # the point in the axes of the light
     reach = 1.0 + softness_m / pixel_m  # of the disc of samples, in pixels of the map
     for row in range(rows):
         for column in range(columns):
@@ -202,12 +203,12 @@ def compute_lit_share(
                     place[axis] += (point[k] + normals[row, column, k] * bias_m) * axes[
                         axis, k
                     ]
-            # Nothing shades a point whose disc of samples lies beside the map.
+            # If the disc of samples lies outside the map, nothing shades the point.
             u = (place[0] - origin[0]) / pixel_m
             v = (place[1] - origin[1]) / pixel_m
             if not (-reach < u < map_columns + reach and -reach < v < map_rows + reach):
                 continue
-            # The disc is turned by another angle in each pixel.
+            # Turn the disc by a different angle in each pixel.
             angle = _compute_pixel_angle(row, column)
             turn_x = softness_m * math.cos(angle)
             turn_y = softness_m * math.sin(angle)
@@ -235,13 +236,13 @@ def compute_openness(depth, normals, camera, mask, radius_m, taps):
     Parameters
     ----------
     depth : array (H, W)
-        Depth of the visible point in m, infinite if there is none.
+        Depth of the visible point in m; infinite if there is none.
     normals : array (H, W, 3)
-        Unit normals there.
+        Unit normals at these points.
     camera : tuple
-        See the module.
+        The camera, as described in the docstring of the module.
     mask : array (H, W) of bool
-        Pixels that are near a body; the others see the whole sky.
+        Pixels that are near a body. The others see the whole sky.
     radius_m : float
         Radius of the disc of neighbours.
     taps : int
@@ -250,6 +251,7 @@ def compute_openness(depth, normals, camera, mask, radius_m, taps):
     Returns
     -------
     array (H, W)
+        The share, from 0 to 1.
     """
     rows, columns = depth.shape
     open_sky = np.ones((rows, columns), np.float32)
@@ -262,7 +264,8 @@ def compute_openness(depth, normals, camera, mask, radius_m, taps):
                 continue
             write_place(camera, depth.shape, row, column, depth[row, column], point)
             angle = _compute_pixel_angle(row, column)
-            # The disc of neighbours in pixels, turned by another angle in each pixel.
+            # Convert the disc of neighbours to pixels, and turn it by a different angle in
+            # each pixel.
             reach_px = radius_m * camera[2] / depth[row, column]
             turn_x = reach_px * math.cos(angle)
             turn_y = reach_px * math.sin(angle)
@@ -279,7 +282,7 @@ def compute_openness(depth, normals, camera, mask, radius_m, taps):
                     step = neighbour[k] - point[k]
                     height += step * normals[row, column, k]
                     squared_distance += step * step
-                # A neighbour hides the more of the sky, the higher and the nearer it is.
+                # The higher and the nearer a neighbour is, the more of the sky it hides.
                 # Neighbours near the plane of the surface, or far away, hide nothing.
                 distance = math.sqrt(squared_distance)
                 hidden += max(0.0, height / distance - 0.08) * max(

@@ -82,21 +82,22 @@ def render_bodies(  # noqa: PLR0913  (each has a default that a picture may chan
     Parameters
     ----------
     centres_m : array (N, 3)
-        Centres. A body with a NaN is not drawn.
+        Centres in m. A body whose centre contains NaN is not drawn.
     quaternions : array (N, 4)
         Orientations w, x, y, z, from the body to the world.
     shapes : sequence of Drawable
         The shapes.
     shape_ids : array (N,) of int, optional
-        Number of each body's shape in `shapes`. By default all have the first one.
+        Number of each body's shape in `shapes`. By default, all have the first shape.
     scales : array (N,), optional
-        Sizes of the bodies as multiples of their shape.
+        Sizes of the bodies as multiples of their shapes.
     setting : Setting, optional
         Walls, plate and backdrop. The default is a plate at z = 0.
     width, height : int
-        Size of the picture in pixels. The height is 0.6 of the width by default.
+        Size of the picture in pixels. By default, the height follows from the width.
     frame_m : array (M, 3), optional
-        Points that the picture must contain. The default is all bodies and walls.
+        Points that the picture must contain. By default, it contains all bodies and
+        walls.
     supersample : int
         Number of rays along each side of a pixel.
     colour : str
@@ -124,7 +125,7 @@ def render_bodies(  # noqa: PLR0913  (each has a default that a picture may chan
     else:
         shown_scales = np.asarray(scales, float)[shown_bodies]
 
-    # The pixels of the camera are rays; several of them give a pixel of the picture.
+    # A pixel of the camera is a ray, and several rays make up a pixel of the picture.
     bodies = place_bodies(
         centres,
         np.asarray(quaternions, float)[shown_bodies],
@@ -172,13 +173,13 @@ def render_mesh(
     frame_m : array (M, 3)
         Points that the picture contains.
     supersample : int
-        Rays along each side of a pixel.
+        Number of rays along each side of a pixel.
     colour : str
-        Of the mesh, as #rrggbb.
+        Colour of the mesh, as #rrggbb.
     width, height : int
-        Of the picture in pixels.
+        Size of the picture in pixels.
     **angles
-        Those of the camera, as for `render_bodies`.
+        Angles of the camera, as for `render_bodies`.
 
     Returns
     -------
@@ -208,7 +209,7 @@ def render_mesh(
 
 
 def render_simulation(simulation: Simulation, **view: Any) -> np.ndarray:
-    """Draw a shaded picture of a simulation as it is.
+    """Draw a shaded picture of the present state of a simulation.
 
     Parameters
     ----------

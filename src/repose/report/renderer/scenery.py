@@ -1,4 +1,4 @@
-"""Describe the scenery of a picture of bodies: its walls, and the camera."""
+"""Describe the walls around bodies in a picture, and the camera."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -18,12 +18,12 @@ from repose.dem.walls import Cone, Mesh
 from repose.report.renderer.backdrop import DrumInside
 
 FIELD_OF_VIEW_DEG = 24.0
-# Pixels of a band of rows; the temporary arrays of a band take tens of MB.
+# Number of pixels in a band of rows. The temporary arrays of a band take tens of MB.
 BAND_PIXELS = 65_536
 CIRCLE_POINTS = 36
-# A unit vector whose z component is smaller points down, but for rounding.
+# A unit vector whose z component is smaller points straight down, up to rounding errors.
 DOWNWARDS = -1 + 1e-9
-# Origin in m, then the rotation to the world by rows.
+# Origin in m, followed by the rows of the rotation matrix to the world.
 WORLD_FRAME = (0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0, 1)
 
 
@@ -39,7 +39,7 @@ class Frustum:
 
     @property
     def slope(self) -> float:
-        """Gain of radius over gain of height."""
+        """Increase of the radius over increase of the height."""
         return (self.r_high_m - self.r_low_m) / (self.z_high_m - self.z_low_m)
 
 
@@ -47,7 +47,7 @@ class Frustum:
 class Panel:
     """A flat opaque wall, visible from one side only."""
 
-    corners_m: np.ndarray  # (M, 3), convex, anticlockwise from the visible side
+    corners_m: np.ndarray  # (M, 3), convex, anticlockwise as seen from the visible side
 
     @property
     def normal(self) -> np.ndarray:
@@ -72,7 +72,7 @@ class Setting:
 class Camera:
     """A pinhole camera; `width` and `height` are in pixels."""
 
-    eye_m: np.ndarray  # (3,)
+    eye_m: np.ndarray  # (3,), position
     axes: np.ndarray  # (3, 3), rows: right, up, forward
     focal_px: float
     width: int
@@ -91,7 +91,7 @@ class Camera:
         Returns
         -------
         x, y : array (...,)
-            Columns and rows in pixels; row 0 is on top.
+            Columns and rows in pixels, with row 0 at the top.
         near : array (...,)
             Inverse depth in 1/m.
         """
@@ -102,12 +102,12 @@ class Camera:
         return x, y, near
 
     def rays(self, rows: slice = slice(None)) -> np.ndarray:
-        """Compute the direction of the ray of each pixel in the world.
+        """Compute the direction in the world of the ray through each pixel.
 
         Parameters
         ----------
         rows : slice
-            Rows of the picture, by default all.
+            Rows of the picture; all by default.
 
         Returns
         -------
@@ -120,12 +120,17 @@ class Camera:
         return x[None, :, None] * right + y[:, None, None] * up + forward
 
     def bands(self, multiple: int = 1) -> Iterator[slice]:
-        """Yield the rows of the picture in bands, so that little memory is needed.
+        """Yield the rows of the picture in bands, to save memory.
 
         Parameters
         ----------
         multiple : int
-            The number of rows of a band is a multiple of it.
+            Number of which the number of rows in a band is a multiple.
+
+        Yields
+        ------
+        slice
+            The rows of a band.
         """
         step = multiple * max(1, BAND_PIXELS // (multiple * self.width))
         for first in range(0, self.height, step):
@@ -141,7 +146,7 @@ def look_at(
     margin: float = 1.06,
     field_of_view_deg: float = FIELD_OF_VIEW_DEG,
 ) -> Camera:
-    """Place a camera so that all points are in the picture.
+    """Place a camera so that its picture contains all points.
 
     Parameters
     ----------
@@ -150,12 +155,12 @@ def look_at(
     width, height : int
         Size of the picture in pixels.
     elevation_deg, azimuth_deg : float
-        Direction from the points to the camera: above the horizontal plane, and about
-        the z axis from the x axis.
+        Direction from the points to the camera: angle above the horizontal plane, and
+        angle about the z axis from the x axis.
     margin : float
-        Size of the picture, as a multiple of the smallest one that holds the points.
+        Size of the picture, as a multiple of the smallest one that contains the points.
     field_of_view_deg : float
-        Angle of the longer side of the picture at the camera.
+        Angle that the longer side of the picture subtends at the camera.
 
     Returns
     -------
@@ -166,9 +171,9 @@ def look_at(
     _, _, forward = axes
     focal_px = max(width, height) / 2 / math.tan(math.radians(field_of_view_deg / 2))
 
-    # Look at the middle of the points, from the smallest distance at which each of
-    # them is in the picture. A point is in the picture if its offset across the view is
-    # at most its depth, times half the size of the picture over the focal length.
+    # Look at the middle of the points from the smallest distance at which the picture
+    # contains each of them. It contains a point if the point's offset across the view is
+    # at most its depth times half the size of the picture over the focal length.
     view_points = points_m @ axes.T
     middle = (view_points.min(axis=0) + view_points.max(axis=0)) / 2
     offset = view_points - middle
@@ -184,7 +189,9 @@ def look_at(
 
 
 def _compute_camera_axes(elevation_deg: float, azimuth_deg: float) -> np.ndarray:
-    """Compute the axes of a camera from the direction towards it, as for `look_at`.
+    """Compute the axes of a camera from the direction towards it.
+
+    The parameters are those of `look_at`.
 
     Returns
     -------
@@ -206,14 +213,14 @@ def _compute_camera_axes(elevation_deg: float, azimuth_deg: float) -> np.ndarray
 
 
 def make_box_corners(centres: np.ndarray, reach: float) -> np.ndarray:
-    """Compute the corners of a box about each of N centres.
+    """Compute the corners of a cube around each of N centres.
 
     Parameters
     ----------
     centres : array (N, 3)
         The centres in m.
     reach : float
-        Half of the side of a box.
+        Half the side of a cube in m.
 
     Returns
     -------
@@ -238,11 +245,11 @@ def find_frame_points(
     centres : array (N, 3)
         Centres of the bodies in m.
     reach : float
-        Radius of the largest body.
+        Radius of the largest body in m.
     walls : sequence of Frustum
         Walls of revolution.
     panels : sequence of Panel
-        Flat walls. Without any, the picture also contains the origin.
+        Flat walls. If there are none, the points include the origin.
 
     Returns
     -------
@@ -260,7 +267,7 @@ def find_frame_points(
 
 
 def _make_circle(radius: float, z: float) -> np.ndarray:
-    """Make `CIRCLE_POINTS` points (N, 3) of a level circle about the z axis."""
+    """Make `CIRCLE_POINTS` points (N, 3) on a level circle about the z axis."""
     angle = np.linspace(0, 2 * math.pi, CIRCLE_POINTS, endpoint=False)
     return np.column_stack(
         [radius * np.cos(angle), radius * np.sin(angle), np.full(CIRCLE_POINTS, z)]
@@ -270,7 +277,15 @@ def _make_circle(radius: float, z: float) -> np.ndarray:
 def make_funnel_walls(funnel: Funnel) -> list[Frustum]:
     """Make the walls of a funnel: its cone and, if it has one, its tube.
 
-    The tube comes first.
+    Parameters
+    ----------
+    funnel : Funnel
+        The funnel.
+
+    Returns
+    -------
+    list of Frustum
+        The tube, if there is one, and then the cone.
     """
     outlet_radius = funnel.outlet_diameter_m / 2
     inlet_radius = funnel.inlet_diameter_m / 2
@@ -293,9 +308,9 @@ def make_setting(
     planes: np.ndarray | None = None,
     frames: np.ndarray | None = None,
 ) -> Setting:
-    """Make the setting of a simulation's walls, at present or in a recorded frame.
+    """Make a setting of the walls of a simulation, at present or in a recorded frame.
 
-    A level endless plane becomes the plate if no other plane is endless. All other
+    An endless level plane becomes the plate if no other plane is endless. All other
     planes are cut off at the box of the simulation. Rounded edges are not drawn.
 
     Parameters
@@ -303,9 +318,14 @@ def make_setting(
     simulation : Simulation
         The simulation.
     planes : array (P, 7), optional
-        Planes of a frame of `repose.dem.Recorder`; by default the present ones.
+        Planes in a frame of `repose.dem.Recorder`; by default the present planes.
     frames : array (C, 12), optional
-        Frames of the other walls, also from the recorder; by default the present ones.
+        Frames of the other walls, also from the recorder; by default the present frames.
+
+    Returns
+    -------
+    Setting
+        The walls to draw.
     """
     if planes is None:
         planes = simulation.walls.planes
@@ -334,10 +354,10 @@ def _split_planes(
     Parameters
     ----------
     simulation : Simulation
-        The simulation, at whose box planes end.
+        The simulation, whose box limits the planes.
     planes : array (P, 7)
-        A row for each plane: a point in m, the normal away from the grains, and a
-        radius, which is infinite for an endless plane.
+        A row for each plane: a point in m, the normal pointing away from the grains, and
+        a radius, which is infinite for an endless plane.
 
     Returns
     -------
@@ -362,21 +382,26 @@ def _split_planes(
         corners = find_plane_polygon(
             plane, simulation.lower, upper=simulation.upper, others=endless_others
         )
-        # A plane outside the box of the simulation has no polygon in it.
+        # A plane outside the box of the simulation has no polygon inside the box.
         if len(corners) > 2:
             panels.append(Panel(corners))
     return plate_m, panels
 
 
 def _make_frustum(cone: Cone, frame: np.ndarray) -> Frustum:
-    """Make a cone of a simulation as a wall to draw.
+    """Convert a cone of a simulation to a wall that can be drawn.
 
     Parameters
     ----------
     cone : Cone
         The cone in its own frame.
     frame : array (12,)
-        Origin in m, and rotation to the world by rows.
+        Origin in m, followed by the rows of the rotation matrix to the world.
+
+    Returns
+    -------
+    Frustum
+        The wall.
     """
     (r_low, z_low), (r_high, z_high) = compute_cone_circles(cone.line)
     return Frustum(z_low, r_low, z_high_m=z_high, r_high_m=r_high, frame=tuple(frame))

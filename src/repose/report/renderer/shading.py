@@ -1,4 +1,4 @@
-"""Colour a picture of grains: light, shadows, open sky, plate and glass walls."""
+"""Colour a picture of grains, with light, shadows, open sky, plate and glass walls."""
 
 import math
 from collections.abc import Sequence
@@ -17,25 +17,27 @@ BACKGROUND_COLOUR = np.array([0.975, 0.977, 0.980])
 PLATE_COLOUR = np.array([0.835, 0.842, 0.850])
 FUNNEL_COLOUR = np.array([0.40, 0.50, 0.58])
 GRAIN_COLOUR = "#cca86b"  # default colour of the first shape
-# Colours of the second shape and on.
+# Colours of the second shape and of further ones.
 OTHER_SHAPE_COLOURS = np.array(
     [[0.30, 0.42, 0.56], [0.45, 0.52, 0.26], [0.76, 0.125, 0.045]]
 )
 PANEL_SHARE = 0.93  # of the plate's brightness
 UP = np.array([0.0, 0.0, 1.0])
-# Direction towards the light, a unit vector: its parts to the right of the camera, ahead
-# of it, and up. The light is therefore above and behind the camera.
+# Direction towards the light, a unit vector: its components to the right of the camera,
+# ahead of it, and up. The light is above and behind the camera.
 LIGHT_DIRECTION = np.array([0.42, -0.38, 0.82]) / np.linalg.norm([0.42, -0.38, 0.82])
-# A view with a smaller level part counts as vertical. It has no direction ahead.
+# If the level component of the viewing direction is smaller, the view counts as vertical,
+# and no direction is ahead.
 SMALLEST_LEVEL_PART = 1e-9
-LIGHT_PIXELS = 1400  # of the longer side of the depth map seen from the light
-# Lengths as shares of the largest body: radius of the soft edge of a shadow, distance
-# at which a surface begins to shade, radius of the neighbours that hide the sky.
+LIGHT_PIXELS = 1400  # along the longer side of the depth map seen from the light
+# Lengths as multiples of the largest body's radius: radius of the soft edge of a shadow,
+# distance at which a surface begins to cast a shadow, and distance within which
+# neighbours hide the sky
 SOFTNESS_SHARE = 0.35
 BIAS_SHARE = 0.03
 SKY_REACH_SHARE = 1.3
-# Numbers of samples for a visible point: places on the light's depth map around it, and
-# pixels of the picture around it.
+# Numbers of samples around a visible point: on the depth map of the light, and in the
+# picture
 LIGHT_TAPS = 24
 SKY_TAPS = 20
 RIM_WIDTH_M = 0.0012  # of the ends of a frustum
@@ -51,7 +53,7 @@ class Band(NamedTuple):
     sky: np.ndarray  # (R, W), shares of the sky
 
     def places(self, camera: Camera, mask: np.ndarray) -> np.ndarray:
-        """Return the places (M, 3) in m of the points that the pixels of a mask show."""
+        """Return the points (M, 3) in m of the world that the pixels of a mask show."""
         return camera.eye_m + self.view.depth[mask][:, None] * self.rays[mask]
 
     def tone(self, mask: np.ndarray) -> np.ndarray:
@@ -62,17 +64,17 @@ class Band(NamedTuple):
 class LightMap(NamedTuple):
     """A depth map seen from the light."""
 
-    heights: np.ndarray  # largest height towards the light in m
-    origin: np.ndarray  # (2,), its corner in m across the light
-    pixel_m: float
+    heights: np.ndarray  # (rows, columns), largest height towards the light in m
+    origin: np.ndarray  # (2,), corner of the map in m across the light
+    pixel_m: float  # side of a pixel
 
 
 class ConeSide(NamedTuple):
-    """The far or near side of the endless cone of a frustum, as rays meet it."""
+    """Where rays meet the far or near side of the endless cone of a frustum."""
 
     wall: Frustum
     distance: np.ndarray  # (H, W), along each ray
-    is_met: np.ndarray  # (H, W)
+    is_met: np.ndarray  # (H, W), whether the ray meets the cone
 
 
 def choose_tints(
@@ -89,22 +91,22 @@ def choose_tints(
     body_of_part, shape_of_part : array (N,) of int
         For each part, the number of its body and the number of its shape.
     n_bodies, n_shapes : int
-        How many bodies and how many shapes there are.
+        Number of bodies, and number of shapes.
     colour : str
         Colour of the first shape, as #rrggbb.
 
     Returns
     -------
     array (N, 3)
-        Red, green and blue, about 0 to 1.
+        Red, green and blue, from about 0 to about 1.
     """
     first_colour = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
-    # With more shapes than colours, the colours are used again.
+    # If there are more shapes than colours, repeat the colours.
     other_colours = [
         OTHER_SHAPE_COLOURS[k % len(OTHER_SHAPE_COLOURS)] for k in range(n_shapes - 1)
     ]
     colour_of_shape = np.array([first_colour, *other_colours])
-    # Each body is lighter or darker, and more or less yellow, by random numbers with a
+    # Make each body lighter or darker, and more or less yellow, by random numbers with a
     # fixed seed. The factors were chosen by eye.
     ripeness, shade = np.random.RandomState(2026).uniform(-1, 1, (2, n_bodies))
     brightness = 1 + 0.16 * shade[body_of_part, None]
@@ -120,19 +122,19 @@ def paint_picture(
     setting: Setting,
     supersample: int,
 ) -> np.ndarray:
-    """Paint the picture of a camera on bodies.
+    """Paint the picture that a camera takes of bodies.
 
     Parameters
     ----------
     camera : Camera
-        The camera. Each of its pixels is a ray. A pixel of the picture has `supersample`
-        rays along each side.
+        The camera. Each of its pixels is a ray, and a pixel of the picture averages
+        `supersample` rays along each side.
     bodies : Bodies
         The bodies.
     tints : array (N, 3)
-        Their colours.
+        Colours of the bodies.
     frame : array (M, 3)
-        Points in m about which the plate fades out.
+        Points in m. The plate fades out away from them.
     setting : Setting
         Walls, plate and backdrop.
     supersample : int
@@ -149,8 +151,8 @@ def paint_picture(
     width = camera.width // supersample
     picture = np.empty((height, width, 3), np.uint8)
     order = _sort_far_to_near(setting.frusta, camera)
-    # Paint the picture in bands of rows, which need little memory. Opaque surfaces come
-    # first, and the glass walls over them.
+    # Paint the picture in bands of rows, which saves memory. Paint the opaque surfaces
+    # first, and then blend the glass walls over them.
     for rows in camera.bands(supersample):
         rays = camera.rays(rows)
         image = np.broadcast_to(BACKGROUND_COLOUR, rays.shape).copy()
@@ -189,12 +191,12 @@ def _compute_light_and_sky(
     Returns
     -------
     lit, sky : array (H, W)
-        The shares; both are 1 in a pixel that shows no point.
+        The shares; both are 1 in a pixel that shows nothing.
     """
     if not len(bodies.vertices):
         lit, sky = np.ones((2, *view.depth.shape), np.float32)
         return lit, sky
-    # The camera as the compiled loops expect it.
+    # Pass the camera in the form that the compiled loops expect.
     kernel_camera = (camera.eye_m, camera.axes, float(camera.focal_px))
     light_axes = _compute_light_axes(camera)
     light_map = _draw_light_map(bodies, light_axes)
@@ -210,8 +212,8 @@ def _compute_light_and_sky(
         BIAS_SHARE * bodies.largest_m,
         LIGHT_TAPS,
     )
-    # Walls far from all bodies see the whole sky, so sample only the pixels near a body.
-    # Convert the distance to pixels at the nearest body, where it has the most.
+    # Surfaces far from all bodies see the whole sky, so sample only the pixels near a body.
+    # Convert the reach to pixels at the nearest body, where it covers the most pixels.
     reach_m = SKY_REACH_SHARE * bodies.largest_m
     nearest_m = view.depth[view.hit].min(initial=np.inf)
     reach_px = math.ceil(reach_m * camera.focal_px / nearest_m)
@@ -223,18 +225,27 @@ def _compute_light_and_sky(
 
 
 def _compute_light_direction(camera: Camera) -> np.ndarray:
-    """Compute the direction (3,) towards the light, which turns with the camera.
+    """Compute the direction towards the light, which turns with the camera.
 
-    It is a unit vector in the world.
+    Parameters
+    ----------
+    camera : Camera
+        The camera.
+
+    Returns
+    -------
+    array (3,)
+        Unit vector in the world.
     """
-    # The rows of the camera's axes are its right, the top of its picture, and forward.
+    # The rows of the camera's axes point to its right, to the top of its picture, and
+    # forward.
     right, top_of_picture, forward = camera.axes
     level_forward = forward * (1.0, 1.0, 0.0)
     length = np.linalg.norm(level_forward)
     if length > SMALLEST_LEVEL_PART:
         ahead = level_forward / length
     else:
-        # If the camera looks straight down, the top of its picture is ahead.
+        # If the camera looks straight down, the top of its picture counts as ahead.
         ahead = top_of_picture
     part_right, part_ahead, part_up = LIGHT_DIRECTION
     return part_right * right + part_ahead * ahead + part_up * UP
@@ -243,11 +254,16 @@ def _compute_light_direction(camera: Camera) -> np.ndarray:
 def _compute_light_axes(camera: Camera) -> np.ndarray:
     """Compute the axes of a picture that is seen from the light.
 
+    Parameters
+    ----------
+    camera : Camera
+        The camera, which determines the direction of the light.
+
     Returns
     -------
     array (3, 3)
-        Rows: two unit vectors across the light, the first of them level, and the unit
-        vector towards the light. They are at right angles to each other.
+        Rows: two unit vectors across the light, of which the first is level, and the unit
+        vector towards the light. They are perpendicular to each other.
     """
     towards_light = _compute_light_direction(camera)
     across = np.cross(UP, towards_light)
@@ -265,6 +281,11 @@ def _draw_light_map(bodies: Bodies, axes: np.ndarray) -> LightMap:
         The bodies, at least one.
     axes : array (3, 3)
         Axes of the light, from `_compute_light_axes`.
+
+    Returns
+    -------
+    LightMap
+        The depth map.
     """
     points = bodies.vertices @ axes.T
     corner = points[..., :2].min(axis=(0, 1))
@@ -272,10 +293,10 @@ def _draw_light_map(bodies: Bodies, axes: np.ndarray) -> LightMap:
     pixel_m = float(extent.max() / LIGHT_PIXELS)
     x = (points[..., 0] - corner[0]) / pixel_m
     y = (points[..., 1] - corner[1]) / pixel_m
-    # One pixel more than the last one that has a point, at the right and on top
+    # Add a margin of one pixel beyond the last row and column that contain a point.
     shape = (int(y.max()) + 2, int(x.max()) + 2)
-    # Rows of the map count upwards. Triangles that are anticlockwise in a picture are
-    # therefore clockwise in the map.
+    # The rows of the map are counted upwards, and those of a picture downwards. So
+    # reverse the order of the corners, which the function expects in that of a picture.
     clockwise = bodies.triangles[:, ::-1]
     heights, *_ = raster.draw_triangles(
         x, y, near=points[..., 2], triangles=clockwise, shape=shape
@@ -309,18 +330,19 @@ def _paint_bodies(band: Band, camera: Camera, tints: np.ndarray) -> None:
     rays = band.rays[hit]
     sight = rays / np.linalg.norm(rays, axis=1, keepdims=True)
 
-    # Lambert's law: the brightness falls with the cosine of the angle to the light.
+    # Lambert's law: the brightness is proportional to the cosine of the angle to the light.
     diffuse = np.clip(normal @ towards_light, 0, 1) * lit
-    # Highlights (Blinn): bright where the normal is halfway between light and viewer.
+    # Blinn's highlights: a point is bright if its normal is halfway between the directions
+    # to the light and to the viewer.
     halfway = towards_light - sight
     halfway /= np.linalg.norm(halfway, axis=1, keepdims=True)
     shine = np.clip(np.sum(normal * halfway, axis=1), 0, 1)
     gloss = (0.42 * shine**60 + 0.085 * shine**9) * lit
     # The edge of a body, seen at a grazing angle, reflects the sky.
     rim = np.clip(1 + np.sum(normal * sight, axis=1), 0, 1) ** 3 * 0.10
-    # Surfaces that face up receive more light of the sky.
+    # Surfaces that face up receive more light from the sky.
     ambient = (0.26 + 0.24 * (0.5 + 0.5 * normal[:, 2])) * sky
-    # Neighbours reflect light on each other in their own colour.
+    # Neighbouring bodies reflect light in their own colour onto each other.
     glow = 0.10 * sky
     base = colour * (0.93 * diffuse + ambient)[:, None] + colour * glow[:, None]
     band.image[hit] = base + (gloss + rim * sky)[:, None]
@@ -369,7 +391,7 @@ def _paint_backdrop(band: Band, camera: Camera, backdrop: DrumInside | None) -> 
 
 
 def _paint_panels(band: Band) -> None:
-    """Paint flat walls. A steeper wall is darker."""
+    """Paint flat walls, the steeper ones in a darker tone."""
     mask = band.view.panel
     steepness = 0.80 + 0.20 * np.clip(band.view.normal[mask][:, 2], 0, 1)
     tone = (band.tone(mask) * steepness)[:, None]
@@ -380,9 +402,9 @@ def _paint_panels(band: Band) -> None:
 
 
 def _sort_far_to_near(walls: Sequence[Frustum], camera: Camera) -> list[int]:
-    """Sort the sides of translucent walls by their distance, far ones first.
+    """Sort the sides of translucent walls by their distance, the farthest first.
 
-    A frustum has two sides, numbered one after the other. They are sorted by their
+    Each frustum has two sides, which have consecutive numbers. They are sorted by their
     median distance along some thousands of rays.
 
     Parameters
@@ -418,18 +440,19 @@ def _find_cone_sides(wall: Frustum, camera: Camera, rays: np.ndarray) -> list[Co
     camera : Camera
         The camera, from which the rays come.
     rays : array (H, W, 3)
-        Directions of unit depth.
+        Directions of the rays, scaled to unit depth.
 
     Returns
     -------
     list of ConeSide
         The far and the near side.
     """
-    # In the frame of the wall, its axis is the z axis.
+    # Transform the rays to the frame of the wall, in which its axis is the z axis.
     rotation = np.reshape(wall.frame[3:], (3, 3)).astype(float)
     eye = (camera.eye_m - wall.frame[:3]) @ rotation
     local_rays = rays @ rotation
-    # The radius of the cone at the height of the eye, and its increase along each ray
+    # Compute the radius of the cone at the height of the eye, and its increase along each
+    # ray.
     radius = wall.r_low_m + wall.slope * (eye[2] - wall.z_low_m)
     radius_gain = wall.slope * local_rays[..., 2]
     # A point eye + t * ray is on the cone where a t^2 + 2 b t + c = 0.
@@ -449,7 +472,7 @@ def _find_cone_sides(wall: Frustum, camera: Camera, rays: np.ndarray) -> list[Co
 def _blend_walls(
     band: Band, camera: Camera, walls: Sequence[Frustum], order: Sequence[int]
 ) -> None:
-    """Draw translucent walls over the picture, far sides first.
+    """Blend translucent walls into the picture, the farthest sides first.
 
     Parameters
     ----------
@@ -477,7 +500,13 @@ def _compute_cone_normals(points: np.ndarray, slope: float) -> np.ndarray:
     points : array (M, 3)
         Points on the cone, whose axis is the z axis.
     slope : float
-        Gain of the cone's radius over gain of height, by which the normals point down.
+        Increase of the cone's radius over increase of height. If it is positive, the
+        normals point downwards.
+
+    Returns
+    -------
+    array (M, 3)
+        The normals.
     """
     normals = points / np.hypot(points[:, 0], points[:, 1])[:, None]
     normals[:, 2] = -slope
@@ -496,7 +525,7 @@ def _blend_side(band: Band, camera: Camera, side: ConeSide) -> None:
     camera : Camera
         The camera.
     side : ConeSide
-        The side, as rays through these pixels meet it.
+        The side, and where the rays through these pixels meet it.
     """
     wall, distance, is_met = side
     rotation = np.reshape(wall.frame[3:], (3, 3)).astype(float)
@@ -509,7 +538,7 @@ def _blend_side(band: Band, camera: Camera, side: ConeSide) -> None:
     if not mask.any():
         return
 
-    # Points and directions in the frame of the wall.
+    # Transform points and directions to the frame of the wall.
     rays = band.rays[mask]
     point = (eye + distance[mask][:, None] * rays) @ rotation
     sight = rays @ rotation / np.linalg.norm(rays, axis=1, keepdims=True)

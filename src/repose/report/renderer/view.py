@@ -11,14 +11,11 @@ from repose.report.renderer.scenery import Camera, Panel, Setting
 
 @dataclass(frozen=True)
 class View:
-    """Content of each pixel (H, W): a body, a wall, the plate, the backdrop, or nothing.
-
-    A pixel takes 22 bytes.
-    """
+    """What each pixel (H, W) shows: a body, a wall, the plate, the backdrop, or nothing."""
 
     body: np.ndarray  # int32, number of the body or part, -1 if none
-    plate: np.ndarray  # bool
-    behind: np.ndarray  # bool, the backdrop
+    plate: np.ndarray  # bool, whether the pixel shows the plate
+    behind: np.ndarray  # bool, whether the pixel shows the backdrop
     depth: np.ndarray  # float32, in m along the view, infinite if nothing is seen
     normal: np.ndarray  # float32 (H, W, 3), unit normal
 
@@ -33,7 +30,7 @@ class View:
         return np.isfinite(self.depth) & ~(self.hit | self.plate | self.behind)
 
     def rows(self, rows: slice) -> "View":
-        """Return the view of some rows. It shares memory with this view."""
+        """Return the view of some rows, which shares memory with this view."""
         return View(*(getattr(self, field.name)[rows] for field in fields(self)))
 
 
@@ -48,6 +45,11 @@ def compute_view(camera: Camera, bodies: Bodies, setting: Setting) -> View:
         The bodies.
     setting : Setting
         Walls, plate and backdrop.
+
+    Returns
+    -------
+    View
+        What each pixel shows.
     """
     shape = (camera.height, camera.width)
     x, y, near = camera.project(bodies.vertices)
@@ -88,22 +90,22 @@ def _add_setting(
     Parameters
     ----------
     view : View
-        The view (H, W) with the numbers of the bodies. All its other arrays are filled,
-        and a body that is not seen is removed.
+        The view (H, W) with the numbers of the bodies. The function fills all other
+        arrays, and removes bodies that are hidden.
     nearest : array (H, W)
         Inverse depth of the bodies. It is 0 or less if the pixel shows no body in front
         of the camera.
     eye : array (3,)
-        Place of the camera in m.
+        Position of the camera in m.
     rays : array (H, W, 3)
-        Directions of unit depth.
+        Directions of the rays, scaled to unit depth.
     setting : Setting
-        What is added.
+        Walls, plate and backdrop.
     """
     # A body behind the camera is not seen.
     view.body[nearest <= 0] = -1
     depth = np.where(view.hit, 1.0 / nearest, np.inf)
-    view.normal[..., 2] = 1.0  # the normal of the plate, until it is replaced
+    view.normal[..., 2] = 1.0  # the normal of the plate; other surfaces replace it
 
     # A panel hides what is behind it.
     for panel in setting.panels:
@@ -140,22 +142,22 @@ def _compute_body_normals(
     part : array (M,) of int
         Number of the body or part of each point.
     triangle : array (M,) of int
-        Number of its triangle.
+        Number of the triangle on which the point lies.
     weights : array (M, 2)
-        Shares of the second and third corner of the triangle.
+        Weights of the second and third corner of the triangle.
 
     Returns
     -------
     array (M, 3)
         Unit normals in the world.
     """
-    # The normal is the mean of those at the corners, weighted by their shares.
+    # Interpolate between the normals at the corners.
     corners = bodies.triangles[triangle]
     shares = np.column_stack([1 - weights.sum(axis=1), weights])
     corner_normals = bodies.normals[bodies.shape_ids[part][:, None], corners]
     normals = np.einsum("mk,mki->mi", shares, corner_normals)
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    # Turn each from the frame of its part to the world.
+    # Rotate each normal from the frame of its part to the world.
     return np.einsum("mij,mj->mi", bodies.rotations[part], normals)
 
 
@@ -167,9 +169,9 @@ def _compute_plate_depth(
     Parameters
     ----------
     plate_m : float
-        Height of the plate.
+        Height of the plate in m.
     eye, rays
-        As in `_compute_panel_depth`.
+        As for `_compute_panel_depth`.
 
     Returns
     -------
@@ -189,9 +191,9 @@ def _compute_panel_depth(panel: Panel, eye: np.ndarray, rays: np.ndarray) -> np.
     panel : Panel
         The panel.
     eye : array (3,)
-        Place of the camera in m.
+        Position of the camera in m.
     rays : array (H, W, 3)
-        Directions of unit depth.
+        Directions of the rays, scaled to unit depth.
 
     Returns
     -------
@@ -202,7 +204,8 @@ def _compute_panel_depth(panel: Panel, eye: np.ndarray, rays: np.ndarray) -> np.
     corners = panel.corners_m
     next_corners = np.roll(corners, -1, axis=0)
     along_normal = rays @ normal
-    # A ray parallel to the panel divides by zero. The comparisons below reject it.
+    # For a ray parallel to the panel, the division is by zero, but the comparisons below
+    # reject such a ray.
     with np.errstate(divide="ignore", invalid="ignore"):
         depth = ((corners[0] - eye) @ normal) / along_normal
         is_inside = (along_normal < 0) & (depth > 0)
