@@ -1,4 +1,4 @@
-"""Give pictures access to their study: its configuration, or the sections that they read."""
+"""Give figures access to their study: its configuration, or the sections that they read."""
 
 from collections.abc import Mapping
 from functools import cached_property
@@ -23,9 +23,9 @@ class StudyView:
     Parameters
     ----------
     config : mapping
-        The configuration as plain values, as `PipelineConfig.config`. It was checked
-        before, and is not checked again. It may hold only the sections that a figure
-        reads.
+        The configuration as plain values, such as `PipelineConfig.config`. It has already
+        been checked, and is not checked again. It may contain only the sections that a
+        figure reads.
     """
 
     def __init__(self, config: Config) -> None:
@@ -33,7 +33,7 @@ class StudyView:
 
     @cached_property
     def settings(self) -> "StudySettings":
-        """The sections with their types. A section that is missing has no attribute."""
+        """The sections as typed attributes; a missing section has no attribute."""
         from repose.config.models import make_settings_type  # slow to import
 
         model = make_settings_type()
@@ -51,19 +51,24 @@ class StudyView:
 
     @property
     def simulator(self) -> str | None:
-        """Name of the program that made the runs; None for our simulator."""
+        """Name of the program that made the runs; None for our own simulator."""
         section = self.config.get("simulator")
         return None if section is None else str(section["name"])
 
     def section(self, name: str, model: type[S]) -> S:
-        """Return the section of a bench test besides the funnel, typed by its model.
+        """Return the section of a bench test other than the funnel, with its type.
 
         Parameters
         ----------
         name : str
             Name of the section.
         model : type
-            Its model, a subclass of `Section`. The values are not checked again.
+            Type of the section, a subclass of `Section`. Its values are not checked again.
+
+        Returns
+        -------
+        Section
+            The section.
         """
         return model.model_construct(**self.config[name])
 

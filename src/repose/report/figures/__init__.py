@@ -1,4 +1,4 @@
-"""Draw figures from the tables of the workflow, with published numbers if there are."""
+"""Draw figures from the tables of the workflow, with published numbers if available."""
 
 from pathlib import Path
 
@@ -17,14 +17,14 @@ def draw(
     config: Config,
     known: dict[str, Drawn] = FIGURES,
 ) -> None:
-    """Draw a figure and write it.
+    """Draw a figure and write it to a file.
 
     Parameters
     ----------
     name : str
         Name of the figure in `known`.
     inputs : mapping
-        Paths of the files that it shows, by name.
+        Paths by name of the files that the figure shows.
     out_path : path
         File of the figure, which ends in .png, .pdf or .svg. Beside a PNG, the figure is
         also written in the other formats of the section `figures`.
@@ -36,7 +36,8 @@ def draw(
     Raises
     ------
     InputError
-        For an unknown name or ending, or an input that is missing, unknown or no file.
+        If the name or the ending is unknown, or if an input is missing, unknown or not a
+        file.
     """
     # These imports are slow, and the list of figures does not need them.
     from repose.config.models import FiguresSettings
@@ -66,14 +67,14 @@ def draw(
 
 
 def _check_inputs(name: str, figure_type: Drawn, inputs: Inputs) -> None:
-    """Raise InputError for an input that is missing, unknown or no file.
+    """Raise InputError if an input is missing, unknown or not a file.
 
     Parameters
     ----------
     name : str
         Name of the figure, for messages.
     figure_type : Drawn
-        Its entry in the list of figures.
+        Entry of the figure in the list of figures.
     inputs : mapping
         Paths by name.
     """

@@ -15,17 +15,18 @@ from repose.grain.particle import KINDS, Body, Particle
 from . import panels, style
 from .registry import Inputs, StudyView
 
-# Smallest standard deviation of the drawn curve, as a share of the mean.
+# Smallest standard deviation of the drawn curve, as a fraction of the mean.
 SMALLEST_SD_SHARE = 1e-3
 # Half the width of a drawn normal curve, in standard deviations.
 CURVE_HALF_WIDTH_SDS = 3.2
 PICTURE_PIXELS = 400  # width of the picture of a grain at the default resolution
-# Upper edge of the text below a picture, as a share of the panel's height, and its size.
+# Upper edge of the text below a picture, as a fraction of the panel's height, and the size
+# of this text
 DESCRIPTION_Y = -0.04
 DESCRIPTION_FONT_SIZE = 6.5
 N_BINS = 9  # of a histogram
-# Height of a panel of a histogram, as a multiple of the highest bar. The numbers are
-# written above the bars.
+# Height of a histogram's panel, as a multiple of the highest bar. It leaves room for the
+# numbers above the bars.
 PANEL_HEIGHT_FACTOR = 1.35
 
 # Column of the table of sizes, label and colour of each axis of a grain.
@@ -47,12 +48,17 @@ def draw_sizes_and_sphericity(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Path of the table of sizes, `sizes`, with the axes of each grain.
+        Path of the table of sizes, as `sizes`, which contains the axes of each grain.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     sizes = berry.read_sizes(inputs["sizes"])
-    # Three panels for the axes, and one for the sphericity.
+    # Draw three panels for the axes, and one for the sphericity.
     figure, histogram_panels = panels.grid(4, 2.1, columns=4, sharey=True)
     *axis_panels, sphericity_panel = histogram_panels
     for panel, (column, label, colour) in zip(axis_panels, GRAIN_AXES, strict=True):
@@ -125,7 +131,7 @@ def _draw_histogram(
     bin_width = edges[1] - edges[0]
     expected_count = len(values) * bin_width * stats.norm.pdf(x, mean, shown_sd)
     panel.plot(x, expected_count, color=style.BLACK)
-    # The panels share their y axis. A panel must not lower the top of another one.
+    # The panels share their y axis, so a panel must not lower the top of another panel.
     top = max(panel.get_ylim()[1], PANEL_HEIGHT_FACTOR * counts.max())
     panel.set(xlabel=label, ylim=(0, top))
     text = f"{mean:.2f} ± {sd:.2f} {unit}\nn = {len(values)}"
@@ -133,18 +139,23 @@ def _draw_histogram(
 
 
 def draw_particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw the mesh and each kind of particle made from it, on the same scale.
+    """Draw the mesh and each kind of particle made from it, to the same scale.
 
-    A kind that cannot be made from the mesh has the reason in place of a picture.
+    If a kind of particle cannot be made, the reason takes the place of its picture.
 
     Parameters
     ----------
     inputs : mapping
-        Paths of the simulated `particle` and of its mesh, `stl`.
+        Paths of the simulated particle, as `particle`, and of its mesh, as `stl`.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
-    # Slow to import, and the other figures do without.
+    # These imports are slow, and the other figures do not need them.
     from repose.grain.mesh import load_mesh
     from repose.report.renderer.render import render_bodies, render_mesh
     from repose.report.renderer.scenery import Setting, look_at
@@ -153,7 +164,7 @@ def draw_particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
     mesh = load_mesh(inputs["stl"])
     mesh_in_m = mesh.copy().apply_scale(1e-3)
 
-    # All pictures have the same camera, so they have the same scale.
+    # All pictures are taken with the same camera, so they have the same scale.
     width = style.scale_picture_pixels(study, PICTURE_PIXELS)
     camera: dict[str, Any] = {
         "width": width,
@@ -191,7 +202,7 @@ def draw_particle_and_mesh(inputs: Inputs, study: StudyView) -> Figure:
                 kind, mesh, simulated=simulated, study=study
             )
         except InputError as error:
-            # Not every mesh has a particle of each kind.
+            # Not every kind of particle can be made from every mesh.
             reason = "\n".join(textwrap.wrap(str(error), 34))
             _write_description(panel, title, reason)
             continue
@@ -231,14 +242,19 @@ def _make_particle_of_kind(
     mesh : Trimesh
         The mesh in mm.
     simulated : Particle
-        The simulated particle, which is returned for its own kind.
+        The simulated particle, which is returned if it is of this kind.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Particle
+        The particle.
 
     Raises
     ------
     InputError
-        If the mesh has no particle of this kind.
+        If a particle of this kind cannot be made from the mesh.
     """
     from repose.grain import build  # slow to import
 
@@ -280,9 +296,9 @@ def _describe_body(body: Particle | Body, further_lines: str) -> str:
 
 
 def _write_description(panel: Axes, title: str, text: str) -> None:
-    """Write a title above the picture in a panel, and a text below it.
+    """Write a title above the picture in a panel, and a text below the picture.
 
-    The panel loses its axes.
+    The axes of the panel are hidden.
     """
     panel.axis("off")
     panel.set_title(title, loc="center", fontweight="bold")

@@ -19,9 +19,9 @@ DISCREPANCY_COLUMNS = (
     "information_bits",
     "effective_points",
 )
-FEWEST_EFFECTIVE_POINTS = 400  # a row with fewer is a rough estimate
-ROUGH_OPACITY = 0.3
-COLUMNS = 3  # panels of parameters in a row
+FEWEST_EFFECTIVE_POINTS = 400  # a row with fewer points is a rough estimate
+ROUGH_OPACITY = 0.3  # of the lines through rough estimates
+COLUMNS = 3  # number of panels in a row
 
 
 def draw_information_over_discrepancy(inputs: Inputs, study: StudyView) -> Figure:
@@ -30,10 +30,15 @@ def draw_information_over_discrepancy(inputs: Inputs, study: StudyView) -> Figur
     Parameters
     ----------
     inputs : mapping
-        Path of the table `discrepancy`. Rows whose `evidence` is ``stated`` have an
-        assumed discrepancy. The other rows come from the shape study.
+        Path of the table `discrepancy`. In rows whose `evidence` is ``stated``, the
+        discrepancy is assumed. In the other rows, it comes from the shape study.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     names = study.parameters.free
     ends = [f"{name}_{end}" for name in names for end in ("low", "high")]
@@ -42,7 +47,7 @@ def draw_information_over_discrepancy(inputs: Inputs, study: StudyView) -> Figur
     stated_rows = table[is_stated]
     shape_study_rows = table[~is_stated]
 
-    # The upper panel has the information. Below it is a panel for each parameter.
+    # The upper panel shows the information. Below it, there is a panel for each parameter.
     n_rows = math.ceil(len(names) / COLUMNS)
     height_above = 2.3
     height_below = 1.55 * n_rows
@@ -58,7 +63,7 @@ def draw_information_over_discrepancy(inputs: Inputs, study: StudyView) -> Figur
         )
         panels.set_scale(panel.set_yscale, study.parameters, name)
         panel.set(ylabel=style.parameter_label(name), ylim=ranges[name])
-    # The last panel of each column has no panel below it.
+    # Label the last panel of each column, which has no other panel below it.
     for panel in axes[-COLUMNS:]:
         panel.set_xlabel("assumed error (%)")
     title = (
@@ -93,7 +98,7 @@ def _draw_information(
         if correlation:
             label = f"assumed, correlation {correlation:g}"
         line_style = style.series_style(k)
-        # Draw the whole line pale, and its reliable parts again over it.
+        # Draw the whole line in a pale colour, and its reliable parts again over it.
         reliable = _mask_rough_rows(rows)
         panel.plot(rows[x], rows[y], **line_style, alpha=ROUGH_OPACITY)
         panel.plot(reliable[x], reliable[y], **line_style, label=label)
@@ -142,13 +147,13 @@ def _draw_intervals(
     name : str
         Name of the parameter.
     stated_rows, shape_study_rows : DataFrame
-        See `_draw_information`.
+        Rows of discrepancy.csv, as for `_draw_information`.
     """
     ends = [f"{name}_low", f"{name}_high"]
     by_correlation = stated_rows.groupby("discrepancy_correlation")
     for k, (_, rows) in enumerate(by_correlation):
         line_style = style.series_style(k)
-        # Draw the whole band pale, and its reliable parts again over it.
+        # Draw the whole band in a pale colour, and its reliable parts again over it.
         reliable = _mask_rough_rows(rows)
         for part, opacity in ((rows, ROUGH_OPACITY), (reliable, 1.0)):
             x = part["discrepancy_percent"]

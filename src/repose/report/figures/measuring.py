@@ -1,4 +1,4 @@
-"""Draw the definitions of the angle of repose, all on the same pile."""
+"""Draw all definitions of the angle of repose on the same pile."""
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -26,14 +26,14 @@ COLOURS = dict(
 LINE_STYLES = dict(
     zip(DEFINITIONS, ("-", "-", "-", (0, (4, 2)), (0, (2, 1))), strict=True)
 )
-# Greys of the silhouette and of the background, as drawn. In the image, the silhouette is
-# darker than the middle grey.
+# Greys in which the silhouette and the background are drawn. In the image, the silhouette
+# is darker than the middle grey.
 PILE_GREY = 205
 BACKGROUND_GREY = 255
 MIDDLE_GREY = 128
-# Least distance of two labels of levels, as a share of the pile's height.
+# Smallest distance between two labels of levels, as a fraction of the pile's height.
 LABEL_DISTANCE_SHARE = 0.11
-HALF_BAR = 0.32  # half the length of the bar at a mean; rows are 1 apart
+HALF_BAR = 0.32  # half the length of the bar at a mean, in distances between rows
 
 
 def draw_definitions(inputs: Inputs, study: StudyView) -> Figure:
@@ -42,10 +42,15 @@ def draw_definitions(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths by name. `heap` has the pours of a job, of which the first is drawn.
-        `particle` has the shape of the grains, and `berry` describes the mean grain.
+        Paths by name. `heap` contains the pours of a job, of which the first is drawn,
+        and `particle` the shape of the grains. `berry` describes the mean grain.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     settings = study.settings.measure.for_grain(read_grain(inputs["berry"]))
     pour = read_first_pour(inputs["heap"])
@@ -91,8 +96,8 @@ def _draw_first_view(
     settings : MeasureSettings
         Scale of the picture, and settings of the lines.
     """
-    # Draw the picture in mm, with the crest at x = 0. A column is the centre of a pixel,
-    # so the picture begins half a pixel before column 0.
+    # Draw the picture in mm, with the crest at x = 0. A whole column number is the centre
+    # of a pixel, so the picture begins half a pixel to the left of column 0.
     scale = settings.mm_per_pixel
     height, width = image.shape
     crest_column = measured.top[0]
@@ -127,7 +132,7 @@ def _draw_first_view(
 def _draw_definition(
     panel: Axes, measured: pile.Measurement, name: str, settings: MeasureSettings
 ) -> None:
-    """Draw both lines of a definition, with one entry of the legend.
+    """Draw both lines of a definition, with a single entry in the legend.
 
     Parameters
     ----------
@@ -136,7 +141,7 @@ def _draw_definition(
     measured : pile.Measurement
         The measurement of the silhouette.
     name : str
-        The definition. That of the response gets thicker lines.
+        Name of the definition. The one used for the response gets thicker lines.
     settings : MeasureSettings
         Scale of the picture, and settings of the lines.
     """
@@ -154,7 +159,7 @@ def _draw_definition(
         x = (column - crest_column) * scale
         z = (measured.base_row - row) * scale
         panel.plot(x, z, **line_style)
-    # An empty line gives both lines a single entry of the legend.
+    # Add an empty line, so that both lines have a single entry in the legend.
     sides = f"{angle.left_deg:.1f}°, {angle.right_deg:.1f}°"
     label = f"{angle.aor_deg:.1f}° ({sides})  {name}: {text}"
     panel.plot([], [], label=label, **line_style)
@@ -202,7 +207,7 @@ def _draw_all_views(
     first_view : pile.Measurement
         The measurement in the view that is drawn above.
     """
-    # The first definition is on top.
+    # The first definition is at the top.
     rows = [-k for k in range(len(DEFINITIONS))]
     for row, name in zip(rows, DEFINITIONS, strict=True):
         colour = COLOURS[name]

@@ -1,4 +1,4 @@
-"""Draw the noise: how far runs with the same parameters scatter."""
+"""Draw how much runs with the same parameters scatter."""
 
 from collections.abc import Mapping
 from typing import NamedTuple
@@ -28,16 +28,21 @@ class NoisePanels(NamedTuple):
 
 
 def draw_noise_floor(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw runs about the mean of their sample, and the error of a mean over the seeds.
+    """Draw runs around the mean of their sample, and the error of a mean over the seeds.
 
     Parameters
     ----------
     inputs : mapping
-        Paths by name. `runs` has a row for each run. `seeds` has the standard error and
-        the reachable R2 for each number of seeds. `noise` has the standard deviations of
-        each response.
+        Paths by name. `runs` has a row for each run. `seeds` contains the standard error
+        and the reachable R2 for each number of seeds, and `noise` the standard deviations
+        of each response.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     targets = study.targets
     runs = read_table(inputs["runs"], ("sample", "status", *targets.names))
@@ -89,7 +94,7 @@ def _arrange_panels(n_targets: int) -> NoisePanels:
 
 
 def _draw_runs(panel: Axes, runs: pd.DataFrame, column: str, colour: str) -> None:
-    """Draw the runs of each sample, the samples in order of their means.
+    """Draw the runs of each sample, with the samples in the order of their means.
 
     Parameters
     ----------
@@ -121,7 +126,7 @@ def _write_deviations(panel: Axes, unit: str, deviations: Mapping[str, float]) -
     Parameters
     ----------
     panel : Axes
-        The panel of the runs, which gets room at its upper edge.
+        The panel of the runs, which is enlarged at its upper edge.
     unit : str
         Unit of the response.
     deviations : mapping
@@ -173,7 +178,15 @@ def _draw_reachable_r2(
 
 
 def _finish_panels_over_seeds(error_panel: Axes, r2_panel: Axes) -> None:
-    """Set scales, ticks and labels of the panels over the number of seeds."""
+    """Set the scales, ticks and labels of the panels over the number of seeds.
+
+    Parameters
+    ----------
+    error_panel : Axes
+        The panel of the standard errors.
+    r2_panel : Axes
+        The panel of the reachable R2.
+    """
     error_panel.set(ylabel="standard error of a mean\n(% of the target)", yscale="log")
     error_panel.set_yticks(PERCENT_TICKS, [f"{value:g}" for value in PERCENT_TICKS])
     r2_panel.set(

@@ -1,4 +1,4 @@
-"""Draw the simulated pile's outline and slope with the measured height and slope."""
+"""Draw the outline and the slope of a simulated pile with the measured values."""
 
 from collections.abc import Sequence
 from typing import Any, NamedTuple
@@ -20,7 +20,7 @@ from .registry import Inputs, StudyView
 
 HEIGHT_RESPONSE = "height_mm"  # name of the response
 GRID_STEP_MM = 0.5
-# Ends of a measured slope as shares of the height, if the settings give no shares.
+# Ends of the line of a slope, as fractions of the height, if the settings give none.
 DEFAULT_LEVELS = (0.3, 0.8)
 
 
@@ -35,14 +35,25 @@ class Flank(NamedTuple):
     """The part of both sides of a pile between two heights."""
 
     heights_mm: np.ndarray  # (2,), the lower and the upper end
-    left_mm: float  # place of the middle height on the left side
-    right_mm: float
+    left_mm: float  # position at half of this height on the left side
+    right_mm: float  # the same on the right side
 
     def place_line(self, side: int, angle_deg: float) -> np.ndarray:
-        """Compute the places (2,) in mm of a line's ends.
+        """Compute where a line with a given angle has its ends on one side of the pile.
 
-        The line has this angle and goes through the middle of the flank. `side` is -1
-        on the left and 1 on the right.
+        The line passes through the middle of the flank.
+
+        Parameters
+        ----------
+        side : int
+            -1 for the left side, and 1 for the right side.
+        angle_deg : float
+            Angle of the line above the horizontal.
+
+        Returns
+        -------
+        ndarray
+            Positions (2,) of the lower and the upper end in mm.
         """
         middle_mm = self.left_mm if side < 0 else self.right_mm
         rise_mm = self.heights_mm - self.heights_mm.mean()
@@ -55,10 +66,15 @@ def draw_outline_and_measurement(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths by name. `heap` has the pours of a job, of which the first is drawn.
-        `particle` has the shape of the grains, and `berry` describes the mean grain.
+        Paths by name. `heap` contains the pours of a job, of which the first is drawn,
+        and `particle` the shape of the grains. `berry` describes the mean grain.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     settings = study.settings.measure.for_grain(read_grain(inputs["berry"]))
     pour = read_first_pour(inputs["heap"])
@@ -70,7 +86,7 @@ def draw_outline_and_measurement(inputs: Inputs, study: StudyView) -> Figure:
     outlines = [_center_outline(profile, settings) for profile, _ in profiles]
     mean_outline = _average_outlines(outlines)
 
-    # Draw the simulated pile, and over it what was measured.
+    # Draw the simulated pile, and the measured values over it.
     figure = style.new_figure(style.PAGE, 2.8)
     panel = figure.subplots()
     _draw_outlines(panel, outlines, mean_outline)
@@ -99,13 +115,13 @@ def draw_outline_and_measurement(inputs: Inputs, study: StudyView) -> Figure:
 
 
 def _center_outline(profile: np.ndarray, settings: MeasureSettings) -> Outline:
-    """Place the profile of a view about the middle of the pile.
+    """Convert the profile of a view to an outline around the middle of the pile.
 
-    `profile` has the heights (W,) of the upper edge in pixels.
+    `profile` contains the heights (W,) of the upper edge in pixels.
     """
     columns = np.arange(profile.size)
-    # The middle is halfway between the outermost columns that are half as high as the
-    # pile.
+    # The middle is halfway between the outermost columns that are at least half as high as
+    # the pile.
     high_columns = np.flatnonzero(profile >= 0.5 * profile.max())
     middle = 0.5 * (high_columns[0] + high_columns[-1])
     scale = settings.mm_per_pixel
@@ -113,11 +129,11 @@ def _center_outline(profile: np.ndarray, settings: MeasureSettings) -> Outline:
 
 
 def _average_outlines(outlines: list[Outline]) -> Outline:
-    """Average outlines over their views.
+    """Average the outlines of all views.
 
-    Beside its pile, an outline has the height 0.
+    Beyond the ends of an outline, its height is 0.
     """
-    # Bring all outlines to the same places, over the width of the widest.
+    # Interpolate all outlines at the same positions, over the width of all of them.
     low = min(outline.x_mm[0] for outline in outlines)
     high = max(outline.x_mm[-1] for outline in outlines)
     x_mm = np.arange(low, high + GRID_STEP_MM, GRID_STEP_MM)
@@ -149,8 +165,8 @@ def _draw_simulated_height(
 ) -> None:
     """Draw the height of the simulated pile, the mean of its highest points in the views.
 
-    The mean outline is lower, since the highest points lie at different places. The line
-    is as wide as this outline.
+    The mean outline is lower than this, because the highest points of the views lie at
+    different positions. The line is as wide as the mean outline.
     """
     highest_mm = [float(outline.height_mm.max()) for outline in outlines]
     height_mm = float(np.mean(highest_mm))
@@ -167,7 +183,8 @@ def _draw_simulated_height(
 def _draw_measured_height(panel: Axes, targets: Targets, mean_outline: Outline) -> None:
     """Draw the measured height as a line with its standard deviation.
 
-    The line is as wide as the mean outline. Nothing is drawn if the height is no target.
+    The line is as wide as the mean outline. If the height is not a target, nothing is
+    drawn.
     """
     for target in targets:
         if target.name != HEIGHT_RESPONSE:
@@ -195,8 +212,8 @@ def _find_flank(mean_outline: Outline, settings: MeasureSettings) -> Flank:
     `settings` determine between which heights the line is fitted.
     """
     low, high = _find_heights_of_line(settings, mean_outline.height_mm.max())
-    # The middle of a flank is the outermost place that is as high as the mean of both
-    # heights.
+    # The middle of a flank is the outermost position at which the outline is as high as
+    # the mean of both heights.
     is_high = mean_outline.height_mm >= 0.5 * (low + high)
     high_x = mean_outline.x_mm[is_high]
     return Flank(
@@ -209,8 +226,8 @@ def _find_flank(mean_outline: Outline, settings: MeasureSettings) -> Flank:
 def _draw_measured_slope(panel: Axes, target: Target, flank: Flank) -> None:
     """Draw the measured angle as a line on each flank, in a band of its deviation.
 
-    The measurement does not tell how wide the pile is, so the line goes through the
-    middle of the simulated flank.
+    The measurement does not include the width of the pile, so the line is drawn through
+    the middle of the simulated flank.
     """
     for side in (-1, 1):
         flattest = flank.place_line(side, target.value - target.sd)
@@ -236,9 +253,9 @@ def _draw_simulated_slope(
 ) -> None:
     """Draw the angle of the simulated pile as a line on each flank.
 
-    Nothing is drawn if the angle could not be measured. The fitted lines of single views
-    lie at different places, so their mean slope is drawn through the middle of the mean
-    flank.
+    The lines fitted in single views lie at different positions, so their mean slope is
+    drawn through the middle of the mean flank. If the angle could not be measured, nothing
+    is drawn.
     """
     if angle_deg is None:
         return
@@ -263,8 +280,8 @@ def _draw_slope(
             flank.place_line(side, angle_deg),
             flank.heights_mm,
             lw=1.2,
-            # Only the line on the right flank gets an entry in the legend. A label that
-            # begins with an underscore gets none.
+            # Only the line on the right flank gets an entry in the legend, because labels
+            # that begin with an underscore get none.
             label=label if side == 1 else f"_{label}",
             **line_style,
         )
@@ -275,8 +292,8 @@ def _find_heights_of_line(
 ) -> tuple[float, float]:
     """Find the heights in mm between which the line of the angle is fitted.
 
-    `top_mm` is the height of the pile. Where the settings give no shares of it, the
-    heights are those of `DEFAULT_LEVELS`.
+    `top_mm` is the height of the pile. If the settings do not give both heights as
+    fractions of it, `DEFAULT_LEVELS` are used.
     """
     low = settings.fit_from
     high = settings.fit_to
@@ -286,5 +303,5 @@ def _find_heights_of_line(
 
 
 def _format_mean_and_sd(target: Target) -> str:
-    """Write a measured mean with the standard deviation of a repetition."""
+    """Write a measured mean with the standard deviation of single repetitions."""
     return f"{target.value:g} ± {target.sd:g} {target.response.unit} (SD)"

@@ -18,20 +18,17 @@ from . import panels, plane, posterior, style, surrogate
 
 BARS_NOTE = "a point is the mean of one parameter set's runs; bars: ± 1 standard error of a mean"
 MAX_BATCH_TICKS = 8
-BATCH_WIDTH = 0.6  # of the points of a batch; two batches are 1 apart
-# Key of the note with the predictions at the samples, in training, validation and test.
+BATCH_WIDTH = 0.6  # width of the points of a batch, in distances between two batches
+# Key of the note that contains the predictions at the training, validation and test samples
 ACCURACY_KEY = "accuracy"
 SET_LABEL = "sets predicted inside all ranges"
 
 
 class FigurePart(NamedTuple):
-    """A figure of a calibration: its height in inches on a page, and what draws it.
+    """A figure of a calibration."""
 
-    `draw` fills an empty figure.
-    """
-
-    height: float
-    draw: Callable[[FigureBase], None]
+    height: float  # inches on a page
+    draw: Callable[[FigureBase], None]  # function that fills an empty figure
 
 
 def plot(
@@ -49,11 +46,12 @@ def plot(
     Returns
     -------
     matplotlib.figure.Figure
+        The figure with all parts.
     """
     if path is not None:
         path = convert_to_path("path", path)
         style.check_ending(path)
-    # Each figure gets a part of the page, as high as it needs.
+    # Each part of the page is as high as its figure requires.
     all_parts = list(list_parts(calibration).values())
     heights = [part.height for part in all_parts]
     with style.applied():
@@ -71,8 +69,8 @@ def plot(
 def list_parts(calibration: Calibration) -> dict[str, FigurePart]:
     """List the figures that a calibration has, by name.
 
-    A plane needs at least two targets, a history two batches, and a corner plot two
-    parameters. An accuracy needs a surrogate that was tested on separate samples.
+    The planes require at least two targets, the history two batches, and the corner plot
+    two parameters. The accuracy requires a surrogate that was tested on separate samples.
 
     Parameters
     ----------
@@ -116,7 +114,7 @@ def list_parts(calibration: Calibration) -> dict[str, FigurePart]:
 def _draw_planes(calibration: Calibration, figure: FigureBase) -> None:
     """Draw the samples and the answer in the plane of each pair of targets.
 
-    `figure` is empty.
+    The figure must be empty.
     """
     targets = plane.leave_out_profiles(calibration.study.targets)
     samples = calibration.samples
@@ -130,12 +128,12 @@ def _draw_planes(calibration: Calibration, figure: FigureBase) -> None:
 
 
 def _draw_history(calibration: Calibration, figure: FigureBase) -> None:
-    """Draw the deviations of samples and answer from each target, over the batches.
+    """Draw how far the samples and the answer are from each target, over the batches.
 
     Parameters
     ----------
     calibration : Calibration
-        The answer of a study, which follows the last batch in the figure.
+        The answer of a study, which is drawn after the last batch.
     figure : FigureBase
         An empty figure.
     """
@@ -143,7 +141,7 @@ def _draw_history(calibration: Calibration, figure: FigureBase) -> None:
     batch_of_sample = _find_batches(calibration)
     batches = list(range(batch_of_sample.min(), batch_of_sample.max() + 1))
     answer_x = batch_of_sample.max() + 1
-    # If there are many batches, only some get a tick on the axis.
+    # If there are many batches, only some of them get a tick on the axis.
     ticks = batches[:: math.ceil(len(batches) / MAX_BATCH_TICKS)]
     tolerance = study.settings.sequential.tolerance_percent
 
@@ -165,14 +163,19 @@ def _draw_history(calibration: Calibration, figure: FigureBase) -> None:
 
 
 def _find_batches(calibration: Calibration) -> pd.Series:
-    """Find the number of the batch of each sample: that of its first run.
+    """Find the batch of each sample, which is the batch of its first run.
+
+    Parameters
+    ----------
+    calibration : Calibration
+        The answer of a study.
 
     Returns
     -------
     Series
         The number of the batch, with the index of the table of samples.
     """
-    # A sample may have runs of several batches.
+    # A sample may have runs from several batches.
     runs = calibration.runs
     batch_of_run = pd.Series(runs.attrs[TURN_COLUMN], runs["sample"])
     batch_of_sample = batch_of_run.groupby(level=0).first()
@@ -182,7 +185,7 @@ def _find_batches(calibration: Calibration) -> pd.Series:
 def _draw_samples(
     panel: Axes, samples: pd.DataFrame, target: Target, batch_of_sample: pd.Series
 ) -> None:
-    """Draw how far the samples are off a target, those of a batch beside each other.
+    """Draw how far the samples are off a target, with those of a batch side by side.
 
     Parameters
     ----------
@@ -195,8 +198,8 @@ def _draw_samples(
     batch_of_sample : Series
         Number of the batch of each sample, with the index of `samples`.
     """
-    # Spread the samples of a batch evenly over a part of the space to the next batch.
-    # The share is the place of a sample in this part, between 0 and 1.
+    # Spread the samples of a batch evenly over a part of the distance to the next batch.
+    # The share is the position of a sample within this part, from 0 to 1.
     samples_of_batch = samples.groupby(batch_of_sample)["sample"]
     share = (samples_of_batch.cumcount() + 0.5) / samples_of_batch.transform("size")
     x = batch_of_sample + BATCH_WIDTH * (share - 0.5)
@@ -228,7 +231,7 @@ def _draw_answer(
     mean, error : float
         The predicted response and its standard error.
     x : int
-        Place of the answer on the x axis.
+        Position of the answer on the x axis.
     """
     percent_of_target = 100 / target.whole
     panel.errorbar(
@@ -244,7 +247,7 @@ def _draw_answer(
 
 
 def _draw_accuracy(calibration: Calibration, figure: FigureBase) -> None:
-    """Draw the predictions of the surrogate over the simulated means."""
+    """Draw the predictions of the surrogate against the simulated means."""
     targets = calibration.study.targets
     predictions = calibration.answer.notes[ACCURACY_KEY]
     errors = calibration.samples[["sample", *targets.errors]]

@@ -35,9 +35,9 @@ def grid(
     row_height : float
         Height of a row in inches.
     columns : int
-        Number of panels in a row, at most.
+        Largest number of panels in a row.
     extra_height : float
-        Height in inches that is added to the rows.
+        Height in inches that is added to that of the rows.
     width : float
         Width of the figure in inches.
     **options
@@ -48,7 +48,7 @@ def grid(
     figure : Figure
         The figure.
     panels : list of Axes
-        Its panels, row by row.
+        The panels, row by row.
     """
     rows = math.ceil(count / min(columns, count))
     figure = new_figure(width, extra_height + row_height * rows)
@@ -58,7 +58,7 @@ def grid(
 def add_panels(
     figure: FigureBase, count: int, columns: int = 2, **options: Any
 ) -> list[Axes]:
-    """Add panels to an empty figure, row by row; places that remain stay empty.
+    """Add panels to an empty figure, row by row; the last row may have empty places.
 
     Parameters
     ----------
@@ -67,7 +67,7 @@ def add_panels(
     count : int
         Number of panels.
     columns : int
-        Number of panels in a row, at most.
+        Largest number of panels in a row.
     **options
         Arguments of matplotlib's `subplots`.
 
@@ -102,7 +102,7 @@ def make_parameter_panels(
     targets : Targets
         The targets.
     parameters : ParameterSpace
-        The parameters, whose ranges and scales the x axes have.
+        The parameters. Their ranges and scales become those of the x axes.
     row_height : float
         Height of a row in inches.
 
@@ -111,7 +111,7 @@ def make_parameter_panels(
     figure : Figure
         The figure.
     panels : list of ParameterPanel
-        Its panels, row by row.
+        The panels, row by row.
     """
     free = parameters.free
     ranges = parameter_ranges(parameters)
@@ -119,7 +119,7 @@ def make_parameter_panels(
     panels = figure.subplots(
         len(targets), len(free), sharex="col", sharey="row", squeeze=False
     )
-    # Only the panels at the left and at the bottom have labels.
+    # Only the panels on the left and at the bottom have labels.
     for panel, target in zip(panels[:, 0], targets, strict=True):
         panel.set_ylabel(response_label(target.response))
     for panel, name in zip(panels[-1], free, strict=True):
@@ -137,7 +137,7 @@ def make_parameter_panels(
 def set_scale(
     set_axis: Callable[[str], None], parameters: ParameterSpace, name: str
 ) -> None:
-    """Give an axis the scale of a parameter, unless that is linear.
+    """Give an axis the scale of a parameter, unless this scale is linear.
 
     Parameters
     ----------
@@ -163,8 +163,19 @@ class PairPanel(NamedTuple):
 def add_pair_panels(figure: FigureBase, parameters: ParameterSpace) -> list[PairPanel]:
     """Add a square of panels to an empty figure, one for each pair of free parameters.
 
-    The panels lie on the diagonal and below it. On the diagonal both parameters are the
-    same.
+    The panels lie on the diagonal, where both parameters are the same, and below it.
+
+    Parameters
+    ----------
+    figure : FigureBase
+        The figure.
+    parameters : ParameterSpace
+        The parameters of the study.
+
+    Returns
+    -------
+    list of PairPanel
+        The panels, row by row.
     """
     names = parameters.free
     square = figure.subplots(len(names), len(names), sharex="col", squeeze=False)
@@ -189,8 +200,8 @@ def finish_pair_panels(
     parameters : ParameterSpace
         The parameters of the study.
     margin : float
-        Room that is added to both ends of each axis, as a share of the parameter's
-        range along its scale.
+        Margin beyond both ends of each axis, as a fraction of the parameter's range along
+        its scale.
     """
     names = parameters.free
     ends = _compute_axis_ends(parameters, margin)
@@ -224,8 +235,8 @@ def _compute_axis_ends(
     parameters : ParameterSpace
         The parameters of the study.
     margin : float
-        Room beyond both ends of the range, as a share of the range. On a logarithmic
-        scale, this is a share of the range of the logarithm.
+        Margin beyond both ends of the range, as a fraction of the range. On a logarithmic
+        scale, it is a fraction of the range of the logarithm.
 
     Returns
     -------
@@ -250,9 +261,9 @@ def label_strips(panel: Axes, names: Sequence[str]) -> None:
     Parameters
     ----------
     panel : Axes
-        The panel. Its x axis is the place in the parameter's range, 0 to 1.
+        The panel. Its x axis is the position in the parameter's range, from 0 to 1.
     names : sequence of str
-        Names of the parameters from the top.
+        Names of the parameters, from top to bottom.
     """
     symbols = [SYMBOLS.get(name, name) for name in reversed(names)]
     panel.set_yticks(range(len(names)), symbols, fontsize=9)

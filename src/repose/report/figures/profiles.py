@@ -1,4 +1,4 @@
-"""Draw the profiles among the targets: measured, predicted and simulated."""
+"""Draw the measured, predicted and simulated profiles of targets that are profiles."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -18,16 +18,20 @@ from .registry import Inputs, StudyView
 
 
 def draw_profiles(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw the answer's profile with each measured one.
+    """Draw each measured profile with the corresponding profile of the answer.
 
     Parameters
     ----------
     inputs : mapping
-        Path of `table4`, which has the answer. It has the scores of each profile: the
-        responses of the profile's targets, predicted, simulated, and with their standard
-        errors.
+        Path of `table4`, which contains the answer with the scores of each profile:
+        predicted and simulated ones, and their standard errors.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     targets = study.targets
     scores = [target.response for target in targets if target.profile]
@@ -37,14 +41,14 @@ def draw_profiles(inputs: Inputs, study: StudyView) -> Figure:
     table = read_table(inputs["table4"], ("role", *columns))
     answer = find_answer(table, source=inputs["table4"])
 
-    # A profile is a sum of functions, and each of its scores is a target.
+    # A profile is a sum of functions, and the coefficients, its scores, are targets.
     figure, axes = panels.grid(len(targets.profiles), 2.6)
     for panel, profile in zip(axes, targets.profiles.values(), strict=True):
         score_targets = [target for target in targets if target.profile == profile]
         responses = [target.response for target in score_targets]
         lines = _compute_answer_lines(profile, responses, answer)
-        # All scores have the same standard deviation. Since the functions are
-        # orthonormal, the variances of the scores add up to that of the heights.
+        # All scores have the same standard deviation. Because the functions are
+        # orthonormal, the variance of a height is the sum of the variances of the scores.
         height_sd = score_targets[0].sd * np.sqrt(profile.functions)
         draw(panel, profile, sd=height_sd, lines=lines)
     style.name_panels(axes)
@@ -68,13 +72,13 @@ def _compute_answer_lines(
     Returns
     -------
     dict
-        The heights (M,) and half the width of the band around them, by the label of the
+        The heights (M,), and half the width of the band around them, by label of the
         line.
     """
     predicted = answer[[score.predicted for score in scores]].to_numpy(float)
     simulated = answer[[score.simulated for score in scores]].to_numpy(float)
     error = answer[[score.standard_error for score in scores]].to_numpy(float)
-    # The errors of scores are independent, so their squares add up.
+    # The errors of the scores are independent, so their squares add up.
     squared_error = np.square(np.nan_to_num(error))
     height_error = np.sqrt(profile.basis**2 @ squared_error)
     return {
@@ -89,7 +93,7 @@ def draw(
     sd: float,
     lines: Mapping[str, tuple[np.ndarray, Any]],
 ) -> None:
-    """Draw a measured profile, and lines of heights over the same places.
+    """Draw a measured profile, and lines of heights at the same positions.
 
     Parameters
     ----------
@@ -98,9 +102,9 @@ def draw(
     profile : Profile
         The measured profile.
     sd : float
-        Standard deviation of its heights.
+        Standard deviation of the measured heights.
     lines : mapping
-        Heights, and half the width of the band around them, by label.
+        Heights (M,) of each line, and half the width of the band around them, by label.
     """
     panel.errorbar(
         profile.x,

@@ -1,8 +1,8 @@
 """Draw the region that the measurements do not exclude, by history matching.
 
-The form is that of Vernon, Goldstein & Bower 2010, Bayesian Analysis 5, 619: the least
-implausibility over all other parameters on one side of the diagonal, the optical depth
-on the other.
+The layout is that of Vernon, Goldstein & Bower 2010, Bayesian Analysis 5, 619: one side of
+the diagonal shows the smallest implausibility over all other parameters, and the other
+side shows the optical depth.
 """
 
 from typing import Literal, NamedTuple
@@ -27,7 +27,7 @@ from .registry import Inputs, StudyView
 
 REGION_COLUMNS = ("x", "y", "x_quantile", "y_quantile", "least_implausibility", "share")
 HIGHEST_MISFIT = 1e9  # upper end of the last band
-MOST_INTERVALS = 3  # between the ticks of an axis
+MOST_INTERVALS = 3  # largest number of intervals between the ticks of an axis
 
 
 class Band(NamedTuple):
@@ -50,23 +50,28 @@ MISFIT_TITLE = (
     "parameters"
 )
 SHARE_TITLE = "share of a cell's parameter sets still possible"
-# Left, lower edge, width and height of the colour bar below the diagonal, as shares of
-# the figure
+# Left edge, lower edge, width and height of the colour bar below the diagonal, as fractions
+# of the figure
 COLOUR_BAR_BOX = (0.05, 0.18, 0.4, 0.018)
 
 
 def draw_region(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw the least misfit below the diagonal, the share of possible sets above it.
+    """Draw the smallest misfit below the diagonal, and the share of possible sets above.
 
-    The panels below the diagonal are left out if no cell is excluded.
+    If no cell is excluded, the panels below the diagonal are left out.
 
     Parameters
     ----------
     inputs : mapping
         Paths by name. `region` has a row for each cell of each pair of parameters.
-        `summary` has the share of the space that is left.
+        `summary` contains the share of the space that is not excluded.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     table = read_table(inputs["region"], REGION_COLUMNS)
     summary = read_json(inputs["summary"], ("not_implausible_share",))
@@ -74,7 +79,7 @@ def draw_region(inputs: Inputs, study: StudyView) -> Figure:
     n_cells = table["x_quantile"].nunique()  # along each parameter
     edges = _compute_cell_edges(study.parameters, n_cells)
     largest_share = table["share"].max() or 1.0
-    # Without an excluded cell, a map of the least misfit gives no information.
+    # If no cell is excluded, a map of the smallest misfit gives no information.
     has_excluded_cells = bool((table["least_implausibility"] >= EXCLUSION_MISFIT).any())
 
     height = 1.08 * style.PAGE if has_excluded_cells else 0.95 * style.PAGE
@@ -94,7 +99,7 @@ def draw_region(inputs: Inputs, study: StudyView) -> Figure:
         if row > column:
             _draw_misfit(panel, cells["least_implausibility"], x_edges, y_edges)
         else:
-            # The table has each pair once, with the earlier parameter across.
+            # The table contains each pair once, with the earlier parameter across.
             share_mesh = _draw_share(
                 panel, cells["share"].T, x_edges, y_edges, largest_share
             )
@@ -123,7 +128,7 @@ def draw_region(inputs: Inputs, study: StudyView) -> Figure:
             pad=0.02,
         )
     elif share_mesh is not None:
-        # The empty half below the diagonal has room for the colour bar.
+        # Place the colour bar in the empty half below the diagonal.
         bar_axes = figure.add_axes(COLOUR_BAR_BOX)
         figure.colorbar(
             share_mesh, cax=bar_axes, orientation="horizontal", label=SHARE_TITLE
@@ -139,7 +144,7 @@ def draw_region(inputs: Inputs, study: StudyView) -> Figure:
 def _compute_cell_edges(parameters: ParameterSpace, n_cells: int) -> list[np.ndarray]:
     """Compute the edges of the cells of each free parameter, in its unit.
 
-    The cells have equal probabilities in the prior.
+    All cells of a parameter have the same prior probability.
 
     Parameters
     ----------
@@ -151,7 +156,7 @@ def _compute_cell_edges(parameters: ParameterSpace, n_cells: int) -> list[np.nda
     Returns
     -------
     list of ndarray
-        For each parameter the edges (n_cells + 1,).
+        The edges (n_cells + 1,) for each parameter.
     """
     quantile = np.linspace(0, 1, n_cells + 1)[:, None]
     quantiles = np.repeat(quantile, parameters.dimensions, axis=1)
@@ -161,7 +166,7 @@ def _compute_cell_edges(parameters: ParameterSpace, n_cells: int) -> list[np.nda
 def _select_cells(
     table: pd.DataFrame, names: tuple[str, ...], row: int, column: int
 ) -> pd.DataFrame:
-    """Select the cells of two parameters: down the later one, across the earlier one.
+    """Select the cells of two parameters, with the later one down the rows.
 
     Parameters
     ----------
@@ -170,13 +175,13 @@ def _select_cells(
     names : tuple of str
         Names of the free parameters.
     row, column : int
-        Numbers of the two parameters, in any order.
+        Indices of the two parameters, in any order.
 
     Returns
     -------
     DataFrame
-        For each column of the table a square, with a row for each cell down and a
-        column for each cell across.
+        A square for each column of the table, with the cells of the later parameter as
+        rows and those of the earlier parameter as columns.
     """
     first, second = sorted((row, column))
     is_pair = (table["x"] == names[first]) & (table["y"] == names[second])
@@ -185,7 +190,7 @@ def _select_cells(
 
 
 def _name_parameter(panel: Axes, name: str, edges: np.ndarray) -> None:
-    """Write the name of a parameter and its range instead of a panel."""
+    """Write the name and the range of a parameter in place of a panel's contents."""
     panel.set_axis_off()
     panel.text(
         0.5,
@@ -228,11 +233,11 @@ def _draw_share(
     panel : Axes
         The panel to draw in.
     share : DataFrame
-        Shares (cells, cells), with the first parameter down.
+        Shares (cells, cells). The rows belong to the parameter along y.
     x_edges, y_edges : ndarray
         Edges (cells + 1,) of the cells.
     largest_share : float
-        Share at the end of the colours.
+        Share at the end of the colour scale.
 
     Returns
     -------
@@ -253,19 +258,20 @@ def _draw_share(
 def _place_ticks(panel: Axes, row: int, column: int, last: int) -> None:
     """Place the ticks of a panel in a square of panels, one for each pair of parameters.
 
-    Ticks are at the sides that are away from the diagonal. Only panels at the edges of
-    the square have numbers.
+    The ticks are on the sides that face away from the diagonal. Only panels at the edges
+    of the square have numbers.
 
     Parameters
     ----------
     panel : Axes
         The panel.
     row, column : int
-        Its row and column in the square, counted from 0.
+        Row and column of the panel in the square, counted from 0.
     last : int
         Number of the last row, and of the last column.
     """
-    # Panels below the diagonal have ticks below and left, the others above and right.
+    # Panels below the diagonal have ticks at the bottom and on the left, and the others at
+    # the top and on the right.
     is_below = row > column
     panel.xaxis.set_ticks_position("bottom" if is_below else "top")
     panel.yaxis.set_ticks_position("left" if is_below else "right")
@@ -277,7 +283,7 @@ def _place_ticks(panel: Axes, row: int, column: int, last: int) -> None:
         length=2,
         labelsize=6.5,
     )
-    # Few ticks fit into a small panel.
+    # Only a few ticks fit into a small panel.
     axes: dict[Literal["x", "y"], Axis] = {"x": panel.xaxis, "y": panel.yaxis}
     for name, axis in axes.items():
         if axis.get_scale() == LINEAR:

@@ -1,4 +1,4 @@
-"""Describe a figure to the workflow, without loading what draws it.
+"""Describe a figure to the workflow, without loading the code that draws it.
 
 `repose.report.figures.catalogue` lists the figures.
 """
@@ -33,7 +33,7 @@ DrawFunction = Callable[[Inputs, Config], "Figure"]
 
 
 def _every_study(study: "PipelineConfig") -> bool:
-    """Tell that every study has the figure."""
+    """Return True, because every study has the figure."""
     return True
 
 
@@ -43,28 +43,28 @@ class Drawn(NamedTuple):
     Attributes
     ----------
     function
-        What draws it. A text names a module of this folder and its function, such as
-        ``noise.draw_noise_floor``. This function takes the inputs and a `StudyView`. A
-        function itself takes the inputs and the configuration.
+        The function that draws the figure. A string names a module in this folder and
+        its function, such as ``noise.draw_noise_floor``, which is called with the inputs
+        and a `StudyView`. A callable is called with the inputs and the configuration.
     inputs
-        Files that it needs: name to path below the folder of results.
+        Paths of the files that the figure needs, below the folder of results, by name.
     optional
-        Files that some studies lack.
+        The same for files that some studies do not have.
     if_there
-        Files that are shown if they exist, and are never made for the figure.
+        The same for files that are shown if they exist, but never made for the figure.
     title
-        Its name in Snakemake's report.
+        Name of the figure in Snakemake's report.
     reads
-        Sections or dotted keys of the configuration that it reads, besides `figures`
-        and `small_run`.
+        Sections or dotted keys of the configuration that the figure reads, besides
+        `figures` and `small_run`.
     caption
-        Its caption; names in braces are keys of the configuration.
+        Caption of the figure. Names in braces are keys of the configuration.
     when
-        Whether a study has the figure.
+        Function that tells whether a study has the figure.
     folder, category
-        Its folder in the results, and its place in Snakemake's report.
+        Folder of the figure in the results, and its category in Snakemake's report.
     memory_mb
-        What drawing it takes, with a margin.
+        Memory needed to draw the figure, with a margin.
     """
 
     function: str | DrawFunction
@@ -81,13 +81,14 @@ class Drawn(NamedTuple):
 
     @property
     def all_inputs(self) -> Mapping[str, str]:
-        """The inputs by name, with those that may be missing."""
+        """All inputs by name, including those that may be missing."""
         return {**self.inputs, **self.optional, **self.if_there}
 
     def draw(self, inputs: Inputs, config: Config) -> "Figure":
-        """Draw the figure from its inputs, paths by name, and a configuration.
+        """Draw the figure from the paths of its inputs and a configuration.
 
-        The module that draws it is imported here, with the libraries that it needs.
+        The module that draws the figure is imported only here, because it loads large
+        libraries.
         """
         if not isinstance(self.function, str):
             return self.function(inputs, config)
@@ -97,10 +98,10 @@ class Drawn(NamedTuple):
         return figure
 
     def caption_of(self, config: Config) -> str:
-        """Fill the names in braces of the caption.
+        """Return the caption, with the names in braces replaced by values.
 
-        They are keys of the configuration, as `{miga[rounds]}`, and `{inputs}` and
-        `{outputs}`, the numbers of parameters and targets.
+        The names are keys of the configuration, such as `{miga[rounds]}`. In addition,
+        `{inputs}` and `{outputs}` are the numbers of parameters and of targets.
         """
         return self.caption.format(
             **config, inputs=len(config["parameters"]), outputs=len(config["targets"])
@@ -108,7 +109,7 @@ class Drawn(NamedTuple):
 
 
 def has_grain(study: "PipelineConfig") -> bool:
-    """Tell whether our simulator makes the runs, with the grain of the study."""
+    """Return whether our simulator makes the runs, with the grain of the study."""
     return study.simulator is None
 
 
@@ -123,7 +124,7 @@ def has_drum(study: "PipelineConfig") -> bool:
 
 
 def has_pairs(study: "PipelineConfig") -> bool:
-    """Return whether two targets are numbers, which make a plane."""
+    """Return whether at least two targets are numbers, which span a plane."""
     numbers = [target for target in study.targets if target.profile is None]
     return len(numbers) > 1
 

@@ -30,19 +30,24 @@ EFFECT_COLUMNS = (
 
 
 def draw_pareto_charts(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw the standardised effects of a step and their limits, the largest first.
+    """Draw standardised effects, the largest first, with the limits of significance.
 
     Parameters
     ----------
     inputs : mapping
-        Path of the table `effects`. It has a row for each term, with the effect of the
-        term in the column `t`.
+        Path of the table `effects`, which has a row for each term of each response. The
+        column `t` contains the effect of the term.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     targets = study.targets
     effects = read_table(inputs["effects"], EFFECT_COLUMNS)
-    # Each response has the same terms, a bar for each.
+    # All responses have the same terms, and each term is a bar.
     n_terms = len(effects) // len(targets)
     row_height = 1.0 + 0.19 * n_terms
     figure, axes = panels.grid(len(targets), row_height, columns=len(targets))
@@ -82,15 +87,20 @@ def _draw_effects(panel: Axes, effects: pd.DataFrame) -> None:
 
 
 def draw_perturbation_plots(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw each response over one factor after the other.
+    """Draw each response over one factor at a time.
 
     Parameters
     ----------
     inputs : mapping
-        Paths by name. `samples` has the parameters and `dataset` the responses to which
-        the surfaces are fitted.
+        Paths by name. `samples` contains the parameters, and `dataset` the responses, to
+        which the surfaces are fitted.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     targets = study.targets
     models = _fit_models(inputs, targets)
@@ -120,10 +130,15 @@ def draw_contour_plots(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths by name. `samples` has the parameters and `dataset` the responses to which
-        the surfaces are fitted. `optimum` has the factors of the optimum.
+        Paths by name. `samples` contains the parameters, and `dataset` the responses, to
+        which the surfaces are fitted. `optimum` contains the factors of the optimum.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     targets = study.targets
     models = _fit_models(inputs, targets)
@@ -131,8 +146,8 @@ def draw_contour_plots(inputs: Inputs, study: StudyView) -> Figure:
     optimum = read_json(
         inputs["optimum"], ("coded",), "output of repose stage conclude"
     )["coded"]
-    # A panel for each response and pair of factors, at most three in a row. All models
-    # have the same factors.
+    # There is a panel for each response and each pair of factors. All models have the same
+    # factors.
     pairs = list(combinations(range(len(models[0].factors)), 2))
     columns = min(3, max(len(pairs), len(models)))
     figure, axes = panels.grid(len(models) * len(pairs), 2.3, columns=columns)
@@ -154,7 +169,7 @@ def _draw_contours(
     pair: tuple[int, int],
     point: np.ndarray,
 ) -> None:
-    """Draw one response over two factors with its target and the optimum.
+    """Draw one response over two factors, with its target and the optimum.
 
     Parameters
     ----------
@@ -163,13 +178,13 @@ def _draw_contours(
     model : Model
         The fitted surface.
     region : Region or None
-        The part of the factors that is drawn. With None all of it is drawn.
+        The allowed region of the factors, which is drawn. If it is None, all is drawn.
     target : Target
         The target of the response.
     pair : tuple of int
-        Numbers of the factors along x and along y.
+        Indices of the factors along x and along y.
     point : ndarray
-        The optimum in coded factors (d,), from -1 to 1.
+        The optimum (d,) in coded factors, from -1 to 1.
     """
     # Predict the response on a grid over the two factors. The other factors stay at the
     # optimum.
@@ -184,7 +199,7 @@ def _draw_contours(
         x_grid, y_grid, values, levels=6, colors="white", linewidths=0.5
     )
     panel.clabel(lines, fontsize=6)
-    # A line where the response is on target, if there is such a place.
+    # Draw a line where the response equals the target, if there is such a place.
     if np.nanmin(values) < target.aim < np.nanmax(values):
         panel.contour(
             x_grid,
@@ -214,7 +229,7 @@ def _draw_contours(
 
 
 def _find_allowed_region(inputs: Inputs, study: StudyView) -> Region | None:
-    """Find the part of the surface's cube that the constraints allow.
+    """Find the part of the cube of factors that the constraints allow.
 
     The result is None if the study has no constraints.
     """
@@ -236,12 +251,12 @@ def _predict_allowed(
     points : ndarray
         Points (n, k) in coded factors.
     region : Region or None
-        The allowed region. With None all points are allowed.
+        The allowed region. If it is None, all points are allowed.
 
     Returns
     -------
     ndarray
-        The response (n,), NaN at a point outside the region.
+        The response (n,); NaN at a point outside the region.
     """
     values = model.predict(points)
     if region is None:

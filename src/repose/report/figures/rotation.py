@@ -1,4 +1,4 @@
-"""Draw the rotating drum: its bed before and after the first slip."""
+"""Draw the bed in the rotating drum before and after its first slip."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 PICTURE_PIXELS = 620  # side of a picture at the default resolution
 SLIP_COLUMNS = ("seed", "before_turned_deg", "before_time_s")
 ARTICLE_RUN_S = 10.0  # time of the article's run, from the start of the filling
-# States in the file, with their descriptions in titles.
+# States in the file, and how titles describe them.
 STATE_TITLES = {
     "start": "before the rotation",
     "report": "at the reported time",
@@ -35,23 +35,28 @@ STATE_TITLES = {
 
 
 def draw_states(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw side views along the axis of the drum with the line of the surface.
+    """Draw views along the axis of the drum, with the line of the surface.
 
     Parameters
     ----------
     inputs : mapping
-        Paths by name. `states` has the arrays position_STATE (N, 3), quaternion_STATE
-        (N, 4) and turned_STATE_deg of each state. A run without a slip lacks the states
-        `before` and `after`. `particle` has the shape of the grains. `runs` has a row for
-        each run, and may be missing.
+        Paths by name. `states` contains the arrays position_STATE (N, 3), quaternion_STATE
+        (N, 4) and turned_STATE_deg of each state. In a run without a slip, there are no
+        states `before` and `after`. `particle` contains the shape of the grains. `runs`
+        has a row for each run, and may be missing.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     arrays = read_npz(
         inputs["states"], ("position_start", "quaternion_start"), "the states of a drum"
     )
     particle = Particle.load(inputs["particle"])
-    # Without a slip, show the state at the time of the report instead.
+    # If there was no slip, show the state at the reported time instead.
     has_slipped = "position_before" in arrays
     shown_states = ("start", "before", "after") if has_slipped else ("start", "report")
 
@@ -82,7 +87,7 @@ def draw_states(inputs: Inputs, study: StudyView) -> Figure:
 def _describe_article(arrays: Mapping[str, np.ndarray], settings: DrumSettings) -> str:
     """Describe the end of the article's run in a further line.
 
-    The text is empty if the time reported is not the end of this run.
+    The result is empty if the reported time is not the end of this run.
     """
     if settings.report_s != ARTICLE_RUN_S or "turned_report_deg" not in arrays:
         return ""
@@ -93,7 +98,7 @@ def _describe_article(arrays: Mapping[str, np.ndarray], settings: DrumSettings) 
 def _describe_slip(
     turned_deg: float, runs: pd.DataFrame, settings: DrumSettings
 ) -> str:
-    """Describe by what angle and for how long the drum turned before its first slip.
+    """Describe by what angle and for how long the drum turned before the first slip.
 
     Parameters
     ----------
@@ -104,6 +109,11 @@ def _describe_slip(
         be empty.
     settings : DrumSettings
         The section `drum`.
+
+    Returns
+    -------
+    str
+        One or more sentences.
     """
     seconds = turned_deg / np.degrees(settings.angular_velocity_rad_s)
     slip = (
@@ -115,7 +125,7 @@ def _describe_slip(
     slipped = runs[runs["status"] == "ok"]
     if len(slipped) < 2:
         return slip
-    # The states are those of the median run. Its number is its place in the table.
+    # The states shown are those of the median run, which is numbered by its row.
     number = runs["seed"].tolist().index(choose_median_run(runs)) + 1
     angle = _format_mean_and_error(slipped["before_turned_deg"])
     time = _format_mean_and_error(slipped["before_time_s"])
@@ -126,7 +136,7 @@ def _describe_slip(
 
 
 def _format_mean_and_error(values: pd.Series) -> str:
-    """Write the mean of some values with its standard error."""
+    """Write the mean of values with its standard error."""
     return f"{values.mean():.1f} ± {values.sem():.1f}"
 
 
@@ -146,7 +156,7 @@ def _draw_and_measure_state(
     panel : Axes
         The panel to draw in.
     arrays : mapping
-        Arrays of the run by name, as for `draw_states`.
+        Arrays of the states by name, as for `draw_states`.
     state : str
         The state, one of `STATE_TITLES`.
     particle : Particle
@@ -198,7 +208,7 @@ def _draw_and_measure_state(
         panel, camera, place_m=np.zeros(3), extent_m=2 * inside.radius_m
     )
 
-    # The surface is measured in the silhouette of the bed.
+    # Measure the surface in the silhouette of the bed.
     mm_per_pixel = study.settings.measure.mm_per_pixel
     silhouette = bed.side_view(grains, inside.radius_m, mm_per_pixel)
     surface = bed.surface_of(
@@ -221,14 +231,14 @@ def _draw_surface(panel: Axes, line_m: np.ndarray, camera: "Camera") -> None:
     panel : Axes
         The panel of the picture.
     line_m : ndarray
-        Ends of the line: x and z (2, 2) in m.
+        Ends (2, 2) of the line, as x and z in m.
     camera : Camera
         The camera of the picture.
     """
     # The line lies in the plane y = 0, across the middle of the drum.
     ends_m = np.insert(line_m, 1, 0.0, axis=1)
     x, y, _ = camera.project(ends_m)
-    # A white margin, since the line lies over grains.
+    # Add a white margin, because the line lies over grains.
     panel.plot(x, y, color="white", lw=2.6, solid_capstyle="butt")
     panel.plot(x, y, color=style.GREEN, lw=1.6, solid_capstyle="butt")
 
@@ -239,11 +249,16 @@ def draw_course(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths by name. `record` has the angles of surface and centre of mass at each
-        time. `profile` has the motion in the slip at each depth. `runs` has a row for
-        each run.
+        Paths by name. `record` contains the angles of the surface and of the centre of
+        mass at each time, and `profile` the motion during the slip at each depth. `runs`
+        has a row for each run.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     record = read_table(inputs["record"], ("seed", "time_s", "surface_deg", "bed_deg"))
     profile = read_table(inputs["profile"], ("seed", "depth_mm", "moved_mm"))
@@ -287,7 +302,7 @@ def _draw_angles(
     )
     if "report_time_s" in runs:
         _mark_reported_time(panel, runs["report_time_s"].median(), settings)
-    # Leave room below the lowest angle and above the highest.
+    # Leave room below the lowest angle and above the highest one.
     lowest = min(-3.0, record["bed_deg"].min() - 2)
     highest = 1.05 * max(record["surface_deg"].max(), record["bed_deg"].max())
     panel.set(
@@ -323,7 +338,7 @@ def _mark_reported_time(panel: Axes, time_s: float, settings: DrumSettings) -> N
 def _mark_first_slips(
     panel: Axes, slipped: pd.DataFrame, settings: DrumSettings
 ) -> None:
-    """Mark time and angle of the centre of mass at which the bed of each run slipped."""
+    """Mark when, and at which angle of the centre of mass, each bed slipped first."""
     drop_deg = settings.slip_drop_deg
     panel.plot(
         slipped["before_time_s"],
@@ -339,7 +354,7 @@ def _mark_first_slips(
 def _draw_angles_of_runs(panel: Axes, record: pd.DataFrame, runs: pd.DataFrame) -> None:
     """Draw the angles of surface and centre of mass of each run, up to its slip.
 
-    `record` has a row for each time of each run, `runs` one for each run.
+    `record` has a row for each time of each run, and `runs` a row for each run.
     """
     for k, (seed, rows) in enumerate(record.groupby("seed")):
         run = runs[runs["seed"] == seed].iloc[0]
@@ -367,7 +382,12 @@ def _draw_angles_of_runs(panel: Axes, record: pd.DataFrame, runs: pd.DataFrame) 
 def _draw_layers(panel: Axes, profile: pd.DataFrame) -> None:
     """Draw how far the layers of grains moved during the slip, by their depth.
 
-    `profile` has a row for each layer of each run. It is empty if no run slipped.
+    Parameters
+    ----------
+    panel : Axes
+        The panel to draw in.
+    profile : DataFrame
+        A row for each layer of each run; empty if no run slipped.
     """
     panel.set(
         xlabel="motion against the drum (mm)", ylabel="depth below the surface (mm)"
@@ -384,7 +404,7 @@ def _draw_layers(panel: Axes, profile: pd.DataFrame) -> None:
             lw=0.7,
             label="single run" if k == 0 else "_single run",
         )
-    # The mean over the runs at each depth
+    # Draw the mean over the runs at each depth.
     layers = profile.groupby("depth_mm")["moved_mm"].agg(["mean", "sem"])
     panel.errorbar(
         layers["mean"],

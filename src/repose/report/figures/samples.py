@@ -1,4 +1,4 @@
-"""Draw the design: its points, and the simulated responses over them."""
+"""Draw the points of the design, and the simulated responses at these points."""
 
 import textwrap
 
@@ -16,12 +16,12 @@ from repose.report.study_view import compute_cell_edges
 from . import panels, style
 from .registry import Inputs, StudyView
 
-# Fewest good samples for which a rank correlation is written.
+# Smallest number of good samples for which a rank correlation is written.
 FEWEST_CORRELATED = 4
-# Left and lower edge, width and height of the comparison of methods, as shares of the
+# Left edge, lower edge, width and height of the comparison of methods, as fractions of the
 # figure.
 COMPARISON_BOX = (0.70, 0.70, 0.27, 0.10)
-# Longest line of the note below a figure.
+# Largest number of characters in a line of the note below a figure.
 NOTE_CHARACTERS = 120
 
 
@@ -31,10 +31,16 @@ def draw_design_matrix(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Paths by name. `samples` has a column for each parameter. `comparison` has the
-        smallest distance of two samples by each method of design. It may be missing.
+        Paths by name. `samples` has a column for each parameter. `comparison` contains
+        the smallest distance between two samples for each design method, and may be
+        missing.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     names = study.parameters.free
     samples = read_table(inputs["samples"], names)
@@ -61,7 +67,7 @@ def draw_design_matrix(inputs: Inputs, study: StudyView) -> Figure:
 
     text = _describe_design(study, len(samples))
     if len(names) == 1:
-        # With a single panel there is no empty corner for the text.
+        # A figure with a single panel has no empty corner for the text.
         figure.suptitle(text, fontsize=9)
         return figure
     figure.text(0.56, 0.93, text, fontsize=9, va="top", linespacing=1.5)
@@ -72,9 +78,9 @@ def draw_design_matrix(inputs: Inputs, study: StudyView) -> Figure:
 
 
 def _describe_design(study: StudyView, n_samples: int) -> str:
-    """Describe the method of the design, and what the histograms show, line by line.
+    """Describe the method of the design and the histograms in several lines.
 
-    With constraints, the design is a selection from a larger design.
+    If there are constraints, the design is the allowed part of a larger design.
     """
     method = METHOD_LABELS[study.settings.design.method]
     histograms = "diagonal: samples in each tenth of a range"
@@ -83,14 +89,14 @@ def _describe_design(study: StudyView, n_samples: int) -> str:
         return f"{n_samples} samples: {method}\n{histograms}"
     rules = "; ".join(constraint.text for constraint in constraints)
     return (
-        f"{n_samples} samples: allowed ones of a larger {method}\n"
+        f"{n_samples} samples: the allowed part of a larger {method}\n"
         f"{histograms}\n"
-        f"spread evenly over {rules}; no Latin hypercube"
+        f"spread evenly over {rules}; not a Latin hypercube"
     )
 
 
 def _compare_methods(figure: Figure, comparison: pd.DataFrame) -> None:
-    """Draw the smallest distance of two samples by each method as bars.
+    """Draw the smallest distance between two samples for each method as bars.
 
     Parameters
     ----------
@@ -100,7 +106,7 @@ def _compare_methods(figure: Figure, comparison: pd.DataFrame) -> None:
         A row for each method, with its smallest distance.
     """
     panel = figure.add_axes(COMPARISON_BOX)
-    # The panels of the parameters must not make room for it.
+    # Keep the layout from moving the panels of the parameters to make room for it.
     panel.set_in_layout(False)
     names = [METHOD_LABELS[method] for method in comparison["method"]]
     distances = comparison["min_distance"]
@@ -120,10 +126,15 @@ def draw_responses_over_parameters(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Path of the `dataset`. It has a row for each sample with status, parameters,
-        responses and their standard errors.
+        Path of the `dataset`, which has a row for each sample with its status, its
+        parameters, its responses and their standard errors.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     targets = study.targets
     parameters = study.parameters
@@ -171,7 +182,7 @@ def _draw_response(
         mew=0,
     )
     if len(failed):
-        # If no sample is good, there are no values, so choose any range.
+        # If no sample is good, there are no values, so use an arbitrary range.
         bottom = 0.0
         top = 1.0
         if len(good):

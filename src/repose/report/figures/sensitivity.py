@@ -1,6 +1,6 @@
 """Draw the sensitivity: Sobol indices and main effects of the parameters.
 
-With constraints, two other shares of the variance take the place of the indices.
+If there are constraints, two other shares of the variance replace the indices.
 """
 
 from typing import NamedTuple
@@ -25,7 +25,7 @@ class Share(NamedTuple):
 
 
 INDICES = (Share("first", "first order"), Share("total", "total"))
-# Of parameters that depend on each other by constraints.
+# Shares for parameters that depend on each other because of constraints.
 CONSTRAINED_SHARES = (
     Share("explained", "explained by it alone, Var(E[y|x]) / Var(y)"),
     Share("remaining", "remaining if all others are known, E[Var(y|others)] / Var(y)"),
@@ -46,7 +46,7 @@ BAR_COLOURS = (style.BLUE, style.ORANGE)
 
 
 def _choose_shares(study: StudyView) -> tuple[Share, Share]:
-    """Choose the two shares of the variance that the table of a study has."""
+    """Choose the two shares of the variance that the table of a study contains."""
     return CONSTRAINED_SHARES if study.parameters.constraints else INDICES
 
 
@@ -56,10 +56,15 @@ def draw_sobol_indices(inputs: Inputs, study: StudyView) -> Figure:
     Parameters
     ----------
     inputs : mapping
-        Path of the table `sobol`. It has a row for each parameter and response, with
+        Path of the table `sobol`, which has a row for each parameter and response, with
         both indices and their intervals.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     targets = study.targets
     shares = _choose_shares(study)
@@ -102,7 +107,7 @@ def _draw_indices(
     for (column, label), offset, colour in zip(
         shares, BAR_OFFSETS, BAR_COLOURS, strict=True
     ):
-        # Lengths of the error bars below and above the share
+        # Compute the lengths of the error bars below and above the share.
         share = table[column]
         below = share - table[f"{column}_low"]
         above = table[f"{column}_high"] - share
@@ -130,15 +135,20 @@ def _draw_indices(
 
 
 def draw_main_effects(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw the mean response along each free parameter, on the simulated points.
+    """Draw the mean response along each free parameter, over the simulated points.
 
     Parameters
     ----------
     inputs : mapping
-        Paths by name. `effects` has the mean of the surrogate at values of each
-        parameter. `dataset` has the samples, and `sobol` the indices.
+        Paths by name. `effects` contains the mean prediction of the surrogate at values
+        of each parameter, `dataset` the samples, and `sobol` the indices.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     targets = study.targets
     parameters = study.parameters
@@ -160,7 +170,7 @@ def draw_main_effects(inputs: Inputs, study: StudyView) -> Figure:
         )
         curve = effects[effects["parameter"] == name]
         panel.plot(curve["value"], curve[target.name], color=style.BLUE, lw=1.8)
-        # The shares are estimates, and may be a little below 0.
+        # The shares are estimates, so they may be slightly below 0.
         percent = 100 * max(variance_shares.loc[(target.name, name)], 0.0)
         panel.set_title(
             f"{percent:.0f} %", fontsize=style.SMALL_TEXT_PT, loc="right", pad=2

@@ -1,4 +1,4 @@
-"""Draw the sequential strategy: probability and predictions over the pours."""
+"""Draw the probability and the predictions of the sequential strategy over the pours."""
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -11,20 +11,25 @@ from repose.common.files import read_table
 from . import panels, style
 from .registry import Inputs, StudyView
 
-# Place of the check on the axis of the pours, as a multiple of the last place
+# Position of the check on the axis of the pours, as a multiple of the last batch's position
 CHECK_X_FACTOR = 1.06
 
 
 def draw_sequential_batches(inputs: Inputs, study: StudyView) -> Figure:
-    """Draw probability and predicted responses after each batch, and the check.
+    """Draw the probability and the predicted responses after each batch, and the check.
 
     Parameters
     ----------
     inputs : mapping
-        Paths by name. `batches` has a row for each batch of pours. `check` has a row for
+        Paths by name. `batches` has a row for each batch of pours, and `check` a row for
         each response.
     study : StudyView
         The study.
+
+    Returns
+    -------
+    Figure
+        The figure.
     """
     targets = study.targets
     settings = study.settings.sequential
@@ -37,7 +42,7 @@ def draw_sequential_batches(inputs: Inputs, study: StudyView) -> Figure:
     check = read_table(inputs["check"], ("response", "simulated", "simulated_error"))
     check = check.set_index("response")
 
-    # One panel for the probability, and one for each response.
+    # Make one panel for the probability, and one for each response.
     figure, axes = panels.grid(1 + len(targets), 2.2, columns=3, extra_height=0.4)
     _draw_probability(axes[0], batches, settings)
     for panel, target in zip(axes[1:], targets, strict=True):
@@ -45,7 +50,7 @@ def draw_sequential_batches(inputs: Inputs, study: StudyView) -> Figure:
             panel, target, percent=settings.tolerance_percent, xlabel="pours"
         )
         _draw_predictions(panel, batches, target)
-        # The check follows the last batch.
+        # Draw the check after the last batch.
         last_pours = float(batches["pours"].iloc[-1])
         _draw_check(panel, check, target, x=CHECK_X_FACTOR * last_pours)
     style.draw_legend(axes, loc="outside lower center", ncols=3)
@@ -65,8 +70,9 @@ def _draw_probability(
 ) -> None:
     """Draw the probability of meeting the targets after each batch.
 
-    The panel shows three curves: the probability of the best point, the highest that
-    the remaining pours can reach, and that of any parameter set.
+    The panel shows three curves: the probability that the best point meets the targets,
+    the highest probability that the remaining pours can reach for it, and the probability
+    that any parameter set meets the targets.
 
     Parameters
     ----------
@@ -130,18 +136,18 @@ def _draw_predictions(panel: Axes, batches: pd.DataFrame, target: Target) -> Non
 
 
 def _draw_check(panel: Axes, check: pd.DataFrame, target: Target, x: float) -> None:
-    """Draw how far the response of the answer is off its target, as simulated again.
+    """Draw how far the answer's response is off its target in the new simulations.
 
     Parameters
     ----------
     panel : Axes
         The panel to draw in.
     check : DataFrame
-        The check by response.
+        A row for each response, by name, with its simulated mean and standard error.
     target : Target
         The target of the response.
     x : float
-        Place of the answer on the axis of the pours.
+        Position of the answer on the axis of the pours.
     """
     row = check.loc[target.name, ["simulated", "simulated_error"]].astype(float)
     simulated, error = row

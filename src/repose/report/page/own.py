@@ -12,7 +12,7 @@ from repose.report.figures import own, style
 from repose.report.page import captions, page
 from repose.report.page.study import Results
 
-# Note of an answer: the table of the intervals of its solutions.
+# Key of an answer's note that contains the table of the intervals of its solutions.
 INTERVALS_KEY = "intervals"
 
 
@@ -29,10 +29,10 @@ def write(calibration: Calibration, out_path: str | os.PathLike[str]) -> None:
     Raises
     ------
     InputError
-        If `out_path` is no path.
+        If `out_path` is not a path.
     """
     out_path = convert_to_path("path", out_path)
-    # Arrange what the calibration knows as the results of a study.
+    # Arrange the calibration as the results of a study.
     study = calibration.study
     probability: dict[str, float | None] = dict.fromkeys(study.targets.names)
     probability["all"] = calibration.probability["inside"]

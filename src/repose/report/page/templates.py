@@ -12,7 +12,7 @@ PAGE_FOLDER = Path(__file__).parent
 
 
 def cell_text(value: Any) -> str:
-    """Write the value of a table's cell: a float with four digits, None and NaN empty."""
+    """Write a table cell: a float with four digits; None and NaN as an empty string."""
     if value is None:
         return ""
     if isinstance(value, float):
@@ -21,7 +21,7 @@ def cell_text(value: Any) -> str:
 
 
 def plus_minus(text: str) -> str:
-    """Replace the +- of messages, which a terminal prints, by its sign."""
+    """Replace +-, as messages in a terminal have it, by the sign ±."""
     return text.replace("+-", "±")
 
 
@@ -47,10 +47,10 @@ ENVIRONMENT = _make_environment()
 
 
 def render_template(name: str, **values: Any) -> str:
-    """Fill a template of the folder `templates` with values."""
+    """Fill a template in the folder `templates` with values."""
     return ENVIRONMENT.get_template(name).render(**values)
 
 
 def read_asset(name: str) -> str:
-    """Read a style sheet or script of this folder."""
+    """Read a style sheet or a script in this folder."""
     return (PAGE_FOLDER / name).read_text(encoding="utf-8")
