@@ -21,7 +21,7 @@ from repose.measure.photographs import photograph as photographs
 PILE = [(60, 299), (300, 140), (540, 299)]
 DOUBTS = {
     "plate": "upright over 40",
-    "horizon": "no plate's",
+    "horizon": "not that of a plate",
     "shadow": "darker background",
     "frame": "falls by",
 }

@@ -140,7 +140,7 @@ def outlined(*tops):
     ("tops", "doubt"),
     [
         ([(300, 150)], None),
-        ([(200, 100), (280, 40), (420, 80)], "as of two piles"),
+        ([(200, 100), (280, 40), (420, 80)], "as with two piles"),
         ([(150, 60), (450, 62)], "its top is level"),
         (
             [(230, 50), (299, 50), (300, 150), (301, 50), (370, 50)],
@@ -202,7 +202,7 @@ def test_a_doubt_is_printed_beside_its_photograph_and_a_layer_is_refused(tmp_pat
     pile = outlined((100, 30), (500, 30))
     raised(
         NoFlankError,
-        "a layer, no pile",
+        "a layer, not a pile",
         list_doubts_of_pile,
         pile,
         measure_segmented(pile, settings),

@@ -436,7 +436,7 @@ class Pose:
         if residual > LARGEST_RESIDUAL * max(self.size):
             raise NoFlankError(
                 f"the corners of the sheet lie {residual:.1f} pixels from those of a "
-                "flat one: it is bent, or not sharp"
+                "flat one: the sheet is bent, or the photograph is not sharp"
             )
 
     def project(self, world: np.ndarray) -> np.ndarray:
@@ -596,7 +596,7 @@ def _require_upright_camera(pose: Pose) -> None:
     if tilt_deg > LARGEST_TILT_DEG or pose.position_mm[1] >= 0:
         raise NoFlankError(
             f"the camera is tilted by {tilt_deg:.0f} degrees (180: upside down); "
-            f"{LARGEST_TILT_DEG:.0f} can be corrected"
+            f"at most {LARGEST_TILT_DEG:.0f} can be corrected"
         )
 
 
@@ -731,8 +731,8 @@ def _find_visible_extent(pose: Pose, plane: Plane) -> Extent:
     distances, points = _intersect(pose.position_mm, directions, plane)
     if (distances <= 0).any():
         raise NoFlankError(
-            "the camera looks past the sheet: a part of the photograph shows nothing "
-            "in its plane"
+            "the camera looks past the sheet: a part of the photograph does not "
+            "show the plane of the sheet"
         )
     along, up = points.T
     if up.max() <= 0:

@@ -97,7 +97,7 @@ def list_doubts_of_pile(
     if height_mm < LOWEST_PILE_GRAINS * grain_mm:
         raise NoFlankError(
             f"it is {height_mm / grain_mm:.1f} grains high, less than "
-            f"{LOWEST_PILE_GRAINS:g}: a layer, no pile"
+            f"{LOWEST_PILE_GRAINS:g}: a layer, not a pile"
         )
 
     profile, crest = find_profile(pile)
@@ -134,7 +134,7 @@ def _find_rise_doubt(sides: Sequence[np.ndarray], size: PileSize) -> str:
         return ""
     return (
         f"{DOUBT}: away from its crest the outline rises by "
-        f"{rise_mm / size.height_mm:.0%} of the Height, as of two piles"
+        f"{rise_mm / size.height_mm:.0%} of the Height, as with two piles"
     )
 
 
@@ -158,7 +158,7 @@ def _find_drop_doubt(sides: Sequence[np.ndarray], size: PileSize) -> str:
         return ""
     return (
         f"{DOUBT}: the outline falls by {drop_mm / size.height_mm:.0%} of the Height at "
-        "once, as of a box behind the pile"
+        "once, as with a box behind the pile"
     )
 
 
@@ -208,7 +208,7 @@ def _find_resolution_doubt(measurement: Measurement, mm_per_pixel: float) -> str
     angle_error = _compute_angle_error(measurement)
     return (
         f"{DOUBT}: the photograph is too coarse: the pile is {height_px} pixels high, "
-        f"{MIN_HEIGHT_PX} are needed; the angle may be off by {angle_error:.1f} "
+        f"at least {MIN_HEIGHT_PX} are needed; the angle may be off by {angle_error:.1f} "
         "degrees, the Height by 2 pixels"
     )
 
@@ -328,20 +328,20 @@ def list_doubts_of_base(
     )
     if n_upright_rows > max(LARGEST_UPRIGHT_GRAINS * grain_px, LARGEST_UPRIGHT_PX):
         doubts.append(
-            f"{DOUBT}: an end of its foot is upright over {n_upright_rows} pixels, as of "
+            f"{DOUBT}: an end of its foot is upright over {n_upright_rows} pixels, as with "
             f"a plate or a ruler: {BASE_ROW_ADVICE}"
         )
 
     if _continues_below(image, pile, margins, grain_px):
         doubts.append(
-            f"{DOUBT}: below its base the picture has the pile's colour and no "
-            f"plate's: {BASE_ROW_ADVICE}"
+            f"{DOUBT}: below its base the picture has the pile's colour, not "
+            f"that of a plate: {BASE_ROW_ADVICE}"
         )
 
     shadow_share = finding.compute_shadow_share(image, pile.mask)
     if shadow_share > LARGEST_SHADOW_SHARE:
         doubts.append(
-            f"{DOUBT}: {100 * shadow_share:.0f} % of it is darker background, as of a "
+            f"{DOUBT}: {100 * shadow_share:.0f} % of it is darker background, as with a "
             "shadow on what stands behind"
         )
     return doubts

@@ -482,8 +482,8 @@ def _require_camera_at_crest(look_down_deg: float) -> None:
     if abs(look_down_deg) > camera.LARGEST_LOOK_DOWN_DEG:
         raise NoFlankError(
             f"the camera looks at the crest from {look_down_deg:.0f} degrees above: "
-            "the flanks look flatter; hold the lens as high as the crest, "
-            f"{camera.LARGEST_LOOK_DOWN_DEG:g} degrees are allowed"
+            "the flanks look flatter than they are; hold the lens as high as the crest, "
+            f"to within {camera.LARGEST_LOOK_DOWN_DEG:g} degrees"
         )
 
 
@@ -642,8 +642,9 @@ def _measure_view(photograph: Photograph, settings: MeasureSettings) -> Measurem
     difference = abs(measurement.angle.left_deg - measurement.angle.right_deg)
     if difference > LARGEST_DIFFERENCE_DEG:
         raise NoFlankError(
-            f"its two sides differ by {difference:.1f} degrees: no such pile, or the "
-            f"background is not plain; {LARGEST_DIFFERENCE_DEG:g} are allowed"
+            f"its two sides differ by {difference:.1f} degrees, more than the allowed "
+            f"{LARGEST_DIFFERENCE_DEG:g}: it is not a single pile, or the background is "
+            "not plain"
         )
     return measurement
 
