@@ -375,7 +375,7 @@ def test_what_is_no_mesh_of_a_smooth_particle_is_refused(tmp_path):
         ),
         (
             {"semi_axes_mm": [], "spheres_mm": []},
-            r"spheres_mm is \[\]; expected spheres, or semi-axes beside it",
+            r"spheres_mm is \[\]; expected spheres, if semi_axes_mm is empty",
         ),
         (
             {"density_kg_m3": "1000"},

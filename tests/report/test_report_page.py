@@ -243,7 +243,7 @@ def test_the_span_of_the_sets_found_is_apart_from_the_intervals(tmp_path):
     says(
         span,
         f"The search kept {len(sets)} parameter sets that are predicted to meet the",
-        "This is no uncertainty of a parameter",
+        "These ranges are not the uncertainties of the parameters",
         *(f"{sets[name].min():.3g} to {sets[name].max():.3g}" for name in PARAMETERS),
     )
 

@@ -77,7 +77,18 @@ def make_deck(job: Job) -> dict[str, str]:
 
 
 def _list_differences(job: Job) -> list[str]:
-    """List the differences between LIGGGHTS and the study, in a sentence each."""
+    """List the differences between LIGGGHTS and the study.
+
+    Parameters
+    ----------
+    job : Job
+        The grain and its pour.
+
+    Returns
+    -------
+    list of str
+        A description of each difference, without a full stop.
+    """
     differences = []
     if job.simulation.contact_law != "hertz_mindlin":
         differences.append(

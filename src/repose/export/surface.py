@@ -43,9 +43,21 @@ def compute_profile(funnel: Funnel) -> np.ndarray:
     ) -> list[list[float]]:
         """List points (r, z) on a rounded edge between two angles.
 
-        The angles are measured from the direction away from the axis. A circle along the
+        The angles are measured from the direction away from the axis. The circle of the
         edge is highest at 90 degrees, nearest to the axis at 180 degrees, and lowest at
         270 degrees.
+
+        Parameters
+        ----------
+        centre_z : float
+            Height of the centre of the arc in m.
+        start_deg, end_deg : float
+            Angles of the first and the last point.
+
+        Returns
+        -------
+        list
+            The points in m.
         """
         n_points = 1 + math.ceil((end_deg - start_deg) / LARGEST_ARC_DEG)
         angles = np.radians(np.linspace(start_deg, end_deg, n_points))
@@ -126,7 +138,18 @@ def divide_surface(funnel: Funnel) -> np.ndarray:
 
 
 def write_stl(funnel: Funnel) -> str:
-    """Write the inner surface of the funnel as a text STL file, in metres."""
+    """Write the inner surface of the funnel as a text STL file, in metres.
+
+    Parameters
+    ----------
+    funnel : Funnel
+        The funnel.
+
+    Returns
+    -------
+    str
+        The contents of the file.
+    """
     # The normal of a facet is the unit vector perpendicular to two of its edges.
     facets = divide_surface(funnel)
     first_edges = facets[:, 1] - facets[:, 0]

@@ -293,7 +293,9 @@ class Particle:
                 continue
             _check_numbers(path, key, value)
         if not record["spheres_mm"] and not record["semi_axes_mm"]:
-            raise InputError(path, "spheres_mm", [], "spheres, or semi-axes beside it")
+            raise InputError(
+                path, "spheres_mm", [], "spheres, if semi_axes_mm is empty"
+            )
         return cls.from_record(record)
 
 

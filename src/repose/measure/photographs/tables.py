@@ -300,6 +300,18 @@ def _list_notes(photographs: Sequence[Photograph], results: Tables) -> list[str]
 
     They say whether standard deviations are missing because there is a single pile,
     repeat the notes of the photographs, and count the doubtful photographs.
+
+    Parameters
+    ----------
+    photographs : sequence of Photograph
+        The results.
+    results : Tables
+        The tables of these results.
+
+    Returns
+    -------
+    list of str
+        The lines.
     """
     lines = []
     if results.summary["sd"].isna().any():
@@ -319,8 +331,17 @@ def _list_notes(photographs: Sequence[Photograph], results: Tables) -> list[str]
 def _describe_photographs(photographs: Sequence[Photograph]) -> list[str]:
     """Describe each photograph on one line: its numbers, or why it was refused.
 
-    There must be at least one photograph. Names are padded with spaces, so that the
-    descriptions are aligned.
+    Names are padded with spaces, so that the descriptions are aligned.
+
+    Parameters
+    ----------
+    photographs : sequence of Photograph
+        The results, at least one.
+
+    Returns
+    -------
+    list of str
+        The lines, in the order of the photographs.
     """
     name_width = max(len(photograph.path.name) for photograph in photographs)
     lines = []
@@ -354,6 +375,18 @@ def _describe_means(results: Tables, settings: MeasureSettings) -> list[str]:
     """Describe the mean Height and the mean angle by each definition, one line each.
 
     A line gives the mean, the standard deviation and the number of photographs.
+
+    Parameters
+    ----------
+    results : Tables
+        The tables of the results.
+    settings : MeasureSettings
+        Settings of the measurement, which name the definition of the angle of repose.
+
+    Returns
+    -------
+    list of str
+        The lines. A quantity that could not be measured in any photograph has none.
     """
     quantities = [("Height", "height_mm", "mm")]
     for definition in DEFINITIONS:

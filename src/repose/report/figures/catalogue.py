@@ -97,8 +97,8 @@ FIGURES: dict[str, Drawn] = {
             "Information of the measurements on the parameters, over the "
             "discrepancy: the error that the simulator has with the best "
             "parameters, too. Above the information; below the 95 % interval of "
-            "each parameter in its range. Where a shape study is given, its spread "
-            "of plausible models is marked."
+            "each parameter in its range. If there is a shape study, the spread of its "
+            "plausible models is marked."
         ),
         reads=("parameters", "targets"),
         folder="posterior",
@@ -214,7 +214,7 @@ FIGURES: dict[str, Drawn] = {
             "determines nothing. The diamond is the answer. At the right the width of "
             "the interval over that before the measurements, and the information in "
             "bits: one bit halves the range. The thin lines span the solutions found and the "
-            "published ones; they show where two searches ended, no uncertainty."
+            "published ones; they show where two searches ended, not an uncertainty."
         ),
         reads=("parameters", "targets"),
         folder="posterior",
@@ -228,7 +228,7 @@ FIGURES: dict[str, Drawn] = {
             "Does the answer have the measured profile? The measured heights with "
             "their standard deviation, the profile that is predicted for the "
             "answer, and the profile that is simulated with fresh seeds, with its "
-            "standard error. Lines are the smooth profiles of the scores."
+            "standard error. The lines are the smooth profiles of the scores."
         ),
         reads=("targets",),
         when=has_profiles,
@@ -307,14 +307,14 @@ FIGURES: dict[str, Drawn] = {
         optional={"runs": "drum/runs.csv"},
         caption=(
             "Figure 15. The bed in the drum before the rotation, before its first "
-            "slip and after it, simulated with the representative solution: side "
-            "views along the axis; the green line is fitted to the middle "
+            "slip and after it, simulated with the representative solution and seen "
+            "along the axis; the green line is fitted to the middle "
             "{drum[fit_share]:.3g} of the upper edge, which is that of the highest "
             "grains along the axis. The pictures show the run whose slip angle is the "
-            "median of {drum[seeds]} run(s). Does the bed slip as early as in the article? Below stands how "
-            "far the drum turned before the slip. The article gives no angle, but "
-            "the length of its run, {drum[report_s]:g} s with the filling; below "
-            "stands by what angle the drum has turned then."
+            "median of {drum[seeds]} run(s). Does the bed slip as early as in the article? The text below says "
+            "how far the drum turned before the slip. The article gives no angle, but "
+            "the length of its run, {drum[report_s]:g} s with the filling; the text also "
+            "says by what angle the drum has turned by then."
         ),
         reads=("drum", "measure.mm_per_pixel", "colour"),
         when=has_drum,
@@ -390,7 +390,7 @@ FIGURES: dict[str, Drawn] = {
             "Did the search run long enough? Best and mean objective F (Eq. 11) "
             "over {miga[rounds]} rounds of {miga[generations]} generations. The "
             "dashed line is the F of a set that is off each target by one standard "
-            "error of the surrogate. Below it a smaller F is no better set."
+            "error of the surrogate. Below it, a set with a smaller F is not better."
         ),
         reads=("miga", "targets"),
     ),

@@ -6,11 +6,11 @@ STUDY_FIGURES = {
         "Probability and predictions of the best parameter set after each batch"
     ),
     "pareto_screening": "Effect of each parameter on the responses",
-    "contours": "The fitted surfaces about their optimum",
+    "contours": "The fitted surfaces around their optimum",
     "intervals": (
         "Does the pile determine the parameters? The 95 % interval of each in its range. "
-        "The thin lines span the sets found and the published ones, and are no "
-        "uncertainty"
+        "The thin lines span the sets found and the published ones; they are not "
+        "uncertainties"
     ),
     "figure13": (
         "Does the surrogate predict samples that it has not seen, as well as their "
@@ -18,7 +18,7 @@ STUDY_FIGURES = {
     ),
     "plane": (
         "Can the simulated piles meet the targets, and does the answer? All samples, "
-        "the target ranges, and the answer; beside it the same, enlarged"
+        "the target ranges, and the answer; beside them the target ranges enlarged"
     ),
     "profiles": "Measured profiles and the answer's, as predicted and as simulated",
     "figure14": "Where are the parameter sets found, and where are the published ones?",
@@ -31,15 +31,14 @@ STUDY_FIGURES = {
 
 # Figures of the drum.
 DRUM_FIGURES = {
-    "figure15": "The bed before the rotation, before its first slip, and after it",
-    "drum": "When does the bed slip, and how deep? The angles of every run over time",
+    "figure15": "The bed before the rotation, before the first slip, and after the first slip",
+    "drum": "When does the bed slip, and how deep? The angles in every run over time",
 }
 
 # Figures of a study with a simulator of the user's own.
 OWN_SIMULATOR_FIGURES = {
     "plane": (
-        "The simulated parameter sets, the target ranges, and the answer as it is "
-        "predicted"
+        "The simulated parameter sets, the target ranges, and the predicted answer"
     ),
     "history": "How far the simulated parameter sets of each batch are off the targets",
     "accuracy": "Does the surrogate predict samples that it has not learned from?",
