@@ -487,14 +487,16 @@ def compute_body(mesh: trimesh.Trimesh, density_kg_m3: float) -> Body:
 
 
 def compute_support(mesh: trimesh.Trimesh, n: np.ndarray) -> np.ndarray:
-    """Compute the support values of a mesh: its extents from the origin by direction.
+    """Compute the support values of a mesh: how far it extends in each direction.
+
+    The extents are measured from the origin.
 
     Parameters
     ----------
     mesh : Trimesh
         The mesh.
     n : ndarray
-        Unit vectors (N, 3) in these directions.
+        Unit vectors (N, 3) along the directions.
 
     Returns
     -------

@@ -160,14 +160,14 @@ class Particle:
         )
 
     def support(self, n: np.ndarray) -> np.ndarray:
-        """Compute the support values [m]: the extents of the particle by direction.
+        """Compute the support values [m]: how far the particle extends in each direction.
 
-        They are measured from the centre of mass.
+        The extents are measured from the centre of mass.
 
         Parameters
         ----------
         n : ndarray
-            Unit vectors (..., 3) in these directions, in the body's frame.
+            Unit vectors (..., 3) along the directions, in the body's frame.
 
         Returns
         -------

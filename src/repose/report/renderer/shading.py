@@ -295,8 +295,8 @@ def _draw_light_map(bodies: Bodies, axes: np.ndarray) -> LightMap:
     y = (points[..., 1] - corner[1]) / pixel_m
     # Add a margin of one pixel beyond the last row and column that contain a point.
     shape = (int(y.max()) + 2, int(x.max()) + 2)
-    # The rows of the map are counted upwards, and those of a picture downwards. So
-    # reverse the order of the corners, which the function expects in that of a picture.
+    # The rows of the map are counted upwards, unlike those of a picture. Reverse the
+    # corners of the triangles, so that those that face the light are still drawn.
     clockwise = bodies.triangles[:, ::-1]
     heights, *_ = raster.draw_triangles(
         x, y, near=points[..., 2], triangles=clockwise, shape=shape
