@@ -59,8 +59,8 @@ class Outcome:
     Attributes
     ----------
     unstable : str
-        Message about the bound that the run broke (`repose.bench.bounds`); empty if it
-        broke none.
+        Message about the limit that the run exceeded (`repose.bench.bounds`); empty if
+        it exceeded none.
     overlap_share : float
         Largest overlap in the measured state, over the smallest extent of the grain
         (`Trial.overlap_share`).
@@ -92,9 +92,11 @@ def not_at_rest(
     settings : SceneSettings
         Sections of the configuration, with the limit of the energy.
     advice : str
-        The change of the configuration that brings the grains to rest, for the reason.
+        How to change the configuration so that the grains come to rest. The reason ends
+        with this advice.
     when : str, optional
-        The moment of the energy, for the reason. The text begins with a blank.
+        Phrase in the reason that says when the energy was measured. It begins with a
+        space.
 
     Returns
     -------
@@ -325,7 +327,7 @@ class BenchTest(ABC, Generic[S]):
         settings : SceneSettings
             Sections of the configuration, with the targets.
         reasons : mapping
-            Reasons why responses could not be measured, by response.
+            Why a response could not be measured, by the name of the response.
 
         Returns
         -------
@@ -345,7 +347,7 @@ class BenchTest(ABC, Generic[S]):
     def result(
         self, record: Mapping[str, Any], arrays: Arrays, scene: Scene
     ) -> dict[str, Any]:
-        """Measure a run, and refuse a response outside its limits.
+        """Measure a run, and reject it if a response is outside its limits.
 
         Parameters
         ----------
@@ -388,9 +390,7 @@ class BenchTest(ABC, Generic[S]):
     def misfits(
         self, settings: SceneSettings, axes_mm: Sequence[float]
     ) -> Contradictions:
-        """Yield keys of lengths that are impossible with the mean grain.
-
-        The allowed values are yielded, too.
+        """Yield keys of lengths that do not fit the mean grain, and the allowed values.
 
         Parameters
         ----------
@@ -463,8 +463,8 @@ def register(name: str) -> Callable[[T], T]:
                 means=bench_test.response_names,
                 single=(*bench_test.response_names, *bench_test.numbers),
             )
-        # If the class overrides `response_of_name`, this method makes a whole family of
-        # responses that are not listed.
+        # A class that overrides `response_of_name` has further responses, which are not
+        # listed but made from their names.
         family = None
         if bench_class.response_of_name is not BenchTest.response_of_name:
             family = bench_test.response_of_name
@@ -481,10 +481,10 @@ def bench_of(job: Mapping[str, Any], source: object = "apparatus") -> BenchTest[
     Parameters
     ----------
     job : mapping
-        The description. Its key ``apparatus`` names the bench test. A job without this
-        key is of the first bench test.
+        The description. Its key ``apparatus`` names the bench test. Without this key,
+        the job belongs to the bench test `UNNAMED`.
     source : object, optional
-        File or command of the job, for the message of an error.
+        File or command that the job comes from, for error messages.
     """
     return bench(job.get("apparatus", UNNAMED), source)
 
@@ -497,7 +497,7 @@ def bench(name: str, source: object = "apparatus") -> BenchTest[Any]:
     name : str
         Name of the bench test.
     source : object, optional
-        File or command that has the name, for the message of an error.
+        File or command that the name comes from, for error messages.
 
     Returns
     -------

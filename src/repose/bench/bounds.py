@@ -25,12 +25,13 @@ OVERLAP_LIMIT = 0.5
 NOTED_OVERLAP = 0.1
 # Time steps between two checks of the speeds.
 CHECK_INTERVAL = 2000
-# Every fifth check includes energy and overlaps, which takes ten times as long.
+# Checks of the speeds for each full check, which also covers energy and overlaps and
+# takes ten times as long.
 SPEED_CHECKS_PER_FULL_CHECK = 5
 
 
 class Unstable(Exception):
-    """A bound is broken. The message names the grain, the time and the remedy."""
+    """A limit is exceeded. The message names the grain, the time and the remedy."""
 
 
 class Bounded:
@@ -41,23 +42,23 @@ class Bounded:
     simulation : repose.dem.Simulation
         The simulation, with its walls and box.
     top_m : float
-        Largest height, against gravity, to which a grain is brought.
+        Largest height [m] at which a grain is added or to which it is lifted.
     speed_m_s : float, optional
         Largest speed that a grain or a wall is given.
 
     Attributes
     ----------
     broken : str
-        Message about the bound that was broken inside `guard`; empty if none was.
+        Message about the limit that was exceeded inside `guard`; empty if none was.
     overlap_share : float
         Largest overlap at the last check of overlaps, over the smallest extent of the
-        smaller grain. After a run, the last check is that of the measured state.
+        smaller grain. The last check of a run is made in the state that is measured.
     """
 
     def __init__(
         self, simulation: "dem.Simulation", top_m: float, speed_m_s: float = 0.0
     ) -> None:
-        """Compute the bounds of speed and energy from the scene; see the class."""
+        """Compute the limits of speed and energy from the scene; see the class."""
         self.simulation = simulation
         self.speed_m_s = speed_m_s
         gravity_vector = np.asarray(simulation.physics.gravity)
@@ -101,17 +102,17 @@ class Bounded:
             lower_corner[2] = min(lower_corner[2], floor_z)
         upper_corner = np.array([*self.simulation.upper[:2], top_m])
         # A height is the sum of three parts, one for each axis of the box. Gravity may
-        # point along any axis, so either end of an axis may be the lower one.
+        # point in any direction, so either end of an axis may be the lower one.
         height_parts = np.sort(self.up * [lower_corner, upper_corner], axis=0)
         lowest_m, highest_m = height_parts.sum(axis=1)
         return lowest_m, float(highest_m - lowest_m)
 
     @contextmanager
     def guard(self) -> Iterator[None]:
-        """Guard the block of a ``with`` statement against broken bounds.
+        """End the block of a ``with`` statement as soon as a limit is exceeded.
 
-        The grains are also checked at the end of the block. The first broken bound ends
-        the block. Its error is caught, and its message is kept in `broken`.
+        The grains are also checked at the end of the block. The error `Unstable` is
+        caught, and its message is kept in `broken`.
         """
         try:
             yield
@@ -132,7 +133,7 @@ class Bounded:
         Raises
         ------
         Unstable
-            If a bound is broken on the way.
+            If a limit is exceeded on the way.
         """
         simulation = self.simulation
         full_check_interval = SPEED_CHECKS_PER_FULL_CHECK * CHECK_INTERVAL
@@ -157,13 +158,13 @@ class Bounded:
         Parameters
         ----------
         is_full : bool, optional
-            Whether energy and overlaps are checked, too. This takes longer than the
-            check of the speeds.
+            Whether to check energy and overlaps, too, which takes longer than the check
+            of the speeds.
 
         Raises
         ------
         Unstable
-            If a bound is broken.
+            If a limit is exceeded.
         """
         self._last_checked_step = self.simulation.steps
         if not self.simulation.n_bodies:
@@ -179,7 +180,7 @@ class Bounded:
         Raises
         ------
         Unstable
-            For the fastest grain, if it is too fast.
+            If the fastest grain is too fast. The message names it.
         """
         simulation = self.simulation
         squared_speeds = np.square(simulation.velocities).sum(axis=1)
@@ -207,12 +208,13 @@ class Bounded:
         """Check that the grains have no more energy than they can have received.
 
         A grain can have received the energy of a fall from the top of the scene, and
-        that of the largest speed of grains and walls.
+        the kinetic energy of the largest speed that grains or walls are given.
 
         Raises
         ------
         Unstable
-            If all grains together have too much energy.
+            If all grains together have too much energy. The message names the grain
+            with the largest kinetic energy.
         """
         simulation = self.simulation
         present = simulation.present
@@ -243,8 +245,8 @@ class Bounded:
         Raises
         ------
         Unstable
-            For the deepest contact of two grains, or of a grain and a wall, if it is
-            too deep.
+            If two grains, or a grain and a wall, overlap too deeply. The message names
+            them.
         """
         simulation = self.simulation
         self.overlap_share = 0.0
@@ -294,8 +296,8 @@ class Bounded:
     ) -> int | None:
         """Find the deepest overlap if it is too deep for a contact.
 
-        The attribute `overlap_share` is raised to the share of the deepest overlap, even
-        if that is not too deep.
+        The attribute `overlap_share` becomes the share of the deepest overlap if that
+        is larger than its present value.
 
         Parameters
         ----------
@@ -317,7 +319,10 @@ class Bounded:
         return deepest if shares[deepest] > OVERLAP_LIMIT else None
 
     def _make_overlap_error(self, bodies: str, overlap_m: float) -> Unstable:
-        """Make the error about two bodies, given in words, that overlap too deeply."""
+        """Make the error about two bodies that overlap too deeply.
+
+        `bodies` is the phrase that names them in the message.
+        """
         return Unstable(
             f"{bodies} overlap by {format_significant(1e3 * overlap_m, 3)} mm, "
             f"{self._describe_time()}: a higher berry.shear_modulus_pa, or a shorter "
@@ -326,10 +331,10 @@ class Bounded:
         )
 
     def _describe_time(self) -> str:
-        """Write the simulated time of a fault."""
+        """Return the present simulated time as a phrase for a message."""
         return f"after {format_significant(self.simulation.time_s, 3)} s"
 
     def _describe_remedy(self) -> str:
-        """Write the remedy for a time step that is too long."""
+        """Return the advice for a message about a time step that is too long."""
         step_s = self.simulation.time_step_s
         return f"a shorter simulation.time_step_s than {format_significant(step_s, 3)} helps"

@@ -2,7 +2,7 @@
 
 Vessel and pouring follow the small container of ISO 17828: 5 litres, 167 mm wide and
 228 mm high; the grains are poured from 200 to 300 mm above the rim and struck off level.
-The wall continues above the rim as a collar, so that no grain falls beside the cylinder.
+The wall continues above the rim as a collar, so that no grain misses the cylinder.
 When the grains rest, those above the rim are struck off. Then the cylinder may be tapped:
 it falls from a height, and its grains leave the floor with the speed of that fall.
 
@@ -10,10 +10,11 @@ A grain belongs to the cylinder if its centre lies below the rim. On average, th
 that protrudes above the rim replaces the volume that is missing below it. So the density
 does not depend on the shape of the grains.
 
-The core keeps a distance of `core_margin_mm` from wall, floor and rim, near which grains
-pack more loosely than in the middle. There, grains also lie in layers. A layer whose
-centres lie just inside the core would count too much if whole grains were counted. So each
-grain counts by the share of its volume that lies in the core.
+The core keeps a distance of `core_margin_mm` from wall, floor and rim, because grains
+pack more loosely near them than in the middle. Near a boundary, grains also lie in
+layers. If whole grains were counted, a layer whose centres lie just inside the core
+would count too much. Therefore each grain counts by the share of its volume that lies
+in the core.
 """
 
 import math
@@ -50,11 +51,11 @@ NAME = "cylinder"
 # Default height of the fall in a tap.
 TAP_MM = 3.0
 # Time after a tap in which the grains come to rest, in units of `GrainScale.time_s`. The
-# second constant is this time for a grain of 14 mm: the cost of a run is estimated before
-# the grain is known.
+# second constant is this time for a grain of 14 mm. It is used to estimate the cost of
+# a run before the grain is known.
 TAP_REST_TIMES = 10.8
 TYPICAL_TAP_REST_S = 0.4
-# Most points of a body by which the share of a grain in the core is estimated.
+# Largest number of points in a body that estimate the share of a grain in the core.
 MOST_POINTS = 1000
 # Number of directions in which the extent of a convex body is compared with a point.
 N_DIRECTIONS = 1000
@@ -212,9 +213,9 @@ class Vessel:
     ) -> np.ndarray:
         """Estimate the share of each grain's volume that lies in the core.
 
-        The share of a grain is that of up to `MOST_POINTS` points of its body. Its root
-        mean square error is 0.003 for a grain that the boundary of the core cuts. The
-        relative error of the density of the core is below 1e-3.
+        The estimate is the share of up to `MOST_POINTS` points of the body that lie in
+        the core. Its root mean square error is 0.003 for a grain that the boundary of
+        the core cuts. The relative error of the core's density is below 1e-3.
 
         Parameters
         ----------
@@ -249,9 +250,10 @@ class Vessel:
 def spread_points(particle: "Particle") -> np.ndarray:
     """Spread points evenly over the volume of a body.
 
-    They are the first `MOST_POINTS` points of a Kronecker sequence in the bounding box
-    of the body that lie in the body. There may be fewer in a body that fills little of
-    its box. The sequence is always the same, and it is more even than random points.
+    A Kronecker sequence fills the bounding box of the body, more evenly than random
+    points would. The first `MOST_POINTS` of its points that lie in the body are
+    returned, or fewer if the body fills little of its box. The sequence is always the
+    same.
 
     Parameters
     ----------
@@ -316,8 +318,9 @@ def tap(trial: Trial, height_m: float) -> None:
     """Simulate a tap: the cylinder falls from a height, and the grains come to rest.
 
     In the frame of the cylinder, the stop at the end of the fall throws the grains up to
-    the height of the fall. To simulate this, gravity is changed for one time step. In this
-    step it gives all grains the speed of the fall upwards. The trial is advanced in place.
+    the height of the fall. To simulate this, gravity is changed for a single time step,
+    in which it gives all grains the upward speed of the fall. The trial is advanced in
+    place.
 
     Parameters
     ----------
@@ -349,7 +352,7 @@ def _compute_fall_speed(gravity_m_s2: float, height_m: float) -> float:
 
 
 def _compute_flight_s(gravity_m_s2: float, height_m: float) -> float:
-    """Compute the time of a flight up to a height and back [s]."""
+    """Compute the time of a flight up to a height and back down [s]."""
     return 2.0 * _compute_fall_speed(gravity_m_s2, height_m) / gravity_m_s2
 
 
@@ -377,9 +380,9 @@ def _describe_filling(trial: Trial) -> Filling:
 def _judge_fullness(filling: Filling, section: CylinderSettings) -> Verdict | None:
     """Judge whether the cylinder is full.
 
-    The cylinder is full if the grains above the rim could form a layer that is as high as
-    a grain is long. The heap in the collar is nearly level, so such a layer covers the rim
-    everywhere.
+    The cylinder is full if there are enough grains above the rim for a layer whose
+    height is the length of a grain. The heap in the collar is nearly level, so this
+    many grains cover the rim everywhere.
 
     Parameters
     ----------
@@ -409,7 +412,7 @@ def _judge_fullness(filling: Filling, section: CylinderSettings) -> Verdict | No
 
 
 def _tap_filling(trial: Trial, section: CylinderSettings) -> Filling:
-    """Tap a filled cylinder as often as configured, and describe its filling.
+    """Tap a filled cylinder as often as configured, and describe the result.
 
     The trial is advanced in place.
     """
@@ -522,7 +525,8 @@ class CylinderTest(BenchTest[CylinderSettings]):
             "berries_poured": len(filling.centres_m),
             "kinetic_energy_J": filling.energy_j,
         }
-        # Only a cylinder whose filling is ``ok`` is tapped. The last state is judged.
+        # The cylinder is tapped only if its filling is ``ok``. The state after the taps
+        # is then judged in place of the filling.
         outcome = filling
         if section.taps and self.status_of(filling, scene.settings).status == "ok":
             outcome = _tap_filling(trial, section)
@@ -542,7 +546,7 @@ class CylinderTest(BenchTest[CylinderSettings]):
         Returns
         -------
         Trial
-            The cylinder with its grains. The trial ends early if a bound is broken.
+            The cylinder with its grains. The trial ends early if a limit is exceeded.
         """
         section = self.section(scene.settings)
         vessel = Vessel.of(section)

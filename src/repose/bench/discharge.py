@@ -32,8 +32,8 @@ NAME = "discharge"
 LID_SPEED_M_S = 3.0
 # A grain below this height is removed from the simulation.
 FLOOR_M = -0.1
-# The rate is measured from the time at which the first share of the mass has left the
-# funnel to the time at which the last share has left.
+# The rate is measured between the times at which these shares of the mass have left the
+# funnel.
 FIRST_MASS_SHARE = 0.2
 LAST_MASS_SHARE = 0.8
 
@@ -176,10 +176,10 @@ def compute_mass_flow_kg_s(exit_s: np.ndarray, mass_kg: np.ndarray) -> float:
     """
     order = np.argsort(exit_s, kind="stable")
     sorted_exit_s = exit_s[order]
-    # The mass of each grain and of all grains that left before it
+    # The total mass of each grain and of all grains that left before it
     mass_out_kg = np.cumsum(mass_kg[order])
     total_kg = mass_out_kg[-1]
-    # The first grains with which these masses have left
+    # The grains with whose exit these masses are reached
     limits_kg = [FIRST_MASS_SHARE * total_kg, LAST_MASS_SHARE * total_kg]
     first, last = np.searchsorted(mass_out_kg, limits_kg)
     duration_s = sorted_exit_s[last] - sorted_exit_s[first]
@@ -242,8 +242,8 @@ class DischargeTest(BenchTest[DischargeSettings]):
         outlet = (0.0, 0.0, 0.0)
         lid = dem.Plane(outlet, up, "wall", 0.5 * funnel.outlet_diameter_m)
 
-        # The collar is longer than configured, so that a grain that has just appeared at
-        # its top lies below the end of the wall.
+        # The wall of the collar is longer than configured, so that it also surrounds
+        # the grains that appear at the top of the collar.
         inlet = (0.0, 0.0, funnel.inlet_height_m)
         inlet_radius = 0.5 * funnel.inlet_diameter_m
         grain_room = 2.0 * largest_radius_m
@@ -306,7 +306,7 @@ class DischargeTest(BenchTest[DischargeSettings]):
             last_step = simulation.steps + simulation_settings.steps(section.longest_s)
             trial.wait(is_empty, last_step, check_interval)
         if opening is None:
-            # The run broke a bound before the opening. It is not measured.
+            # The run exceeded a limit before the opening, so it is not measured.
             opening = _Opening.never_opened(trial)
         return self._collect_run(trial, opening)
 
@@ -389,7 +389,10 @@ class DischargeTest(BenchTest[DischargeSettings]):
         return OK
 
     def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
-        """Measure the time to empty and the rate; an unknown rate is None."""
+        """Measure how long the funnel takes to empty, and the rate of the mass.
+
+        The rate is None if it is unknown.
+        """
         exit_s = np.asarray(arrays["exit_s"], float)
         # Mass is proportional to the cube of the relative size.
         masses = scene.particle.mass_kg * np.asarray(arrays["scale"], float) ** 3

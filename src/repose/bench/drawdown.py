@@ -213,8 +213,8 @@ class Box:
         Returns
         -------
         dict
-            Planes and meshes by name. The engine visits the walls in this order. The last
-            bits of a run depend on it.
+            Planes and meshes by name. The engine visits the walls in this order, on
+            which the last bits of the results depend.
         """
         walls: dict[str, dem.Plane | dem.Mesh] = {
             "lower_floor": dem.Plane((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), "wall"),
@@ -225,7 +225,7 @@ class Box:
         half_length = self.half_depth + 2.0 * self.thickness
         block_y = (-half_length, half_length)
         outer_side = self.half_width + self.thickness
-        # Both sides are mirror images of each other. The sign is that of their x.
+        # The two sides are mirror images of each other. The sign is that of their x.
         for side, sign in (("left", -1.0), ("right", 1.0)):
             lower_side = (sign * self.half_lower_width, 0.0, 0.0)
             inwards = (-sign, 0.0, 0.0)
@@ -242,7 +242,7 @@ class Box:
                 z=(self.gate_height, self.top_height + room_m),
                 edge_radius_m=edge_radius_m,
             )
-        # The gate closes the slot from below. It is wider than the slot.
+        # The gate closes the slot from below and is wider than the slot.
         walls["gate"] = _make_block(
             x=(-self.half_slot - self.thickness, self.half_slot + self.thickness),
             y=block_y,
@@ -283,10 +283,10 @@ def _make_block(
 
 
 def move_wedges_back_to_back(centres_m: np.ndarray, box: Box) -> np.ndarray:
-    """Move the grains of both wedges so that together they have the shape of a pile.
+    """Move the grains of both wedges so that the wedges together look like a pile.
 
-    The side walls, at which the wedges are highest, move to x = 0. The floor moves to
-    z = 0.
+    The wedges are highest at the side walls. Each wedge is moved so that its side wall
+    comes to x = 0. The floor comes to z = 0.
 
     Parameters
     ----------
@@ -337,7 +337,7 @@ class _Opening(NamedTuple):
         )
 
 
-# Entry for a run that broke a bound before its gate was opened.
+# The opening of a run that exceeded a limit before its gate was opened.
 _NEVER_OPENED = _Opening(time_s=np.nan, n_filled=0, n_early=0)
 
 
@@ -511,7 +511,7 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
             fill_and_rest(trial, factory, section.open_from_s, check_interval)
             opening = _Opening.from_simulation(simulation)
             _open_gate(trial, box)
-            # Let the grains begin to fall before their rest is checked.
+            # Let the grains begin to fall before checking whether they are at rest.
             trial.run_to(simulation.steps + check_interval)
             last_step = simulation.steps + simulation_settings.steps(section.longest_s)
             trial.wait(trial.is_at_rest, last_step, check_interval)
@@ -570,8 +570,8 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
     def measure_arrays(self, arrays: Arrays, scene: Scene) -> dict[str, Any]:
         """Measure the angles above and below, and mass and rate of the drained grains.
 
-        A grain with an exit time passed the slot and lies below. The other grains stayed
-        above.
+        A grain that has an exit time has passed the slot and lies below. The other
+        grains have stayed above.
 
         Parameters
         ----------
@@ -724,8 +724,8 @@ def _measure_flow(arrays: Arrays, particle: "Particle") -> dict[str, Any]:
     Returns
     -------
     dict
-        The numbers by name. The rate is None if no grain drained, or if all grains of the
-        middle of the flow drained at once.
+        The numbers by name. The rate is None if no grain drained, or if all grains in
+        the middle of the flow drained at the same time.
     """
     scales = np.asarray(arrays["scale"], float)
     exit_s = np.asarray(arrays["exit_s"], float)

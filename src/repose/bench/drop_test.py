@@ -1,16 +1,18 @@
 """The drop test: a grain falls on a plate, and its rebound gives the restitution.
 
-There are two ways to measure it. A camera sees the height h to which the grain rebounds:
-its centre left the plate at the speed sqrt(2 g h). A microphone hears the grain hit the
-plate twice: between the two sounds it flies for a time T, so it left at the speed g T / 2.
-The restitution is the ratio of this speed to the speed of the fall.
+There are two ways to measure it. A camera sees the height h to which the grain
+rebounds, so the centre of the grain left the plate at the speed sqrt(2 g h). A
+microphone hears the grain hit the plate twice. The grain flies for the time T between
+the two sounds, so it left the plate at the speed g T / 2. The restitution is the ratio
+of this speed to the speed at the end of the fall.
 
-Both speeds are those of the centre of mass. A grain that is not a sphere turns after the
-hit, which takes some of the energy, and hits the plate again in another orientation. So do
-real grains. Both responses scatter with the orientation in which the grain falls.
+Both speeds are those of the centre of mass. A grain that is not a sphere, real or
+simulated, rotates after the hit. The rotation takes up some of the energy, and the
+grain hits the plate again in another orientation. Therefore both responses scatter with
+the orientation in which the grain falls.
 
-Real hits last microseconds. In the simulation, where grains may be softer, T is the time
-of the flight alone, without the hits.
+Real hits last microseconds. Hits in the simulation may last longer, because its grains
+may be softer. T is therefore the time of the flight alone, without the hits.
 """
 
 import math
@@ -43,16 +45,16 @@ NAME = "drop_test"
 STRIDE_TIMES = 0.027
 # Longest duration of a hit.
 LONGEST_HIT_S = 1.0
-# Each of the first time steps of a hit is checked, up to this number. Later, the interval
-# between two checks is 1 / DENSE_STEPS of the present duration of the hit.
+# Number of time steps at the beginning of a hit that are all checked. Later, the
+# interval between two checks is 1 / DENSE_STEPS of the time since the hit began.
 DENSE_STEPS = 10_000
 # Fewest time steps of a fall.
 FEWEST_STEPS = 100
 
-# Largest restitution that is measured. It may exceed 1 for three reasons: a hit without
-# losses returns up to some percent too much energy (docs/verification.md), a grain that
-# turns in its flight may land lower than it left, and the times of the sounds have the
-# resolution of a time step.
+# Largest restitution that is accepted. It may exceed 1 for three reasons: a hit without
+# losses returns up to a few percent too much energy (docs/verification.md), a grain
+# that rotates in flight may land with its centre lower than it left, and the times of
+# the sounds are known only to within a time step.
 LARGEST_RESTITUTION = 1.1
 
 # --- responses ------------------------------------------------------------------------
@@ -113,7 +115,7 @@ class _Height(NamedTuple):
 
 
 class _GrainTracker:
-    """Advances a grain above a plate: in long strides in its flight, in steps in a hit.
+    """Advances a grain above a plate: in long strides in flight, in short ones in hits.
 
     Parameters
     ----------
@@ -159,8 +161,8 @@ class _GrainTracker:
     def follow_hit(self) -> bool:
         """Advance until the grain has left the plate, for at most `LONGEST_HIT_S`.
 
-        The number of time steps between two checks grows with the duration of the
-        contact.
+        The number of time steps between two checks grows with the time since the hit
+        began.
 
         Returns
         -------
@@ -293,8 +295,7 @@ class DropTest(BenchTest[DropTestSettings]):
         drop_m = 1e-3 * section.height_mm
         add_above(trial, section.orientation, drop_m)
         tracker = _GrainTracker(trial)
-        # The heights after the first hit. There are none if the grain does not leave the
-        # plate.
+        # The heights after the first hit; none if the grain does not leave the plate.
         rebound: list[_Height] = []
         with trial.bound(drop_m + 2.0 * trial.largest_radius_m).guard():
             tracker.follow_flight()

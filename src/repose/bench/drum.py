@@ -34,7 +34,7 @@ if TYPE_CHECKING:
 NAME = "drum"
 WALLS = ("shell", "near_cap", "far_cap")
 # States of the bed that a run keeps: at the beginning of the rotation, at the time
-# `drum.report_s`, before the slip and after it.
+# `drum.report_s`, just before the slip and just after it.
 STATES = ("start", "report", "before", "after")
 # Statuses of runs whose surface can be measured.
 MEASURABLE_STATUSES = ("ok", "no_slip")
@@ -193,7 +193,7 @@ class RotatingDrum(BenchTest[R]):
         }
 
     def tilt_deg(self, section: R) -> float:
-        """Return the angle by which the axis is tilted; a tilted drum is low at +y.
+        """Return the angle by which the axis is tilted, with the end at +y lower.
 
         It is 0 unless a subclass overrides this method.
         """
@@ -219,8 +219,9 @@ class RotatingDrum(BenchTest[R]):
         """
         simulation = super().build(scene, largest_scale)
         tilt = math.radians(self.tilt_deg(self.section(scene.settings)))
-        # The simulation reads this array, so new values in it tilt gravity. Before, gravity
-        # points along -z. The new component along +y pulls grains to the low end.
+        # The simulation reads this array, so new values in it tilt gravity, which
+        # points along -z until then. The new component along +y pulls grains to the low
+        # end.
         gravity = simulation.physics.gravity
         level_gravity_z = gravity[2]
         gravity[1] = -level_gravity_z * math.sin(tilt)
@@ -254,8 +255,8 @@ class RotatingDrum(BenchTest[R]):
         section = self.section(scene.settings)
         drum = Drum.of(section)
         trial = Trial(self.build, scene, section.berries, interval_s, progress)
-        # A wall gives a grain at most its own speed in the fastest rotation. A drum may
-        # have one angular velocity or a list of several.
+        # The speed that a wall gives to a grain is at most that of the wall in the
+        # fastest rotation. A section has one angular velocity or several.
         fastest_rad_s = float(np.max(section.angular_velocity_rad_s))
         trial.bound(top_m=drum.radius_m, speed_m_s=fastest_rad_s * drum.radius_m)
         factory_height_m = 1e-3 * section.factory_height_mm
@@ -373,8 +374,8 @@ class RotatingDrum(BenchTest[R]):
     def find_impossible_filling(self, settings: SceneSettings) -> Contradictions:
         """Yield keys whose values make it impossible to fill or record the drum.
 
-        Such a drum has no room for grains, turns before the last grain appears, or would
-        be recorded more often than once in a time step.
+        Such a drum has no room for grains, begins to turn before the last grain
+        appears, or would be recorded more often than once in a time step.
 
         Parameters
         ----------
@@ -434,8 +435,8 @@ class RotatingDrum(BenchTest[R]):
                 f"{self.name}.length_mm",
                 f"above {format_significant(grain_length_mm)}, so that a mean grain fits",
             )
-        # Where the centre of a grain is higher than this, the grain can touch the shell.
-        # The height is negative in a drum that is narrower than a grain.
+        # A grain whose centre is higher than this can touch the shell. The height is
+        # negative in a drum that is narrower than a grain.
         highest_mm = compute_inner_radius_mm(section) - grain_length_mm / 2
         if abs(section.factory_height_mm) >= highest_mm:
             allowed = "a wider drum, so that a mean grain fits"
@@ -457,8 +458,8 @@ def make_no_surface_verdict(scene: Scene) -> Verdict:
 def set_rotation(simulation: "dem.Simulation", angular_velocity_rad_s: float) -> None:
     """Set the angular velocity of the shell and the caps about the axis of the drum.
 
-    The simulation is changed in place: rolling resistance then acts against rotation
-    relative to the drum. A positive velocity turns the drum about -y.
+    The simulation is changed in place. From then on, rolling resistance opposes the
+    rotation relative to the drum. A positive velocity turns the drum about -y.
     """
     angular_velocity = (0.0, -angular_velocity_rad_s, 0.0)
     for wall in WALLS:
@@ -515,7 +516,7 @@ class Rotation(DrumOutcome):
     def state_rows(self) -> dict[str, int]:
         """Return the row of the record at each state, by the name of the state.
 
-        Without a slip there are only the states at the start and at the report.
+        A run without a slip has only the states at the start and at the report.
         """
         rows = {"start": 0, "report": self.report_row}
         if self.slip is not None:
@@ -636,8 +637,8 @@ class _DrumRecorder:
         particle = self.trial.scene.particle
         centres = simulation.positions
         quaternions = simulation.quaternions
-        # The energy is that in the frame which turns with the drum, where a bed at rest has
-        # none.
+        # The energy is measured in the frame that turns with the drum. In this frame, a
+        # bed at rest has none.
         energy_j = bed.relative_energy(
             Grains(centres, quaternions, particle, simulation.scales),
             simulation.velocities,
@@ -681,10 +682,10 @@ class _DrumRecorder:
 
 
 def _turn_until_slip(recorder: _DrumRecorder) -> "bed.Slip | None":
-    """Turn the drum until the bed slips, then stop the drum until the bed rests.
+    """Turn the drum until the bed slips, then stop it and wait until the bed rests.
 
-    The recorder and its trial are advanced in place. The drum is never stopped if the bed
-    does not slip.
+    The recorder and its trial are advanced in place. If the bed does not slip, the drum
+    is never stopped.
 
     Parameters
     ----------
@@ -796,11 +797,12 @@ class DrumTest(RotatingDrum[DrumSettings]):
     }
 
     def rotate(self, scene: Scene, progress: Progress | None = None) -> Rotation:
-        """Fill the drum, let the bed rest, turn the drum until the bed slips and rests.
+        """Fill the drum, turn it until the bed slips, and stop it until the bed rests.
 
-        The rotation lasts until a slip is found (`bed.find_slip`), at most
-        `drum.longest_rotation_s`. The run ends when the bed rests, at most
-        `drum.settle_s` after the drum stopped, but not before `drum.report_s`.
+        The drum begins to turn when the filled bed is at rest. It turns until a slip is
+        found (`bed.find_slip`), for at most `drum.longest_rotation_s`. The run ends
+        when the bed is at rest again, or `drum.settle_s` after the drum stopped, but
+        not before `drum.report_s`.
 
         Parameters
         ----------
@@ -817,7 +819,7 @@ class DrumTest(RotatingDrum[DrumSettings]):
         section = self.section(scene.settings)
         trial, factory = self.make_empty_drum(scene, progress=progress)
         recorder = _DrumRecorder(trial, section)
-        # These values remain if the run breaks a bound before the bed slips.
+        # These values remain if the run exceeds a limit before the bed slips.
         rest_energy_j = math.nan
         slip = None
         with trial.bounds.guard():
@@ -844,8 +846,8 @@ class DrumTest(RotatingDrum[DrumSettings]):
     def judge(self, outcome: DrumOutcome, settings: SceneSettings) -> Verdict:
         """Judge a stable run before it is measured.
 
-        In addition to the faults of every drum, the bed may have moved before the drum
-        turned, or may never have slipped.
+        In addition to the faults of every drum, the bed may still have moved when the
+        rotation began, or may never have slipped.
 
         Parameters
         ----------
@@ -859,7 +861,7 @@ class DrumTest(RotatingDrum[DrumSettings]):
         Verdict
             `OK`, or the first fault.
         """
-        # The type of the parameter is that of every drum, so narrow it here.
+        # The parameter has the type that all drums share. Narrow it here.
         assert isinstance(outcome, Rotation)
         verdict = super().judge(outcome, settings)
         if verdict != OK:
@@ -893,8 +895,8 @@ class DrumTest(RotatingDrum[DrumSettings]):
         scene : Scene
             Settings, parameters, grain and seed of the run.
         interval_s : float, optional
-            With any value the run has frames, at the times of the record. Without it the
-            run has none.
+            If it is given, the run has frames at the times of the record, whatever the
+            value. Without it the run has no frames.
         progress : function, optional
             Called with the simulated time [s] after every advance.
 
@@ -1022,7 +1024,7 @@ class DrumTest(RotatingDrum[DrumSettings]):
 
         before_m = arrays["position_before"]
         after_m = arrays["position_after"]
-        # The depth of a grain is its distance from the surface before the slip.
+        # The depth of a grain is its distance below the surface before the slip.
         surface = self.find_surface(
             before_m, arrays["quaternion_before"], arrays["scale"], scene
         )

@@ -16,11 +16,11 @@ if TYPE_CHECKING:
 
 # Largest number of random points that are tried for a new grain in a time step.
 MOST_POINTS = 200
-# Share of a bed that its grains fill, for a first estimate of their number.
+# Share of the volume of a bed that grains fill, for a first estimate of their number.
 LIKELY_PACKING = 0.6
-# `Disc.points` may differ from `Disc.point` in the last digits. So a point seems free if
-# its squared distances exceed the squared limit times this factor. It is then computed
-# again by `Disc.point`.
+# `Disc.points` may differ from `Disc.point` in the last digits. A point is therefore
+# taken as likely free if its squared distances exceed the squared limit times this
+# factor, and is then computed again by `Disc.point`.
 ROUNDING_FACTOR = 1.0 - 1e-9
 
 
@@ -102,14 +102,13 @@ def find_free_point(
 ) -> np.ndarray | None:
     """Find a random point of an area at which a new grain touches no other grain.
 
-    Up to `MOST_POINTS` points are tried. They are computed together, which is quicker,
-    but the result is the same as if they were tried one by one.
+    Up to `MOST_POINTS` points are tried. All points after the first are computed at
+    once, which is quicker. The result is the same as if they were tried one by one.
 
     Parameters
     ----------
     rng : Generator
-        Random generator. It is advanced by two numbers for each point up to the free
-        one.
+        Random generator. It is advanced by two numbers for each point that is tried.
     simulation : repose.dem.Simulation
         The simulation with its grains.
     area : Disc or Strip
@@ -121,7 +120,7 @@ def find_free_point(
         The point (3,) [m]; None if no point is free.
     """
     # Grains whose centres are farther apart than this distance cannot touch. Only grains
-    # near the area or above it can be nearer to a new grain.
+    # that are not this far below the area can touch a new grain.
     contact_distance = 2.0 * simulation.radius
     positions = simulation.positions
     is_high = positions[:, 2] > area.height_m - contact_distance
@@ -140,8 +139,8 @@ def find_free_point(
         # Compute the point again, because `Disc.points` may differ in the last digits.
         point = np.array(area.point(*numbers[candidate].tolist()))
         if _is_free(point, neighbours, contact_distance):
-            # Too many random numbers were drawn. Return to the state before, and draw
-            # only those up to this point.
+            # Too many random numbers were drawn. Restore the state before them, and
+            # draw only those up to this point.
             rng.bit_generator.state = state_before
             rng.random((candidate + 1, 2))
             return point
@@ -171,7 +170,7 @@ def _is_free(
 def _find_likely_free(
     points: np.ndarray, neighbours: np.ndarray, contact_distance: float
 ) -> list[int]:
-    """List the points that are free, but for rounding errors.
+    """List the points that are free, apart from rounding errors.
 
     Parameters
     ----------
@@ -187,7 +186,7 @@ def _find_likely_free(
     list of int
         Indices of these points, in increasing order.
     """
-    # The offsets of all points from all grains have the shape (M, N, 3).
+    # The offsets of all points from all grains, of the shape (M, N, 3)
     offsets = points[:, np.newaxis, :] - neighbours
     smallest_squares = np.sum(offsets**2, axis=2).min(axis=1)
     is_likely_free = (
@@ -210,7 +209,7 @@ def draw_orientation(orientation: str, rng: np.random.Generator) -> np.ndarray:
     Returns
     -------
     array
-        Quaternion (w, x, y, z) from the body's frame to the world's frame.
+        Quaternion (w, x, y, z) that rotates the frame of the body to that of the world.
     """
     if orientation == "random":
         return random_quaternion(rng)
@@ -249,9 +248,9 @@ def add_above(trial: "Trial", orientation: str, height_m: float = 0.0) -> None:
     rng = np.random.default_rng(trial.scene.seed)
     quaternion = draw_orientation(orientation, rng)
     scale = float(trial.scales[0])
-    # Find the distance of the lowest point below the centre. The particle computes the
-    # farthest point in a direction of the body's frame, so the direction downwards is
-    # converted to this frame.
+    # Find how far the lowest point lies below the centre. The particle computes the
+    # farthest extent in a direction of the body's frame, so convert the downward
+    # direction to this frame.
     down_in_body = rotation_matrix(quaternion).T @ np.array([0.0, 0.0, -1.0])
     lowest_point = trial.scene.particle.support_point(down_in_body[np.newaxis])[0]
     depth_m = scale * float(lowest_point @ down_in_body)
@@ -265,7 +264,7 @@ def last_berry_s(section: "Poured") -> float:
 
 
 def too_early(section: "Poured", name: str, key: str) -> Iterator[tuple[str, str]]:
-    """Yield the key of a time at which not all grains have appeared yet.
+    """Yield the key of a time that comes before the last grain has appeared.
 
     Parameters
     ----------
@@ -274,7 +273,7 @@ def too_early(section: "Poured", name: str, key: str) -> Iterator[tuple[str, str
     name : str
         Name of the section.
     key : str
-        Key of the time in the section.
+        Key of the time within the section.
 
     Yields
     ------
@@ -291,7 +290,7 @@ def fill(trial: "Trial", factory: Factory, last_step: int) -> None:
     """Add the grains of a factory to a trial one by one, up to a last time step.
 
     The first grain appears at once. Each grain appears where it touches no other grain.
-    The seed of the scene gives the random numbers.
+    The random numbers depend on the seed of the scene.
 
     Parameters
     ----------
@@ -316,7 +315,7 @@ def fill_and_rest(
 ) -> None:
     """Fill a trial, advance it to a time, and wait until the grains are at rest.
 
-    The simulation ends at twice that time, even if the grains are not at rest.
+    The wait ends at twice that time at the latest, even if the grains still move.
 
     Parameters
     ----------
@@ -349,10 +348,10 @@ def fill_to_level_and_rest(
 ) -> None:
     """Fill a trial up to a level of the bed, and wait until the grains are at rest.
 
-    First, half of the likely number of grains is added. When they are at rest, the level
-    of the bed (`bed_level_m`) shows how many grains are missing, and these are added.
-    This is repeated until no grains are missing. The simulation ends at twice the time
-    `until_s`, even if the grains are not at rest.
+    First, half of the likely number of grains is added. Once they are at rest, the
+    level of the bed (`bed_level_m`) shows how many grains are missing. These are added
+    in turn, until no grains are missing. The wait for rest ends at twice the time
+    `until_s` at the latest, even if the grains still move.
 
     Parameters
     ----------
@@ -395,7 +394,7 @@ def fill_to_level_and_rest(
 
 
 def _count_fall_steps(trial: "Trial", height_m: float) -> int:
-    """Count the time steps of a fall from a height to z = 0, rounded up."""
+    """Compute the time steps of a fall from a height to z = 0, rounded up."""
     simulation = trial.simulation
     gravity = float(np.linalg.norm(simulation.physics.gravity))
     fall_s = math.sqrt(2.0 * height_m / gravity)
@@ -448,7 +447,7 @@ def _wait_for_point(
 ) -> np.ndarray | None:
     """Wait until an area has room for a new grain, and return a point for its centre.
 
-    The area has room again when the grains in it have fallen.
+    The area has room again once the grains in it have fallen out of the way.
 
     Parameters
     ----------

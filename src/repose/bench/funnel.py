@@ -36,20 +36,20 @@ from repose.measure.clusters import largest_cluster
 NAME = "funnel"
 # Largest share of the grains that may roll over the edge of the plate.
 LARGEST_LOSS = 0.1
-# Smallest share of the grains on the plate that touch each other in a pile. In 2810 pours
-# of the article's study and ours, this share was 0.86 or more.
+# A pile must contain at least this share of the grains on the plate. In 2810 pours of
+# the article's study and ours, the share was 0.86 or more.
 SMALLEST_PILE = 0.5
 FEWEST_IN_PILE = 10
-# Share of the volume of a poured pile that grains fill.
+# Share of the volume of a poured pile that its grains fill.
 PACKING = 0.6
 # A grain below this height has left the plate and is gone.
 FLOOR_M = -0.05
-# How often in a `rest_window_s` the pour checks whether the pile rests.
+# Number of checks for rest within the time `rest_window_s`.
 CHECKS_PER_WINDOW = 4
-# Largest share of `rest_motion_mm` that a grain at rest would move in another window at
-# its present speed.
+# Largest distance that a grain at rest would move in another window at its present
+# speed, as a share of `rest_motion_mm`.
 STANDSTILL_SHARE = 0.01
-# Advice for a pour whose pile still moves at the end.
+# Advice for a pour whose pile is still moving at the end.
 MORE_TIME_ADVICE = "give the grains more time by funnel.duration_s"
 
 # --- responses ------------------------------------------------------------------------
@@ -263,11 +263,11 @@ class Pour(Outcome):
     on_plate : array
         Mask (N,) of the grains on the plate.
     in_pile : array
-        Mask (N,) of those in the largest cluster there.
+        Mask (N,) of the grains in the largest cluster on the plate.
     in_funnel, off_plate : int
-        Numbers of grains still in the funnel, and gone from the plate.
+        Number of grains that are still in the funnel, and that have left the plate.
     kinetic_energy_j : float
-        Energy of the pile.
+        Kinetic energy of all grains in the pile together.
     largest_motion_m : float
         Largest displacement of a grain on the plate in the last `rest_window_s`.
     discharge_s : float
@@ -275,8 +275,8 @@ class Pour(Outcome):
     wall_s : float
         Wall time of the pour.
     us_per_step : float
-        Wall time per time step in the last second of `duration_s`, or since the last
-        grain if that is later.
+        Wall time per time step [us] in the last second of `duration_s`, or since the
+        last grain was added if that is later.
     frames : dict or None
         Frames, see `repose.bench.trial.Trial.frames`.
     """
@@ -310,9 +310,9 @@ def _is_pour_over(
     section : FunnelSettings
         The section `funnel` of the configuration.
     position_history : sequence of array
-        Positions (N, 3) [m] of the grains at the checks of the last rest window. The
+        Positions (N, 3) [m] of the grains at the checks in the last rest window. The
         last entry is the present state. A complete window has `CHECKS_PER_WINDOW` + 1
-        checks.
+        entries.
     """
     present = simulation.present
     all_poured = simulation.n_bodies >= section.berries and present.any()
@@ -347,7 +347,7 @@ class _StepTimer:
         self.start(0)
 
     def start(self, step: int) -> None:
-        """Start anew at a time step."""
+        """Restart at a time step."""
         self.step = step
         self.clock_s = time.perf_counter()
 
@@ -544,14 +544,14 @@ class FunnelTest(BenchTest[FunnelSettings]):
         Parameters
         ----------
         scene : Scene
-            What the pour depends on.
+            Settings, parameters, grain and seed of the pour.
         interval_s : float, optional
             Simulated time between the frames of a film; without it none are recorded.
         progress : function, optional
             Called with the simulated time [s] after every advance.
         until_rest : bool, optional
-            Whether the pour ends as soon as the grains rest. Without a rest, or with
-            False, it lasts for `funnel.duration_s`.
+            Whether the pour ends as soon as the grains rest. If not, or if they never
+            rest, it lasts for `funnel.duration_s`.
 
         Returns
         -------
@@ -572,14 +572,15 @@ class FunnelTest(BenchTest[FunnelSettings]):
         timer = _StepTimer()
         # Positions at the checks of the last rest window. The deque drops older ones.
         position_history: deque[np.ndarray] = deque(maxlen=CHECKS_PER_WINDOW + 1)
-        # A broken bound ends this block. The state at that moment is then described.
+        # This block ends as soon as a limit is exceeded. The state at that moment is
+        # then described.
         with trial.bound(factory.area.height_m).guard():
             # The last grain must appear a whole rest window before the end.
             fill(trial, factory, last_step - window_steps)
             timer.start(simulation.steps)
             for step in _yield_check_steps(simulation.steps, last_step, window_steps):
                 trial.run_to(step)
-                # Until the last second begins, each check starts the timer anew.
+                # Until the last second begins, each check restarts the timer.
                 if step <= timing_start_step:
                     timer.start(step)
                 position_history.append(simulation.positions.copy())
@@ -615,7 +616,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
         """
         section = self.section(settings)
         n_grains = section.berries
-        # A grain that found no room above the inlet was never added.
+        # Grains that found no room above the inlet were never added.
         n_waiting = n_grains - len(outcome.centres_m)
         if outcome.in_funnel or n_waiting > 0:
             return Verdict(
@@ -723,14 +724,14 @@ class FunnelTest(BenchTest[FunnelSettings]):
         arrays : mapping
             The arrays of the pour by name, as `run` returns them.
         scene : Scene
-            What the pour depends on.
+            Settings, parameters, grain and seed of the pour.
 
         Returns
         -------
         dict
             The record with the `BASIC_NUMBERS` and all other responses that are
-            targets. They are None in a pour that is not ``ok``. If the number of a
-            target cannot be measured, the pour gets another status and a reason.
+            targets. They are None in a pour that is not ``ok``. If a target has a
+            number that cannot be measured, the result has another status and a reason.
         """
         settings = scene.settings
         targets = self.target_responses(settings.config)
@@ -755,30 +756,30 @@ class FunnelTest(BenchTest[FunnelSettings]):
         known_numbers = {**record, **responses}
         for target in computed_targets:
             responses[target.name] = target.of(known_numbers)
-        # A pour without the number of a target does not stay ``ok``.
+        # A pour that lacks the number of a target is not ``ok``.
         verdict |= self.check_targets({**record, **responses}, settings, reasons)
         return verdict | responses | other_numbers
 
     def _measure_pile(
         self, arrays: Arrays, scene: Scene, extra_names: Sequence[str]
     ) -> tuple[dict[str, Any], dict[str, str]]:
-        """Measure the silhouette of a pile and the positions of its grains.
+        """Measure a pile from its silhouette and from the positions of its grains.
 
         Parameters
         ----------
         arrays : mapping
             Arrays of the pour by name.
         scene : Scene
-            What the pour depends on.
+            Settings, parameters, grain and seed of the pour.
         extra_names : sequence of str
             Names of numbers to measure in addition to the `BASIC_NUMBERS`.
 
         Returns
         -------
         numbers : dict
-            The numbers by name; None where one cannot be measured.
+            The numbers by name. A number that cannot be measured is None.
         reasons : dict
-            The reason why a number cannot be measured, by its name.
+            The reason why a number cannot be measured, by the name of the number.
         """
         from repose.measure.saved_piles import pile_responses
 
@@ -806,7 +807,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
         """
         section = self.section(settings)
         window_s = section.rest_window_s
-        # The checks for rest in a window need different time steps.
+        # The checks for rest in a window must lie at different time steps.
         if settings.simulation.time_step_s > window_s / 2:
             yield (
                 "simulation.time_step_s",
@@ -867,7 +868,7 @@ def _list_extra_numbers(
         Responses that are targets. A computed response needs the numbers from which it
         is computed.
     record : mapping
-        The record of the run. Its numbers need no measurement.
+        The record of the run. The numbers in it need not be measured.
 
     Returns
     -------
@@ -893,8 +894,8 @@ def _yield_check_steps(
     Parameters
     ----------
     first_step, last_step : int
-        Time steps between which the checks lie. The last check is at `last_step`. The
-        first check is less than one interval after `first_step`.
+        The checks lie between these time steps. The last check is at `last_step`. The
+        first check comes less than one interval after `first_step`.
     window_steps : int
         Number of time steps in a rest window, which has `CHECKS_PER_WINDOW` checks.
     """

@@ -1,8 +1,8 @@
 """Units of length, time and energy for a grain of diameter d and mass m under gravity g.
 
-They are d for lengths, sqrt(d / g) for times and m g d for energies. In these units, piles
-of grains of any size move alike if shape and friction are the same. So one limit or
-interval serves all sizes.
+They are d for lengths, sqrt(d / g) for times and m g d for energies. In these units,
+grains of different sizes move in the same way if their shape and friction are the same.
+A limit or an interval in these units therefore holds for all sizes.
 """
 
 import math
@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, NamedTuple, Self
 if TYPE_CHECKING:
     from repose.grain.particle import Particle
 
-# Simulated time between two checks of a bed that comes to rest or runs out, in units of
-# `GrainScale.time_s`.
+# Simulated time between two checks of a bed that comes to rest or flows out, in units
+# of `GrainScale.time_s`.
 CHECK_TIMES = 1.35
 
 
@@ -62,8 +62,8 @@ class GrainScale(NamedTuple):
     def interval_s(self, times: float = CHECK_TIMES) -> float:
         """Return a multiple of the unit of time, rounded to one significant digit [s].
 
-        The bodies that represent one grain differ a little in volume. The rounding gives
-        them the same interval.
+        The bodies that may represent the same grain differ slightly in volume. Because
+        of the rounding, they all have the same interval.
         """
         return round_to_digits(times * self.time_s, digits=1)
 

@@ -113,8 +113,9 @@ class Funnel:
         # Places are distances along the line. The line begins where it touches the
         # rounded edge: at the projection of the edge's centre onto its direction.
         first = cos * self._edge_circle_radius_m + sin * self.neck_height_m
-        # The line ends at the radius of the inlet. The place of the foot point is 0 except
-        # for rounding errors. It stays in the sum because the last bits depend on it.
+        # The line ends at the radius of the inlet. The place of the foot point is 0
+        # apart from rounding errors. It stays in the sum because the last bits of the
+        # results depend on it.
         inlet_radius = 0.5 * self.inlet_diameter_m
         foot_place = cos * foot_r + sin * foot_z
         last = (inlet_radius - foot_r) / cos + foot_place
@@ -144,8 +145,8 @@ class Funnel:
         dict
             ``cone``, ``outlet`` and, with a tube, ``tube`` and ``neck``.
         """
-        # Directions (r, z) from an edge along the walls that meet there. Zeros stand for no
-        # wall.
+        # Directions (r, z) from an edge along the walls that meet there. Zeros mean
+        # that there is no wall.
         along_cone = (math.cos(self._slope), math.sin(self._slope))
         up_tube = (0.0, 1.0)
         down_tube = (0.0, -1.0)

@@ -36,7 +36,7 @@ NAME = "inclined_plane"
 # The bodies that lie on the plane: first the sled, then the grain that can roll.
 SLED = "sled"
 GRAIN = "berry"
-# Their names in messages. The names above are those of arrays and stay as they are.
+# Their names in messages. The names above are part of the names of saved arrays.
 BODY_NAMES = {SLED: "sled", GRAIN: "grain"}
 # Time between two checks of a body, in units of `GrainScale.time_s`: while it comes to
 # rest on the level plane, and while the plane tilts.
@@ -44,18 +44,18 @@ REST_CHECK_TIMES = 0.27
 TILT_CHECK_TIMES = 0.135
 # Fewest checks of a mean grain while the plane tilts.
 FEWEST_CHECKS = 100
-# A body has moved when its centre is this share of its shortest axis away.
+# A body has moved when its centre is displaced by this share of its shortest axis.
 MOVED_SHARE = 0.25
-# The line of `fit_onset_angle_deg` goes through the square roots of speeds that are at
-# least this share of the last root.
+# `fit_onset_angle_deg` fits its line to square roots of speeds. A root is too small for
+# the line if it is below this share of the last root.
 SMALLEST_ROOT_SHARE = 0.3
-# Fewest speeds from the last small one on. The line goes through those after it.
+# Fewest speeds from the last one whose root is too small (included) to the end.
 FEWEST_SPEEDS = 3
 # A grain slides instead of rolling if its lowest point is faster than this share of its
 # speed.
 SLIDING_SHARE = 0.5
-# Distance between the grains of a glued layer, over that at which they touch. Grains that
-# touched exactly could overlap by rounding errors.
+# Distance between the grains of a glued layer, over that at which they touch. It is a
+# little larger than 1, since grains that just touch could overlap by rounding errors.
 LAYER_SPACING = 1.0001
 # Radius of a glued layer in bounding radii of a grain.
 LAYER_RADIUS = 3.5
@@ -206,8 +206,8 @@ def _compute_layer_spacing(
 ) -> float:
     """Compute the factor by which a stretched layer is spread so that no grains overlap.
 
-    Neighbouring ellipsoids of a stretched layer just touch. Other bodies may be wider in
-    the direction of the contact. The factor spreads the layer by as much.
+    Neighbouring ellipsoids of a stretched layer just touch. Other bodies may be wider
+    than ellipsoids in the direction of the contact. The factor makes up for this.
 
     Parameters
     ----------
@@ -231,8 +231,8 @@ def _compute_layer_spacing(
     )
     # Normals, not of unit length, of the planes in which the stretched spheres touch
     normals = np.column_stack([neighbours[:, :2] / stretch[:2], np.zeros(3)])
-    # Bodies do not overlap if none is wider along a normal than the distance between
-    # neighbours along it.
+    # Bodies do not overlap if their width along each normal is at most the distance
+    # between neighbours along this normal.
     distances = (neighbours * stretch * normals).sum(axis=1)
     body_normals = normals @ body_axes
     widths = particle.support(body_normals) + particle.support(-body_normals)
@@ -257,7 +257,7 @@ MOTION_COLUMNS = _Motion._fields
 class Tilting(Outcome):
     """The outcome of both tiltings of the plane."""
 
-    # The sled or the grain if it did not rest before the plane tilted; else empty
+    # The sled or the grain if it was not at rest when the plane began to tilt, or empty
     restless_body: str = ""
 
 
@@ -266,8 +266,8 @@ def make_sled_parameters(
 ) -> dict[str, float]:
     """Make the contact parameters of a sled: a grain that slides before it can roll.
 
-    Its coefficient of rolling friction is at least twice that of sliding friction. So the
-    sled slides on a slope on which it does not yet roll.
+    Its coefficient of rolling friction is at least twice that of sliding friction.
+    Therefore the sled already slides on slopes on which it does not yet roll.
 
     Parameters
     ----------
@@ -289,8 +289,9 @@ def make_sled_parameters(
 
 
 def draw_azimuth(seed: int) -> float:
-    """Draw the azimuth of the glued layer [rad] of a run with this seed."""
-    # The seed alone gives the random numbers of the free grain. The 1 gives others.
+    """Draw the azimuth [rad] of the glued layer in the run with a seed."""
+    # The random numbers of the free grain come from the seed alone. With the 1, those
+    # of the layer are different.
     rng = np.random.default_rng([seed, 1])
     return float(rng.uniform(0.0, 2.0 * math.pi))
 
@@ -314,7 +315,7 @@ def _lay_down(trial: Trial, section: InclinedPlaneSettings) -> None:
         half_extents = trial.scene.particle.dem_shape("berry").half_extents_m
         height_m = float(min(half_extents))
     add_above(trial, "lying", height_m)
-    # Let the grain begin to move before its rest is checked.
+    # Let the grain begin to move before checking whether it is at rest.
     check_interval = max(
         1, simulation_settings.steps(trial.scene.scale.interval_s(REST_CHECK_TIMES))
     )
@@ -326,7 +327,7 @@ def _lay_down(trial: Trial, section: InclinedPlaneSettings) -> None:
 def _is_at_rest(trial: Trial) -> bool:
     """Return whether the free grain rests.
 
-    An energy that is not a number counts as rest, so that a wait ends.
+    A grain whose energy is NaN counts as at rest, so that a wait for rest ends.
     """
     # The free grain is added last, after the glued ones.
     energy_j = trial.simulation.kinetic_energies()[-1]
@@ -348,8 +349,8 @@ def _tilt(trial: Trial, section: InclinedPlaneSettings) -> list[_Motion]:
     Returns
     -------
     list of _Motion
-        The motion of the grain at each check. The list is empty if the grain does not
-        rest at the beginning.
+        The motion of the grain at each check. The list is empty if the grain is not at
+        rest before the plane tilts.
     """
     if not _is_at_rest(trial):
         return []
@@ -414,15 +415,16 @@ def _read_motion(
     Returns
     -------
     _Motion
-        The motion. The speed of sliding is that of the lowest point of the grain on the
-        plane. A glued layer has no such point, so there the speed of sliding is 0.
+        The motion. The speed of sliding is that of the lowest point of the grain, which
+        lies on the plane. On a glued layer there is no such point, and the speed of
+        sliding is 0.
     """
     velocity = simulation.velocities[-1]
     speed = float(np.linalg.norm(velocity))
     if surface == "glued":
         return _Motion(angle_deg, speed_m_s=speed, slide_m_s=0.0)
-    # The lowest point is taken on the plane z = 0, straight below the centre. Its velocity
-    # is that of the centre plus that of the rotation about the centre.
+    # The lowest point is assumed to lie on the plane z = 0, straight below the centre.
+    # Its velocity is that of the centre plus that of the rotation about the centre.
     height = simulation.positions[-1][2]
     angular_velocity = simulation.angular_velocities[-1]
     offset_from_centre = (0.0, 0.0, -height)
@@ -518,11 +520,11 @@ def _rotate_quaternions(quaternion: np.ndarray, angle: np.ndarray) -> np.ndarray
 
 
 def fit_onset_angle_deg(angle_deg: np.ndarray, speed_m_s: np.ndarray) -> float | None:
-    """Find the angle at which a motion began, by a line through roots of the speed.
+    """Find the angle at which a motion began, by a line through square roots of speeds.
 
-    The square root of the speed grows in proportion to the angle since the beginning of
-    the motion. A line is fitted to the roots over the angles. It is zero at the angle
-    that is returned.
+    When a motion begins, the square root of the speed grows in proportion to the
+    further change of the angle. A line is fitted to these roots as a function of the
+    angle. The angle at which the line is zero is returned.
 
     Parameters
     ----------
@@ -532,12 +534,12 @@ def fit_onset_angle_deg(angle_deg: np.ndarray, speed_m_s: np.ndarray) -> float |
     Returns
     -------
     float or None
-        The angle [degrees]. None if the speed does not grow at the end, or if it has too
-        few values for a line.
+        The angle [degrees]. None if the speed does not grow at the end, or if there are
+        too few speeds for a line.
     """
     speed_roots = np.sqrt(speed_m_s)
-    # The line goes through all roots after the last small one. If there is no small root,
-    # the beginning of the motion is not among the values.
+    # The line is fitted to all roots after the last small one. If no root is small, the
+    # speeds do not include the beginning of the motion.
     small_roots = np.flatnonzero(speed_roots < SMALLEST_ROOT_SHARE * speed_roots[-1])
     if small_roots.size == 0:
         return None
@@ -546,7 +548,7 @@ def fit_onset_angle_deg(angle_deg: np.ndarray, speed_m_s: np.ndarray) -> float |
         return None
     first_index = last_small_index + 1
     slope, offset = np.polyfit(angle_deg[first_index:], speed_roots[first_index:], 1)
-    # This condition also refuses a slope that is not a number.
+    # This condition also rejects a slope that is NaN.
     if not slope > 0.0:
         return None
     return float(-offset / slope)
@@ -569,9 +571,10 @@ def _find_and_describe_onset(
     Returns
     -------
     angle_deg : float or None
-        The angle [degrees]. None if the body stays or stops, or if the grain slides.
+        The angle [degrees]. None if the body stays in place or stops again, or if the
+        grain slides.
     text : str
-        The motion in words.
+        A phrase that describes the motion.
     """
     angle_deg, speed_m_s, slide_m_s = (
         np.asarray(arrays[f"{body}_{column}"], float) for column in MOTION_COLUMNS
@@ -600,14 +603,15 @@ def _lay_down_and_tilt(trial: Trial, section: InclinedPlaneSettings) -> list[_Mo
     Parameters
     ----------
     trial : Trial
-        The plane without a free grain. It is advanced in place, within its bounds.
+        The plane without a free grain. It is advanced in place, until a limit is
+        exceeded.
     section : InclinedPlaneSettings
         The section `inclined_plane` of the configuration.
 
     Returns
     -------
     list of _Motion
-        The motions that `_tilt` returns. The list is also empty if a bound is broken.
+        The motions that `_tilt` returns. The list is also empty if a limit is exceeded.
     """
     motions: list[_Motion] = []
     with trial.bound(4.0 * trial.largest_radius_m).guard():
@@ -619,7 +623,7 @@ def _lay_down_and_tilt(trial: Trial, section: InclinedPlaneSettings) -> list[_Mo
 def _add_to_outcome(
     outcome: Tilting, body: str, trial: Trial, motions: Sequence[_Motion]
 ) -> Tilting:
-    """Combine the outcome of a run with the trial of another body.
+    """Add the trial of another body to the outcome of a run.
 
     Parameters
     ----------
@@ -630,8 +634,8 @@ def _add_to_outcome(
     trial : Trial
         The trial of the body.
     motions : sequence of _Motion
-        The motion of the body. The sequence is empty if the body did not rest before the
-        plane tilted.
+        The motion of the body. The sequence is empty if the body was not at rest when
+        the plane began to tilt.
 
     Returns
     -------
@@ -653,7 +657,7 @@ def _add_to_outcome(
 
 def _make_motion_arrays(body: str, motions: Sequence[_Motion]) -> dict[str, np.ndarray]:
     """Make the arrays (T,) of a body's motion by name, such as ``sled_angle_deg``."""
-    # The new shape gives each column an empty array if there is no motion.
+    # Thanks to the new shape, each column is an empty array if there is no motion.
     columns = np.array(motions).reshape(-1, len(MOTION_COLUMNS)).T
     return {
         f"{body}_{name}": column
@@ -772,7 +776,8 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         grain_trial = Trial(build, scene, 1, interval_s, progress)
         grain_motions = _lay_down_and_tilt(grain_trial, section)
 
-        # One outcome covers both bodies. If both have a fault, that of the grain counts.
+        # One outcome covers both bodies. If both have a fault, it holds that of the
+        # grain.
         outcome = Tilting()
         outcome = _add_to_outcome(outcome, SLED, sled_trial, sled_motions)
         outcome = _add_to_outcome(outcome, GRAIN, grain_trial, grain_motions)
@@ -812,7 +817,8 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         -------
         dict
             The angles, and ``motion``, which describes the motion of both bodies. An
-            angle is None if the body stays or stops, or if the grain slides.
+            angle is None if the body stays in place or stops again, or if the grain
+            slides.
         """
         steepest_deg = self.section(scene.settings).steepest_deg
         slip_deg, sled_text = _find_and_describe_onset(arrays, SLED, steepest_deg)
@@ -822,7 +828,8 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
             ROLL.name: roll_deg,
             "motion": f"{sled_text}; {grain_text}",
         }
-        # If the angle of a target is None, the motion of its body is the reason.
+        # If the angle of a target is None, the motion of the body is given as the
+        # reason.
         reasons = {SLIP.name: sled_text, ROLL.name: grain_text}
         fault = self.check_targets(measured, scene.settings, reasons)
         return {**fault, **measured}
@@ -833,7 +840,7 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         return 2.0 * (section.settle_s + section.steepest_deg / section.tilting_deg_s)
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Yield the rolling law if a sled creeps under it."""
+        """Yield the rolling law if it would let a sled creep."""
         law = settings.simulation.rolling_law
         if ROLLING_LAWS.entry(law).creeps:
             yield (
@@ -844,7 +851,7 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
     def misfits(
         self, settings: SceneSettings, axes_mm: Sequence[float]
     ) -> Contradictions:
-        """Yield the rate of tilting if it leaves too few checks of the mean grain.
+        """Yield the rate of tilting if it allows too few checks of the mean grain.
 
         `axes_mm` are the full axes of the mean grain.
         """

@@ -102,7 +102,7 @@ LOOSE = Response(
     high=1e2,
     definition=(*LIFTING_KEYS, "lifted_cylinder.plate_diameter_mm"),
 )
-# Names of the same numbers in the measurement of a pile, by the name of the response.
+# The name that each response has in the measurement of a pile.
 PILE_NAMES = {
     ANGLE.name: "aor_deg",
     HEIGHT.name: "height_mm",
@@ -177,10 +177,9 @@ class LiftedCylinderSettings(Poured):
             yield "filling_height_mm", "nothing: berries gives the level already"
 
     def compute_gapless_count(self, grain_m3: float) -> float:
-        """Compute the number of grains whose volume fills the tube to the filling height.
+        """Compute how many grains without gaps fill the tube to the filling height.
 
-        `grain_m3` is the volume of a grain. The number has no gaps between the grains, and
-        it is not rounded.
+        `grain_m3` is the volume of a grain. The number is not rounded.
         """
         radius = 0.5e-3 * self.diameter_mm
         height = 1e-3 * self.filling_height_mm
@@ -189,8 +188,8 @@ class LiftedCylinderSettings(Poured):
     def capacity(self, particle: "Particle") -> int:
         """Return the largest number of grains that a run may add.
 
-        It is `berries` if that is given. For a filling height it is the number without
-        gaps between the grains, which is more than this height needs.
+        It is `berries` if that is given. Otherwise it is the number of grains that
+        would reach the filling height without gaps, which is more than are needed.
         """
         return self.berries or math.ceil(self.compute_gapless_count(particle.volume_m3))
 
@@ -264,7 +263,7 @@ class _Tube:
         self.filling_height_mm = 1e3 * bed_level_m(self.simulation)
 
     def lift(self) -> None:
-        """Lift the tube until it is empty, at most by its length, and stop it."""
+        """Lift the tube until it is empty, but at most by its length, and stop it."""
         simulation = self.simulation
         start_s = simulation.time_s
         lifting_m_s = 1e-3 * self.section.lifting_mm_s
@@ -323,8 +322,7 @@ def _judge_filling(outcome: Lifting, section: LiftedCylinderSettings) -> Verdict
             "not_filled",
             f"only {outcome.n_filled} of {section.berries} grains found room in the tube",
         )
-    # Any level is right if no filling height is configured, except one that is not a
-    # number.
+    # If no filling height is configured, any level is right unless it is NaN.
     level_mm = outcome.filling_height_mm
     wanted_mm = section.filling_height_mm or level_mm
     if not abs(level_mm - wanted_mm) <= outcome.grain_mm:
@@ -617,11 +615,11 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         return 2.0 * section.lift_from_s + lifting_s + section.settle_s
 
     def contradictions(self, settings: SceneSettings) -> Contradictions:
-        """Yield keys of a tube that is lifted too early or is as wide as its plate."""
+        """Yield keys of a tube that is lifted too early or too wide for its plate."""
         section = self.section(settings)
         if section.berries is not None:
             yield from too_early(section, NAME, "lift_from_s")
-        # The rounded rim around the tube is twice as wide as its radius on each side.
+        # On each side, the rounded rim adds twice its radius to the width of the tube.
         outer_mm = section.diameter_mm + 4 * section.rim_radius_mm
         if section.plate_diameter_mm <= outer_mm:
             yield (
@@ -652,7 +650,7 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         yield from find_narrow_openings(section, NAME, sizes_mm)
         level_mm = section.filling_height_mm
         if level_mm is ABSENT:
-            # The number of grains is configured, so their level may be any.
+            # The number of grains is configured, so their level does not matter.
             return
 
         # A grain must still fit above the bed.
@@ -664,8 +662,8 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
                 "mean grain",
             )
 
-        # The filling must not need too many grains or too much time. Before it, only the
-        # likely number of grains is known.
+        # The filling must not need too many grains or too much time. Only the likely
+        # number of grains is known in advance.
         grain_m3 = math.pi / 6 * 1e-9 * math.prod(axes_mm)
         n_likely = LIKELY_PACKING * section.compute_gapless_count(grain_m3)
         last_grain_s = n_likely / section.rate_per_s

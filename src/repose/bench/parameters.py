@@ -15,7 +15,7 @@ PAIRS = {"gg": "grain-grain", "gp": "grain-wall"}
 
 
 class _Coefficient(NamedTuple):
-    """A coefficient of a contact. Every study has one parameter of it for each pair."""
+    """A coefficient of a contact. Every study has it as a parameter for each pair."""
 
     label: str
     symbol: str  # LaTeX, up to the index that names the pair
@@ -45,7 +45,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class LawParameter(Parameter):
-    """A contact parameter that some force laws need besides the six of every study."""
+    """A contact parameter of some force laws, in addition to the six of every study."""
 
     constant: Constant  # constant of the engine that gets the value
     laws: tuple[str, ...]  # force laws that use it
@@ -98,7 +98,7 @@ def _make_law_parameter(
 
 
 def _make_law_parameters() -> list[LawParameter]:
-    """Make the parameters of force laws, besides the six of every study.
+    """Make the parameters that force laws add to the six of every study.
 
     Each constant of a contact law has a parameter for each pair of bodies. The
     parameters of the twisting resistance, which no law requires, come last.
@@ -131,7 +131,7 @@ ALLOWED = {parameter.name: parameter.allowed for parameter in _ALL}
 
 
 def parameters_of_law(law: str) -> tuple[str, ...]:
-    """List the parameters that a force law needs besides the six."""
+    """List the parameters that a force law needs beyond the six of every study."""
     return tuple(
         name
         for name, parameter in LAW_PARAMETERS.items()
@@ -145,7 +145,7 @@ def parameters_among(names: Iterable[str]) -> tuple[str, ...]:
     Parameters
     ----------
     names : iterable of str
-        Names of the study's parameters, among other names such as columns of a table.
+        Names that include those of the study's parameters, such as columns of a table.
 
     Returns
     -------
@@ -164,23 +164,23 @@ NUMBER_PATTERN = re.compile(
 
 
 def read_number(value: object) -> float:
-    """Convert a number, or a text that tables use for a number, to a float.
+    """Convert a number, or a string as tables use it for a number, to a float.
 
     Parameters
     ----------
     value : object
-        The number or its text.
+        The number or the string.
 
     Raises
     ------
     ValueError
-        For any other text. Such texts are ``1_0`` and full-width digits, too, which
-        `float` would accept.
+        For any other string, even if `float` would accept it, such as ``1_0`` or
+        full-width digits.
     TypeError
-        For an object that is neither a number nor a text.
+        For an object that is neither a number nor a string.
     """
     if isinstance(value, str) and not NUMBER_PATTERN.fullmatch(value):
-        raise ValueError(f"{value!r} is no number")
+        raise ValueError(f"{value!r} is not a number")
     return float(value)  # type: ignore[arg-type]
 
 
@@ -194,11 +194,11 @@ def check_value(
     name : str
         Name of the parameter.
     value : object
-        Value of the parameter, a number or its text.
+        Value of the parameter, a number or a string that represents it.
     source : object
-        File or command that has the value, for the message.
+        File or command that the value comes from, for the error message.
     key : str, optional
-        Key of the value there, for the message; by default the name.
+        Key of the value there, for the error message; by default `name`.
 
     Returns
     -------
@@ -208,7 +208,7 @@ def check_value(
     Raises
     ------
     InputError
-        If the value is no number, or outside `PHYSICAL_LIMITS`.
+        If the value is not a number, or is outside `PHYSICAL_LIMITS`.
     """
     shown_key = name if key is None else key
     try:

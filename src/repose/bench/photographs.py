@@ -1,4 +1,7 @@
-"""Measure photographs of a turning drum or drawdown box, whose size gives the scale."""
+"""Measure photographs of a turning drum or a drawdown box.
+
+The known size of the apparatus gives the scale.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -54,23 +57,24 @@ POINTS = {
         "200 pixels apart",
     ),
 }
-# Twice the area [px2] of three points that count as lying on a line.
+# Three points count as collinear if twice the area of their triangle [px2] is below
+# this.
 COLLINEAR_AREA = 1e-6
-# A bed is searched for within this share of the drum's radius. The rim has other
-# colours.
+# The bed is searched for within this share of the drum's radius, which leaves out the
+# rim and its colours.
 INNER_SHARE = 0.97
-# The drum is taken to be empty above this share of its radius.
+# The drum is assumed to be empty higher above its axis than this share of its radius.
 EMPTY_SHARE = 0.6
 # Share of a chamber's half width that is left out at a wall.
 MARGIN_SHARE = 0.02
-# Share of a photograph's height that is used above the lower corners of a box. The rest
-# leaves room for rounding.
+# Share of the height between the lower corners of a box and the upper border of the
+# photograph that is used. The rest leaves room for rounding.
 HEIGHT_SHARE = 0.99
 # Longest side of a redrawn picture.
 LONGEST_SIDE_PX = 1600
 # Smallest side of a drum or a chamber in the photograph.
 SMALLEST_SIDE_PX = 100
-# The lines of a drawing have a pixel of thickness for so many pixels of its side.
+# Lines are drawn one pixel thick for every so many pixels of the picture's side.
 PIXELS_PER_THICKNESS = 400
 # Positions, in radii of the drum, at which a profile is read. They leave out the ends of
 # the surface, where it meets the wall.
@@ -84,7 +88,7 @@ class PhotographResult:
     path: Path
     views: list[np.ndarray]  # redrawn pictures with the measured lines, BGR
     values: dict[str, float] = field(default_factory=dict)  # by response
-    refused: str = ""  # why it cannot be measured; empty if it was measured
+    refused: str = ""  # why it could not be measured; empty if it was
     mask: np.ndarray | None = None  # of a bed in a drum, (H, W)
 
 
@@ -102,10 +106,10 @@ def measure_all(
     bench: str,
     pile_settings: MeasureSettings,
 ) -> list[PhotographResult]:
-    """Measure photographs that one camera on a tripod has taken.
+    """Measure photographs that were taken with one camera on a tripod.
 
-    The points of the apparatus are the same in all photographs. The result of a
-    photograph that cannot be measured has the reason instead of the responses.
+    The points of the apparatus are the same in all photographs. If a photograph cannot
+    be measured, its result has the reason instead of the responses.
 
     Parameters
     ----------
@@ -133,7 +137,8 @@ def measure_all(
     points = _check_points(points_px, bench)
     results = []
     for path in paths:
-        # A large photograph is reduced when it is read, and so are the points.
+        # A large photograph is reduced in size when it is read, so scale the points
+        # too.
         image, reduction = read_photograph(path)
         image_points = points / reduction
         try:
@@ -144,7 +149,7 @@ def measure_all(
                 box = settings.section(DRAWDOWN, DrawdownSettings)
                 result = measure_box(image, image_points, box, pile_settings)
         except ValueError as error:
-            # The pile has no flank, or the bed is too narrow.
+            # For example, the pile has no flank, or the bed is too narrow.
             result = PhotographResult(path, [image], refused=str(error))
         result.path = path
         results.append(result)
@@ -169,7 +174,7 @@ def _check_points(points_px: Sequence[float], bench: str) -> np.ndarray:
     Raises
     ------
     InputError
-        If they cannot be the points of this apparatus.
+        If these cannot be points of this apparatus.
     """
     rule = POINTS[bench]
     numbers = np.array(points_px, float)
@@ -221,8 +226,8 @@ def measure_drum(
     Returns
     -------
     PhotographResult
-        The angle, and the redrawn picture with the surface. The angle is positive,
-        whichever way the drum turns.
+        The angle, and the redrawn picture with the surface drawn into it. The angle is
+        positive, whichever way the drum turns.
     """
     # Redraw the square around the rim. Rows are counted downwards, so the lower left
     # corner of the square has a larger row than the centre.
@@ -236,7 +241,7 @@ def measure_drum(
     )
     picture = view.image
     mask = _find_bed(picture)
-    # The redrawn square has a whole number of pixels, which may change its radius a
+    # The redrawn square has a whole number of pixels, which may change the radius a
     # little.
     radius_m = 0.5e-3 * view.mm_per_pixel * len(picture)
 
@@ -283,8 +288,8 @@ def _draw_surface(
     """
     canvas = np.ascontiguousarray(picture)
     thickness_px = max(1, len(canvas) // PIXELS_PER_THICKNESS)
-    # Pixels are counted from the upper left corner to the right and downwards, so z
-    # changes its sign.
+    # Pixels are counted rightwards and downwards from the upper left corner, so the
+    # sign of z changes.
     px_per_m = np.array([1e3, -1e3]) / mm_per_pixel
     upper_left_m = (-radius_m, radius_m)
     edge_px = (surface.profile_m - upper_left_m) * px_per_m
@@ -319,7 +324,7 @@ def _find_bed(picture: np.ndarray) -> np.ndarray:
     """Mark the bed in a square picture of the drum.
 
     The upper part of the drum is empty and shows the background. The bed is the largest
-    connected part with other colours.
+    connected region with other colours.
 
     Parameters
     ----------
@@ -353,14 +358,14 @@ def _find_bed(picture: np.ndarray) -> np.ndarray:
 
 
 class _BoxPhotograph:
-    """A photograph of a drawdown box, in which its lower inner corners are known.
+    """A photograph of a drawdown box whose lower inner corners have been located.
 
     The coordinate x is the distance from the middle of the box to the right, and z is
     the height above the lower floor.
     """
 
     def __init__(self, image: np.ndarray, corners_px: np.ndarray, box: Box) -> None:
-        """Find direction and scale of the box in a photograph.
+        """Find the direction and the scale of the box in a photograph.
 
         Parameters
         ----------
@@ -380,8 +385,8 @@ class _BoxPhotograph:
         width_px = np.hypot(*base_px)
         self.base_direction = base_px / width_px
         self.mm_per_pixel = 2e3 * self.half_width_m / width_px
-        # Compute the height of the upper border of the photograph above the lower
-        # corners. It is smallest above the corner in the upper row.
+        # Compute how far the photograph extends above the lower corners. Above the
+        # corner that is higher in the photograph, this is less.
         upper_corner_row = min(self.left_corner_px[1], right_corner_px[1])
         rows_per_m = self.base_direction[0] * width_px / (2 * self.half_width_m)
         self.top_m = HEIGHT_SHARE * upper_corner_row / rows_per_m
@@ -456,8 +461,8 @@ def measure_box(
     )
     above = _join_wedges(photograph, box)
 
-    # A gap may divide the two wedges, so all parts belong to the pile, not only the
-    # largest one.
+    # There may be a gap between the two wedges, so all regions belong to the pile, not
+    # only the largest one.
     wedge_settings = pile_settings.model_copy(
         update={"mm_per_pixel": above.mm_per_pixel, "largest_pile_only": False}
     )
@@ -521,7 +526,7 @@ def _join_wedges(photograph: _BoxPhotograph, box: Box) -> View:
     half_width_m = box.half_width * (1 - MARGIN_SHARE)
     left = photograph.redraw_part((-half_width_m, 0.0), heights_m)
     right = photograph.redraw_part((0.0, half_width_m), heights_m)
-    # Because of rounding, the left half may be a pixel wider than the right half.
+    # Because of rounding, the left half may be one pixel wider than the right half.
     n_columns = right.image.shape[1]
     swapped = np.hstack([right.image, left.image[:, -n_columns:]])
     return View(np.ascontiguousarray(swapped), left.mm_per_pixel)
@@ -569,9 +574,9 @@ def _redraw_rectangle(
     scale = min(1.0, LONGEST_SIDE_PX / max(size_px))
     width, height = (round(scale * length) for length in size_px)
 
-    # The affine map converts (column, row, 1) of a pixel of the view to the middle of
-    # this pixel in the photograph. The first pixel of the view is the upper left one. A
-    # step is the size of a pixel of the view in pixels of the photograph.
+    # The affine map converts (column, row, 1) of a pixel in the view to the position of
+    # its middle in the photograph. The first pixel of the view is the upper left one. A
+    # step is the size of a pixel in the view, measured in pixels of the photograph.
     up = np.array([along[1], -along[0]])
     step_x, step_y = np.array(size_px) / (width, height)
     first_pixel = corner_px + 0.5 * step_x * along + (size_px[1] - 0.5 * step_y) * up
@@ -579,7 +584,8 @@ def _redraw_rectangle(
     if _is_outside(image, affine, (width, height)):
         raise NoFlankError("the drum or the box runs out of the picture")
 
-    # A reduced picture leaves out pixels. Smooth the photograph against aliasing first.
+    # A reduced picture leaves out pixels, so smooth the photograph first to prevent
+    # aliasing.
     smooth = image
     if scale < 1:
         smooth = cv2.GaussianBlur(image, (0, 0), 0.5 / scale)
@@ -650,7 +656,7 @@ def make_tables(results: Sequence[PhotographResult], bench: str) -> Tables:
 def describe_results(
     results: Sequence[PhotographResult], tables: Tables, out: Path
 ) -> str:
-    """Write the text that the command prints.
+    """Write the summary that the command prints.
 
     Parameters
     ----------
@@ -659,7 +665,7 @@ def describe_results(
     tables : Tables
         The tables of these results, see `make_tables`.
     out : Path
-        The folder of the files.
+        The folder that holds the files of the results.
     """
     lines = [f"{result.path.name}  {_describe_result(result)}" for result in results]
     lines.append("mean, standard deviation, number of photographs:")
@@ -721,7 +727,7 @@ def find_median_profile(
 
 
 def stack_views(views: Sequence[np.ndarray]) -> np.ndarray:
-    """Stack pictures below each other. Narrow ones get a black margin on the right."""
+    """Stack pictures vertically. Narrow ones get a black margin on the right."""
     width = max(view.shape[1] for view in views)
     padded_views = [
         cv2.copyMakeBorder(view, 0, 0, 0, width - view.shape[1], cv2.BORDER_CONSTANT)

@@ -1,4 +1,4 @@
-"""Estimate whether piles of a study can have the angle and Height of its targets."""
+"""Estimate whether a study's piles can reach the angle and Height of its targets."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -24,23 +24,26 @@ if TYPE_CHECKING:
     from repose.grain.particle import Particle
 
 TABLE_CSV = Path(__file__).with_name("line_slopes.csv")
-# Axes and number of the grains in each pile of the table.
+# Full axes and number of the grains in each pile of the table.
 TABLE_GRAIN_MM = (21.14, 11.37, 9.88)
 TABLE_N_GRAINS = 500
 # Estimate of the largest share of a pile that its grains fill: that of the densest
 # lattice of equal balls. Shaken ellipsoids reach 0.735 (Donev et al. 2004, Science 303,
 # 990). Poured grains reach less, and a tenth of them lies loose beside the pile.
 DENSEST_PACKING = 0.74
-# A target is out of reach if it is more standard deviations from the mean of real piles.
+# A target is out of reach if it lies more than this number of standard deviations from
+# the mean of real piles.
 LARGEST_DEVIATION = 2.0
-# Fewest samples of the study itself that replace the table.
+# Fewest samples of the study itself that are used instead of the table.
 FEWEST_SAMPLES = 20
-# Grains have the same proportions if these differ relatively by no more than this.
+# Grains count as having the same proportions up to this relative difference.
 SHAPE_TOLERANCE = 0.05
-# Standard deviation [deg] between grains. The mean angles of four crops differ from those
-# of the table by up to 1 (whole side), 2 (secant) and 4.6 degrees (flank).
+# Standard deviation [deg] of the angle between grains of different shapes. The mean
+# angles of four crops differ from those of the table by up to 1 degree (whole side), 2
+# degrees (secant) and 4.6 degrees (flank).
 OTHER_GRAIN_DEG = 3.0
-# Distance up to which a row of the table is of the same line, see `find_nearest_row`.
+# Distance below which a row of the table belongs to the same line, see
+# `find_nearest_row`.
 LINE_TOLERANCE = 0.005
 # Keys of the section `measure` that define the line of each angle.
 LINE_KEYS: dict[str, tuple[str, ...]] = {
@@ -53,17 +56,17 @@ LINE_KEYS: dict[str, tuple[str, ...]] = {
 
 
 class Band(NamedTuple):
-    """Angles of real piles at one Height [deg]."""
+    """Statistics of the angles of real piles of one Height [deg]."""
 
     mean: float
     sd: float
     largest: float
-    source: str  # the piles, in words
+    source: str  # description of the piles
 
 
 @dataclass(frozen=True)
 class Reach:
-    """An estimate whether piles of the grains can have a target's angle and Height.
+    """An estimate of whether piles of the grains can reach a target's angle and Height.
 
     Attributes
     ----------
@@ -72,7 +75,7 @@ class Reach:
     pile : Pile
         The piles of the grains.
     line : str
-        The line by which the angle is measured, in words.
+        Description of the line by which the angle is measured.
     bound_deg : float or None
         Estimate of the steepest angle that the mass allows; None for a line that may
         leave out the toe of the pile.
@@ -103,7 +106,7 @@ class Reach:
 
     @property
     def sentence(self) -> str:
-        """The result in words. A target out of reach has up to two more sentences."""
+        """The result in one sentence, or up to three if the target is out of reach."""
         band = self.band
         state = "attainable" if self.possible else "out of reach"
         text = (
@@ -126,7 +129,7 @@ class Reach:
         return text
 
     def record(self) -> dict[str, Any]:
-        """Return the entry of the material card."""
+        """Return the entry for the material card."""
         bound_deg = None if self.bound_deg is None else round(self.bound_deg, 2)
         band = (self.band.mean, self.band.sd, self.band.largest)
         return {
@@ -158,7 +161,7 @@ def assess_targets(
     particle: "Particle",
     dataset_csv: str | PathLike | None = None,
 ) -> dict[str, Reach]:
-    """Assess each target that is an angle of a pile below the funnel.
+    """Assess each target that is an angle of the pile below the funnel.
 
     Parameters
     ----------
@@ -167,13 +170,13 @@ def assess_targets(
     particle : Particle
         The mean grain.
     dataset_csv : path, optional
-        Samples of the study itself, with the same settings.
+        File with the samples of the study itself, which have the same settings.
 
     Returns
     -------
     dict
-        The assessments by the name of the response. The dict is empty if no target is
-        the Height.
+        The assessments, by the name of the response. The dict is empty if the Height is
+        not a target.
     """
     settings = SceneSettings(config)
     targets = {
@@ -204,10 +207,11 @@ def _make_pile(settings: SceneSettings, particle: "Particle", height_mm: float) 
     particle : Particle
         The mean grain.
     height_mm : float
-        Height of the pile, which is that of the target.
+        Height of the pile, which is the value of the target.
     """
     measure = settings.measure_of({})
-    # If the configuration has no height of a grain, it is the geometric mean of the axes.
+    # If the configuration does not give the height of a grain, it is the geometric mean
+    # of the axes.
     grain_mm = measure.berry_height_mm
     if not grain_mm:
         grain_mm = 1e3 * float(np.prod(particle.axes_m)) ** (1 / 3)
@@ -245,8 +249,8 @@ def assess(
     pile : Pile
         The study's pile.
     dataset_csv : path, optional
-        Samples of the study itself. Without them, or with too few, the angles are those
-        of the table.
+        File with the samples of the study itself. Without it, or with too few samples,
+        the angles come from the table.
     """
     band = None
     if dataset_csv is not None:
@@ -265,8 +269,8 @@ def assess(
 def compute_cone_slope(height_mm: float, volume_m3: float) -> float:
     """Compute the slope of a cone from its Height and volume.
 
-    The slope is the tangent of the angle a. It follows from the volume of a cone of the
-    height h, which is pi h^3 / (3 tan(a)^2).
+    A cone of height h and angle a has the volume pi h^3 / (3 tan(a)^2). The slope is
+    tan(a).
     """
     height_m = 1e-3 * height_mm
     return math.sqrt(math.pi * height_m**3 / (3 * volume_m3))
@@ -277,9 +281,10 @@ def compute_steepest_angle(
 ) -> float | None:
     """Estimate the steepest angle of a pile from its Height and the volume of its grains.
 
-    If the slope of a side decreases outwards, the regression line from foot to crest is
-    no steeper than the cone of the same Height and volume. The line must be fitted over
-    equal steps of distance. A line that leaves out the toe may be steeper.
+    If the slope of the side decreases outwards, a regression line from foot to crest is
+    no steeper than the cone of the same Height and volume. This holds if the points of
+    the line are equally spaced in distance. A line that leaves out the toe may be
+    steeper.
 
     Parameters
     ----------
@@ -305,7 +310,7 @@ def compute_steepest_angle(
 def convert_to_height(
     angle_deg: "pd.Series", height_mm: "pd.Series", to_mm: float
 ) -> "pd.Series":
-    """Convert angles of piles to those of piles of another Height and the same volume.
+    """Convert angles of piles to those at another Height, but with the same volume.
 
     The tangent of the angle is proportional to Height^1.5, which is exact for cones.
 
@@ -314,7 +319,7 @@ def convert_to_height(
     angle_deg, height_mm : Series
         Angles and Heights of the piles.
     to_mm : float
-        The other Height, the same for all.
+        The other Height, which is the same for all piles.
 
     Returns
     -------
@@ -328,10 +333,9 @@ def convert_to_height(
 def look_up_band(definition: str, pile: Pile) -> Band:
     """Look up the angles of piles in the table, and convert them to a study's pile.
 
-    The table has ratios of two slopes: that of the measured line, and that of the cone
-    with the Height and the volume of the pile. The piles of the table have
-    `TABLE_N_GRAINS` grains, so the angles are converted to the number of grains of the
-    study.
+    The table contains the slope of the measured line divided by that of the cone with
+    the Height and volume of the pile. Its piles have `TABLE_N_GRAINS` grains, so the
+    angles are converted to the number of grains in the study.
 
     Parameters
     ----------
@@ -343,7 +347,8 @@ def look_up_band(definition: str, pile: Pile) -> Band:
     Returns
     -------
     Band
-        Mean, standard deviation and largest of the angles, and their origin in words.
+        Mean, standard deviation and largest of the angles, with a description of their
+        source.
     """
     # `_make_pile` sets the height of a grain.
     assert pile.measure.berry_height_mm is not None
@@ -354,7 +359,7 @@ def look_up_band(definition: str, pile: Pile) -> Band:
     high_deg = _convert_ratio_to_angle(row["mean"] + row["sd"], definition, pile)
     sd_deg = (high_deg - low_deg) / 2
 
-    # The angles of grains of another shape are less certain.
+    # The angles are less certain for grains of another shape.
     has_table_shape = _has_shape_of_table(pile.particle)
     grain_sd_deg = 0.0 if has_table_shape else OTHER_GRAIN_DEG
 
@@ -376,7 +381,7 @@ def look_up_band(definition: str, pile: Pile) -> Band:
 
 
 def _convert_ratio_to_angle(ratio: float, definition: str, pile: Pile) -> float:
-    """Convert a ratio of the table to the angle of a study's pile [deg].
+    """Convert a slope ratio from the table to the angle of a study's pile [deg].
 
     Parameters
     ----------
@@ -391,9 +396,9 @@ def _convert_ratio_to_angle(ratio: float, definition: str, pile: Pile) -> float:
     tabulated = scene_size.TABULATED.get(definition, definition)
     change = scene_size.interpolate_change(TABLE_N_GRAINS, pile.n_grains, tabulated)
     changed_deg = math.degrees(math.atan(ratio * cone_slope)) + change.angle_deg
-    # Another number of grains also changes the Height by the factor `change.height`, but
-    # this pile has the Height of the target. So convert the angle to that Height, in the
-    # same way as `convert_to_height`.
+    # Another number of grains also changes the Height by the factor `change.height`.
+    # However, this pile has the Height of the target. Convert the angle to that Height
+    # in the same way as `convert_to_height`.
     tangent = math.tan(math.radians(changed_deg)) / change.height**1.5
     return math.degrees(math.atan(tangent))
 
@@ -401,7 +406,7 @@ def _convert_ratio_to_angle(ratio: float, definition: str, pile: Pile) -> float:
 def _has_shape_of_table(particle: "Particle") -> bool:
     """Return whether a grain has nearly the proportions of the grains in the table."""
     axes = sorted(particle.axes_m, reverse=True)
-    # Proportions are axes over the longest axis.
+    # The proportions are the axes divided by the longest axis.
     proportions = np.divide(axes, axes[0])
     table_proportions = np.divide(TABLE_GRAIN_MM, TABLE_GRAIN_MM[0])
     return np.allclose(proportions, table_proportions, rtol=SHAPE_TOLERANCE)
@@ -429,7 +434,7 @@ def compute_band_of_samples(
         The angles; None if there are fewer than `FEWEST_SAMPLES` samples, or if the
         table cannot be read.
     """
-    # A damaged table is reported by the stage that needs it.
+    # The stage that needs the table reports a damaged one.
     try:
         table = read_table(dataset_csv, ("status", response, "height_mm"))
     except InputError:
@@ -449,14 +454,14 @@ def compute_band_of_samples(
 def find_nearest_row(
     measure: MeasureSettings, definition: str, grain_share: float
 ) -> tuple["pd.Series", bool]:
-    """Find the row of the table whose line is the nearest to a line.
+    """Find the row of the table whose line has the settings nearest to the given ones.
 
     Parameters
     ----------
     measure : MeasureSettings
         Settings of the line.
     definition : str
-        Definition of the angle. The row has the same one.
+        Definition of the angle. Only rows with this definition are considered.
     grain_share : float
         Height of a grain over the Height of the pile.
 
@@ -465,7 +470,7 @@ def find_nearest_row(
     row : Series
         The row.
     is_exact : bool
-        Whether the line of the row has the same settings.
+        Whether the line of this row has the same settings, within `LINE_TOLERANCE`.
     """
     # A setting may be the word "berry", which stands for the height of one grain.
     line_settings = {}
@@ -477,7 +482,7 @@ def find_nearest_row(
     rows = table[table["definition"] == definition].reset_index(drop=True)
 
     # The distance of a row is the sum of the differences between its settings and those
-    # of the line. Two different rules of the flank count as the difference 1.
+    # of the line. Different rules for the flank count as a difference of 1.
     distances = np.zeros(len(rows))
     for key, value in line_settings.items():
         if key == "flank":

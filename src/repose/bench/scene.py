@@ -57,7 +57,7 @@ class Scene:
         config : mapping
             The configuration, with numbers in place of every ``auto``.
         parameters, grain, particle, seed
-            As of the class.
+            See the attributes of the class.
         """
         return cls(SceneSettings(config), parameters, grain, particle, seed)
 
@@ -107,8 +107,8 @@ def grain_simulation(scene: Scene, capacity: int, **arguments: Any) -> "dem.Simu
             settings.time_step_s,
             limit.allowed,
         )
-    # The values may be of any kind, shapes or clumps, which the type of the parameter
-    # does not say for a dict.
+    # The values of this dict may be shapes or clumps. The annotation of the parameter
+    # cannot express this for a dict.
     shapes: Any = {"berry": scene.particle.dem_shape("berry")}
     return dem.Simulation(
         shapes,
@@ -125,7 +125,7 @@ def grain_simulation(scene: Scene, capacity: int, **arguments: Any) -> "dem.Simu
 def longest_time_step(scene: Scene) -> "time_steps.Limit":
     """Compute the longest time step that is stable for the smallest grain of a scene.
 
-    The stiffest contact of two grains, or of a grain and the wall, decides.
+    The limit comes from the stiffest contact of two grains, or of a grain and the wall.
 
     Parameters
     ----------
@@ -135,7 +135,7 @@ def longest_time_step(scene: Scene) -> "time_steps.Limit":
     Returns
     -------
     time_steps.Limit
-        The time step, and the reason for this limit in words.
+        The time step, with a description of what limits it.
     """
     from repose.dem import time_steps
     from repose.dem.contact_table import index_contacts
@@ -171,7 +171,7 @@ def materials_of(scene: Scene) -> "dict[str, dem.Material]":
 def contacts_of(
     parameters: Mapping[str, float],
 ) -> "dict[tuple[str, str], dem.Contact]":
-    """Make the contacts grain-grain and grain-wall, by the names of their materials."""
+    """Make the contacts of two grains and of grain and wall, by names of materials."""
     return {
         ("berry", "berry"): _make_contact(parameters, "gg"),
         ("berry", "wall"): _make_contact(parameters, "gp"),
@@ -194,7 +194,7 @@ def _make_contact(parameters: Mapping[str, float], pair: str) -> "dem.Contact":
         for name, parameter in LAW_PARAMETERS.items()
         if parameter.pair == pair and name in parameters
     }
-    # The friction against twisting has an argument of its own.
+    # The friction that resists twisting has an argument of its own.
     twisting_friction = constants.pop(TWISTING.name, None)
     return dem.Contact(
         parameters[f"e_{pair}"],

@@ -1,4 +1,4 @@
-"""Find how many grains a poured pile needs, since angle and Height depend on it."""
+"""Find how many grains a poured pile needs, since its angle and Height depend on it."""
 
 import functools
 from collections.abc import Iterator, Mapping
@@ -21,7 +21,7 @@ TABLE_CSV = Path(__file__).with_name("number_of_grains.csv")
 SCALED_KEYS = ("outlet_height_mm", "plate_diameter_mm", "tube_length_mm")
 # Keys of a smaller scene that are computed from its other keys.
 COMPUTED_KEYS = ("factory_diameter_mm", "factory_height_mm", "duration_s")
-# Keys that the proposal of a smaller scene shows.
+# Keys that are shown when a smaller scene is proposed.
 PASTED_KEYS = (
     "berries",
     "inlet_diameter_mm",
@@ -34,20 +34,20 @@ PASTED_KEYS = (
 # The flow through a funnel is proportional to this power of its lengths (Beverloo et al.
 # 1961).
 FLOW_EXPONENT = 2.5
-# Narrowest outlet of a smaller scene, in diameters of a grain. Grains that leave a
-# narrower outlet one by one bounce away.
+# Narrowest outlet of a smaller scene, in diameters of a grain. Grains leave a narrower
+# outlet one by one and bounce away.
 OUTLET_GRAINS = 4.0
-# Largest radius of the rim of a smaller scene, over the difference of inlet and outlet.
-# With 0.25 no cone is left.
+# Largest radius of the rim of a smaller scene, over the difference of the diameters of
+# inlet and outlet. At 0.25 no cone would be left.
 RIM_SHARE = 0.24
-# The time of a pour is proportional to this power of the number of grains: 1 for the
-# number of bodies, and 1/6 for the longer discharge.
+# The time of a pour is proportional to this power of the number of grains. The number
+# of bodies contributes 1 to the exponent, and the longer discharge contributes 1/6.
 TIME_EXPONENT = 7 / 6
 # Largest difference of two angles that are called close.
 ANGLE_TOLERANCE_DEG = 1.0
 # The angle that depends least on the number of grains.
 STEADIEST_ANGLE = "secant"
-# Definitions of the angle that the table lacks, with the nearest one that it has.
+# Definitions of the angle that the table lacks, with the most similar one that it has.
 TABULATED = {"straightest": "flank"}
 # A smaller scene is proposed from this number of grains on.
 LARGE_SCENE = 1000
@@ -56,10 +56,10 @@ Config = Mapping[str, Any]
 
 
 class Change(NamedTuple):
-    """Effect of another number of grains on a pile, the mean over the table's crops."""
+    """Effect of another number of grains on a pile, averaged over the table's crops."""
 
     angle_deg: float  # difference of the angles
-    height: float  # ratio of the Heights, besides that of the lengths
+    height: float  # ratio of the Heights, in addition to that of the lengths
 
 
 @functools.cache
@@ -72,7 +72,7 @@ def _read_piles() -> "pd.DataFrame":
 
 
 def list_tabulated_numbers() -> list[int]:
-    """List the numbers of grains for which the table has piles of all crops."""
+    """List the numbers of grains for which the table has a pile of every crop."""
     piles = _read_piles()
     n_crops = piles["label"].nunique()
     crops_per_number = piles.groupby("grains")["label"].nunique()
@@ -83,9 +83,9 @@ def list_tabulated_numbers() -> list[int]:
 def interpolate_change(n_before: float, n_after: float, definition: str) -> Change:
     """Interpolate the change of angle and Height with the number of grains.
 
-    The table of poured piles is interpolated over the logarithm of the number, and the
-    changes are averaged over its crops. A number outside the table is replaced by the
-    nearest one that it has.
+    The table of poured piles is interpolated linearly in the logarithm of the number.
+    The changes are averaged over the crops in the table. A number outside the table is
+    replaced by the nearest one inside.
 
     Parameters
     ----------
@@ -97,8 +97,8 @@ def interpolate_change(n_before: float, n_after: float, definition: str) -> Chan
     Returns
     -------
     Change
-        The difference of the angles, and the ratio of the Heights besides that of the
-        lengths.
+        The difference of the angles, and the ratio of the Heights in addition to that
+        of the lengths of the funnel.
     """
     log_before = np.log(n_before)
     log_after = np.log(n_after)
@@ -136,7 +136,7 @@ def scale_funnel(
     diameter_mm : float
         Diameter of a grain.
     poured : int, optional
-        Number of grains to which the lengths of the section belong; by default the
+        Number of grains for which the lengths of the section are meant; by default the
         `berries` of the section.
 
     Returns
@@ -148,10 +148,10 @@ def scale_funnel(
     scale = (grains / n_poured) ** (1 / 3)
     inlet_mm = funnel.inlet_diameter_mm
     outlet_mm = funnel.outlet_diameter_mm
-    # An outlet that is narrow already keeps its width.
+    # An outlet that is already narrow keeps its width.
     narrowest_outlet_mm = min(outlet_mm, OUTLET_GRAINS * diameter_mm)
     new_outlet_mm = max(scale * outlet_mm, narrowest_outlet_mm)
-    # The inlet does not become narrower than two outlets, unless it is so already.
+    # The inlet does not become narrower than two outlets, unless it already is.
     narrowest_inlet_mm = min(inlet_mm, 2 * new_outlet_mm)
     new_inlet_mm = max(scale * inlet_mm, narrowest_inlet_mm)
     largest_rim_mm = RIM_SHARE * (new_inlet_mm - new_outlet_mm)
@@ -183,7 +183,7 @@ def find_fewest_grains(n_grains: int, definition: str) -> int | None:
     Returns
     -------
     int or None
-        The smallest number; None if no smaller number of the table is enough.
+        The smallest number; None if no smaller number in the table is enough.
     """
     fewest = None
     smaller_numbers = [
@@ -229,9 +229,9 @@ def find_smaller_scene(n_grains: int, definition: str) -> SmallerScene | None:
     Returns
     -------
     SmallerScene or None
-        The smaller scene; None if no smaller number of the table has nearly that angle.
-        If the larger scene has more grains than the table, it is then a scene of the
-        largest number of the table instead of None.
+        The smaller scene. If no smaller number in the table has nearly that angle, the
+        result is None, or a scene with the largest number in the table if the larger
+        scene has even more grains.
     """
     largest_tabulated = max(list_tabulated_numbers())
     n_enough = find_fewest_grains(min(n_grains, largest_tabulated), definition)
@@ -258,9 +258,9 @@ def find_smaller_scene(n_grains: int, definition: str) -> SmallerScene | None:
 def advise(
     config: Config, diameter_mm: float, height_mm: float, poured: int | None = None
 ) -> Iterator[str]:
-    """Yield sentences of advice on the number of grains of a pour.
+    """Yield advice on the number of grains in a pour.
 
-    For a large scene, the advice includes a smaller scene as keys of a configuration.
+    For a large scene, the advice proposes a smaller one as keys of a configuration.
 
     Parameters
     ----------
@@ -269,7 +269,8 @@ def advise(
     diameter_mm, height_mm : float
         Diameter of a grain, and Height of the pile.
     poured : int, optional
-        Number of grains that the targets need; by default the configured number.
+        Number of grains that were poured for the targets; by default the configured
+        number.
 
     Yields
     ------
@@ -337,13 +338,13 @@ def _propose_smaller_scene(
 
 
 def _describe_half(n_grains: int, definition: str) -> str:
-    """Describe the effect of half of the grains in a funnel of half the volume.
+    """Describe the effect of half as many grains, poured from half the funnel's volume.
 
     Parameters
     ----------
     n_grains : int
-        Number of grains to compare with. If it is not in the table, because it is too
-        large, the largest number of the table replaces it.
+        Number of grains to compare with. If it is larger than all numbers in the table,
+        the largest of them replaces it.
     definition : str
         Definition of the angle, which must be in the table.
     """
@@ -359,9 +360,10 @@ def _describe_half(n_grains: int, definition: str) -> str:
 
 
 def _describe_enough(n_grains: int, definition: str) -> str:
-    """Describe the number of grains from which on the angle hardly changes.
+    """Describe from which number of grains on the angle hardly changes.
 
-    If there is no such number, the angle that depends least on it is described, too.
+    If the table has no such number, this is described for the angle that depends least
+    on the number.
 
     Parameters
     ----------
@@ -385,12 +387,12 @@ def _describe_enough(n_grains: int, definition: str) -> str:
 
 
 def _describe_scene(scene: SmallerScene, definition: str) -> str:
-    """Describe the time, the angle and the Height of a smaller scene in words.
+    """Describe the time, the angle and the Height of a smaller scene.
 
     Parameters
     ----------
     scene : SmallerScene
-        The smaller scene, compared with the larger scene.
+        The smaller scene, which also describes its differences from the larger one.
     definition : str
         Definition of the angle.
     """
@@ -450,5 +452,5 @@ def _write_yaml_line(key: str, value: object) -> str:
     text = yaml.safe_dump(
         {key: value}, default_flow_style=True, sort_keys=False, width=10**6
     )
-    # PyYAML writes braces around the key. Leave them out.
+    # PyYAML writes the mapping in braces. Leave them out.
     return text.strip()[1:-1]

@@ -81,7 +81,7 @@ class WallSettings(Section):
 
 @dataclass(frozen=True)
 class SceneSettings:
-    """Typed sections of a configuration. A section is validated when it is first read.
+    """Typed sections of a configuration. Each is validated when it is first read.
 
     Attributes
     ----------
@@ -120,7 +120,7 @@ class SceneSettings:
 
     @property
     def size_distribution(self) -> str:
-        """How the sizes of grains are distributed: ``none`` or ``measured``."""
+        """The kind of size distribution: ``none`` or ``measured``."""
         return str(self.config["berry"]["size_distribution"])
 
     @property

@@ -18,8 +18,7 @@ from repose.grain.particle import Particle
 REFERENCE_LOOPS = 20_000  # steps of the reference kernel
 REPEATS = 7  # runs of the reference kernel in a round
 ROUNDS = 3  # rounds in which each particle is poured once
-# Simulated time after a pour in which the pile is settled. If grains appear in a wide
-# area, the last ones arrive late.
+# Extra simulated time after a pour, in which late grains arrive and the pile settles.
 SETTLED_S = 1.0
 Config = Mapping[str, Any]
 Numbers = Mapping[str, float]
@@ -36,7 +35,7 @@ class Times(NamedTuple):
 # first kernel of a process fixes these options for all others.
 @numba.njit
 def reference_kernel(n: int) -> float:
-    """Compute n steps in which each depends on the last: a root and a division.
+    """Compute n steps, each of a square root and a division, that depend on each other.
 
     The result is returned so that the compiler does not remove the steps.
     """
@@ -55,8 +54,8 @@ def run(
 ) -> dict[str, Any]:
     """Measure the times of whole pours and of settled piles on one core.
 
-    In each round all particles are poured one after the other, so that they have the
-    same conditions. The first particle is the reference of the others.
+    In each round, all particles are poured one after the other under the same
+    conditions. The first particle is the reference for the others.
 
     Parameters
     ----------
@@ -74,7 +73,7 @@ def run(
     Returns
     -------
     dict
-        The result of `summarise_times` and of `describe_machine`, with `berries` and
+        The results of `summarise_times` and `describe_machine`, with `berries` and
         `time_step_s` of the pours.
     """
     # Compile the code before it is timed.
@@ -117,7 +116,7 @@ def describe_machine() -> dict[str, Any]:
         ``processor``, the type of the processor, and ``vector_bits``, the width of its
         widest vector instructions.
     """
-    # LLVM compiles the engine, so it knows the instructions of the processor.
+    # LLVM, which compiles the engine, knows the instructions of the processor.
     features = binding.get_host_cpu_features()
     if features.get("avx512f"):
         vector_bits = 512
@@ -133,8 +132,8 @@ def time_pour(
 ) -> Times:
     """Measure the time of a whole pour, and of a time step of the settled pile.
 
-    The time steps are those at the end of a second, longer pour, whose pile is at rest
-    then.
+    The time of a time step is measured at the end of a second, longer pour, when its
+    pile is at rest.
 
     Parameters
     ----------
@@ -174,17 +173,17 @@ def summarise_times(
     reference_times_us : sequence of float
         Times of the reference kernel.
     pours : mapping
-        Results of `time_pour` by particle. The first particle is the reference of the
-        others.
+        Results of `time_pour` by the name of the particle. The first particle is the
+        reference for the others.
 
     Returns
     -------
     dict
         ``reference_us``, the time of the reference kernel, and ``particles``, a list of
-        dicts. Each has the ``name`` of a particle and its times: ``us_per_step`` of a
-        time step and ``job_s`` of a pour. It also has the ratios of a time step to the
-        reference kernel, ``ratio``, and to a time step of the first particle,
-        ``to_first``.
+        dicts. Each dict has the ``name`` of a particle, ``us_per_step``, the time of a
+        time step, and ``job_s``, the time of a pour. It also has the time of a time
+        step divided by that of the reference kernel, ``ratio``, and by that of a time
+        step of the first particle, ``to_first``.
     """
     reference_us = float(np.median(reference_times_us))
     median_times = {

@@ -1,4 +1,4 @@
-"""Run the simulation of a bench test, and keep its grain sizes, checks and frames."""
+"""Run the simulation of a bench test, with its grain sizes, checks and frames."""
 
 from collections.abc import Callable
 
@@ -13,15 +13,16 @@ Build = Callable[[Scene, float], "dem.Simulation"]
 
 
 class Trial:
-    """A simulation with the sizes of its grains, its bounds, and the frames of a film.
+    """A simulation with the sizes of its grains, its limits, and the frames of a film.
 
     Parameters
     ----------
     build : function
-        ``build(scene, largest_scale)`` makes the empty simulation. It has room for
-        grains up to this relative size.
+        ``build(scene, largest_scale)`` makes the empty simulation, which has room for
+        grains up to the relative size `largest_scale`.
     scene : Scene
-        The scene. Its seed gives the sizes of the grains.
+        Settings, parameters, grain and seed of the run. The seed determines the sizes
+        of the grains.
     n_grains : int
         Number of grains whose sizes are drawn.
     interval_s : float, optional
@@ -70,14 +71,12 @@ class Trial:
             self._steps_per_frame = max(1, steps_per_frame)
 
     def bound(self, top_m: float, speed_m_s: float = 0.0) -> Bounded:
-        """Compute the bounds of the run from the present scene, and return them.
-
-        The attribute `bounds` is set, too.
+        """Compute the limits of the run, set the attribute `bounds`, and return it.
 
         Parameters
         ----------
         top_m : float
-            Largest height to which a grain is brought.
+            Largest height [m] at which a grain is added or to which it is lifted.
         speed_m_s : float, optional
             Largest speed that a grain or a wall is given.
         """
@@ -86,7 +85,7 @@ class Trial:
 
     @property
     def broken(self) -> str:
-        """Message about the bound that the run broke; empty if it broke none."""
+        """Message about the limit that the run exceeded; empty if it exceeded none."""
         return self.bounds.broken
 
     @property
@@ -107,7 +106,7 @@ class Trial:
         Raises
         ------
         repose.bench.bounds.Unstable
-            If a bound is broken.
+            If a limit is exceeded.
         """
         if self._recorder is None:
             self.bounds.run_to(step)
@@ -145,7 +144,7 @@ class Trial:
         Parameters
         ----------
         condition : function
-            ``condition()`` returns whether it is true.
+            ``condition()`` returns whether the condition is true.
         last_step : int
             The last time step, counted from the beginning of the simulation.
         check_interval : int
@@ -201,10 +200,10 @@ class Trial:
     def is_at_rest(self) -> bool:
         """Return whether the grains are at rest on average.
 
-        An energy that is not a number counts as rest, so that a wait ends. The verdict on
-        the run then names the fault.
+        If the energy is NaN, the grains count as at rest, so that a wait for rest ends.
+        The verdict on the run then names the fault.
         """
-        # A comparison with NaN is false, so this is not the same as `<=`.
+        # Any comparison with NaN is false, so this is not the same as `<=`.
         return not self.energy_j() > self.scene.simulation.rest_energy_j
 
     def grains(self, **others: np.ndarray) -> dict[str, np.ndarray]:
@@ -233,7 +232,7 @@ def grain_arrays(
     ----------
     position, quaternion, scale : array
         Positions (N, 3) [m], orientations (N, 4) and relative sizes (N,). They are
-        converted to single precision, which is 0.03 um at the edge of a plate.
+        converted to single precision, which resolves 0.03 um at the edge of a plate.
     **others : array
         Further arrays by name, which are not converted.
     """

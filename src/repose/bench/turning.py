@@ -1,14 +1,16 @@
 """The drum in steady turning: the angle of the surface of a bed that flows.
 
-Grains flow down the bed as fast as the drum lifts them. Vessel, filling and the line
-through the surface are those of `repose.bench.drum`, whose drum turns slowly until the bed
-slips once. Here the drum turns faster, and the angle is the mean over a time in which the
-flow is steady. The same filled drum may turn at several speeds, one after the other.
+Grains flow down the bed as fast as the drum lifts them. The vessel, its filling and the
+line through the surface are the same as in `repose.bench.drum`, whose drum turns slowly
+until the bed slips once. Here the drum turns faster, and the angle is the mean over a
+time in which the flow is steady. The same filled drum may turn at several speeds, one
+after the other.
 
 The surface itself can be a response, too. It is the profile along which the bed covers a
-given share of the frames, seen along the axis, like the average picture of a camera in
-front of the cap. The axis may be tilted against the horizontal, as in a kiln: the drum of
-the simulation stays level, and gravity is tilted.
+given share of the frames in a view along the axis, as in the average picture of a
+camera in front of the cap. The axis may be tilted against the horizontal, as in a kiln.
+The drum of the simulation then stays level, and the direction of gravity is tilted
+instead.
 """
 
 import re
@@ -101,8 +103,8 @@ def _make_score_response(name: str, speed: str | None, score: str) -> Response:
 def find_speed_index(response_name: str) -> int:
     """Find the index, from 0, of the speed to which the name of a response belongs.
 
-    A name without a number belongs to the first speed. So does any name that is not a
-    name of this bench test.
+    Names without a number belong to the first speed, and so do names of other bench
+    tests.
     """
     match = RESPONSE_NAME.fullmatch(response_name)
     if match is None or match["speed"] is None:
@@ -120,7 +122,7 @@ _LIST_FIELD = Field(strict=False, min_length=1, max_length=MOST_SPEEDS)
 
 
 class Speed(NamedTuple):
-    """One speed of the drum. Its times count from when the drum begins to turn at it."""
+    """One speed of the drum. Times count from the moment at which it takes this speed."""
 
     angular_velocity_rad_s: float
     measure_from_s: float  # when the measurement of the surface begins
@@ -164,7 +166,7 @@ class TurningSettings(Rotating):
         return int(np.size(self.angular_velocity_rad_s))
 
     def list_speeds(self) -> list[Speed]:
-        """List the speeds. A single time in the section holds for all of them."""
+        """List the speeds. A single time in the section applies to all of them."""
         start_times_s = _repeat_for_speeds(self.measure_from_s, self.n_speeds)
         end_times_s = _repeat_for_speeds(self.measure_until_s, self.n_speeds)
         velocities = _repeat_for_speeds(self.angular_velocity_rad_s, self.n_speeds)
@@ -209,7 +211,7 @@ class _Frames:
         self.speed.append(speed)
 
     def arrays(self) -> dict[str, np.ndarray]:
-        """Return the frames as arrays over the times, without the indices of speeds."""
+        """Return the frames as arrays over all times, without the speed indices."""
         return {
             "time_s": np.array(self.time_s),
             "position": np.array(self.position),
@@ -226,7 +228,7 @@ class _BedFrames(NamedTuple):
 
     @classmethod
     def select_speed(cls, arrays: Arrays, index: int) -> Self:
-        """Select the frames at the speed with an index from the arrays of a run."""
+        """Select the frames at the speed with this index from the arrays of a run."""
         position = np.asarray(arrays["position"], float)
         quaternion = np.asarray(arrays["quaternion"], float)
         # Runs with a single speed have no array of speeds.
@@ -271,7 +273,7 @@ class TurningTest(RotatingDrum[TurningSettings]):
     }
 
     def response_of_name(self, name: str) -> Response | None:
-        """Make the response with a name: the angle, or a score of the profile, at a speed.
+        """Make the response of a name: an angle, or a score of a profile, at a speed.
 
         Parameters
         ----------
@@ -288,13 +290,13 @@ class TurningTest(RotatingDrum[TurningSettings]):
             return None
         if name.endswith("_deg"):
             return _make_angle_response(name, match["speed"])
-        # The name of a whole profile is not that of a response; its scores are responses.
+        # A whole profile is not a response, but its scores are.
         if match["score"] is None:
             return None
         return _make_score_response(name, match["speed"], match["score"])
 
     def tilt_deg(self, section: TurningSettings) -> float:
-        """Return the angle by which the axis is tilted; it is low at positive y."""
+        """Return the angle by which the axis is tilted, with the end at +y lower."""
         return section.tilt_deg
 
     def run(
@@ -363,7 +365,7 @@ class TurningTest(RotatingDrum[TurningSettings]):
         index : int
             The index of the speed, which is recorded with the frames.
         frames : _Frames
-            The frames of the run. Those of this speed are added in place.
+            The frames of the run, to which those of this speed are added in place.
         """
         simulation_settings = trial.scene.simulation
         section = self.section(trial.scene.settings)
@@ -497,13 +499,14 @@ class TurningTest(RotatingDrum[TurningSettings]):
         """
         yield from self.find_impossible_filling(settings)
         section = self.section(settings)
-        # The speeds can only be listed if each list has one number for each speed.
+        # The speeds can only be listed if each list has as many numbers as there are
+        # speeds.
         wrong_lists = list(_find_wrong_lists(section))
         if wrong_lists:
             yield wrong_lists[0]
             return
         for speed in section.list_speeds():
-            # The time must suffice for at least one frame.
+            # There must be time for at least one frame.
             earliest_end_s = speed.measure_from_s + section.record_s
             if speed.measure_until_s < earliest_end_s:
                 yield (
