@@ -122,7 +122,7 @@ _LIST_FIELD = Field(strict=False, min_length=1, max_length=MOST_SPEEDS)
 
 
 class Speed(NamedTuple):
-    """One speed of the drum. Times count from the moment at which it takes this speed."""
+    """One speed of the drum. Times count from the moment when it takes this speed."""
 
     angular_velocity_rad_s: float
     measure_from_s: float  # when the measurement of the surface begins

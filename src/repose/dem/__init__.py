@@ -2,8 +2,8 @@
 
 It does not depend on the calibration.
 
-A name below is imported at its first use, so that the import of a small module of this
-package does not load the compiler.
+The names below are imported when they are first used, so that importing a small module
+of this package does not load the compiler.
 """
 
 from importlib import import_module

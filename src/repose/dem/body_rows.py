@@ -33,7 +33,7 @@ def write_body(
     index : int
         Index of the body.
     body : Body
-        Its kind, place, velocities and scale.
+        Its shape, position, orientation, velocities and scale.
     parts : int
         Largest number of ellipsoids of a body (`shapes.count_ellipsoids`).
     scratch : ndarray
@@ -51,8 +51,9 @@ def write_body(
     row[state.ANGULAR_VELOCITY : state.ANGULAR_VELOCITY + 3] = body.angular_velocity
     row[state.INVERSE_MASS] = 1.0 / mass
 
-    # The moments of inertia are about the axes of the body. So the angular momentum is
-    # computed in the frame of the body, and turned back into that of the world.
+    # The moments of inertia are about the axes of the body. Therefore the angular
+    # momentum is computed in the frame of the body and rotated back to that of the
+    # world.
     rotation = rotation_matrix(body.quaternion)
     velocity_in_body = rotation.T @ body.angular_velocity
     angular_momentum = rotation @ (inertia * velocity_in_body)
@@ -72,16 +73,16 @@ def write_body(
 
 
 def _write_numbers(body_numbers: np.ndarray, offset: int, values: np.ndarray) -> None:
-    """Write values to the numbers of one body in a tile.
+    """Write values to one body's numbers in a tile.
 
     Parameters
     ----------
     body_numbers : ndarray
-        A view of the numbers. It is changed.
+        A view of the numbers, which is changed.
     offset : int
-        Place of the first one in the tile (`kernels.state`), a multiple of LANES.
+        Offset of the first one in the tile (`kernels.state`), a multiple of LANES.
     values : ndarray
-        The values.
+        The values, which are written to consecutive numbers.
     """
     first = offset // state.LANES
     body_numbers[first : first + len(values)] = values

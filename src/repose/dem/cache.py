@@ -1,8 +1,9 @@
-"""Keep compiled code on disk, so that another process need not compile it again.
+"""Keep compiled code on disk, so that other processes need not compile it again.
 
 The folder is named after a hash of all sources of this package and of laws from other
-packages. In it is a file for each kernel and signature. numba's own cache depends on
-the path of a kernel's file, and on no file of the kernels that it calls.
+packages. It holds a file for each kernel and signature. numba's own cache would not do:
+it depends on the path of a kernel's file, but not on the files of the kernels that it
+calls.
 """
 
 import contextlib
@@ -32,8 +33,8 @@ from .sources import outside_sources, source_hash
 try:
     import fcntl
 except ImportError:
-    # On Windows there are no locks. Several processes that need the same code at one
-    # time then each compile it.
+    # On Windows there are no locks. If several processes need the same code at the same
+    # time, each compiles it.
     fcntl = None  # type: ignore[assignment]
 
 
@@ -54,7 +55,7 @@ def cache_folder() -> str:
 def hash_file(path: str) -> str:
     """Hash a source file.
 
-    The result is empty if there is no file. A cell of a notebook has none.
+    The result is empty if there is no file, as for a cell of a notebook.
     """
     try:
         return hashlib.sha256(Path(path).read_bytes()).hexdigest()
@@ -65,9 +66,9 @@ def hash_file(path: str) -> str:
 class KernelCache(NullCache):
     """The cache of one function's compiled code, which numba reads and writes.
 
-    Code holds for one version of numba and of Python and for one type of processor. If
-    several processes need the same code at one time, the first compiles it and the
-    others wait.
+    Stored code is valid for one version of numba, one of Python and one type of
+    processor. If several processes need the same code at the same time, the first one
+    compiles it and the others wait.
 
     Parameters
     ----------
@@ -104,8 +105,8 @@ class KernelCache(NullCache):
         Returns
         -------
         CompileResult or None
-            The code. With None, numba compiles it and calls `save_overload`; until then
-            this process keeps the lock of the kernel.
+            The code. If it is None, numba compiles the function and calls
+            `save_overload`. Until then, this process holds the lock of the kernel.
         """
         # numba's own method also loads its declarations for the compiler, which takes
         # 0.3 s and is not needed here.
@@ -113,7 +114,8 @@ class KernelCache(NullCache):
         path = self._build_path(sig, target_context.codegen())
         stored = _read_code(path, sig)
         if stored is None:
-            # Wait for another process that may be compiling it, and look again.
+            # Another process may be compiling it. Wait for that process, and look
+            # again.
             _lock_kernel(path)
             stored = _read_code(path, sig)
             if stored is None:
@@ -124,7 +126,8 @@ class KernelCache(NullCache):
     def save_overload(self, sig: Any, data: Any) -> None:
         """Store the code that numba has compiled for a signature.
 
-        Releases the lock of the kernel, so processes that wait for this code continue.
+        The lock of the kernel is released, so that processes waiting for this code
+        continue.
 
         Parameters
         ----------
@@ -136,12 +139,13 @@ class KernelCache(NullCache):
         """
         path = self._build_path(sig, data.codegen)
         if not self._is_called_by_kernels:
-            # No kernel links this function, so its bitcode is not needed. To read it
-            # would take 0.1 s. The stub has the name of the function that Python calls.
+            # No kernel links this function, so its bitcode is not needed, and reading
+            # it would take 0.1 s. The stub has the name of the function that Python
+            # calls.
             name = data.fndesc.llvm_cpython_wrapper_name
             stub = f'define void @"{name}"() {{ ret void }}'
             data.library._shared_module = binding.parse_assembly(stub)
-        # Code with addresses of this process is useless for another process.
+        # Code that contains addresses of this process is useless to other processes.
         if not data.library.has_dynamic_globals:
             _write_code(path, dumps((sig, data._reduce())))
         _unlock_kernel(path)
@@ -206,8 +210,8 @@ def _read_code(path: str, signature: object) -> tuple[Any, ...] | None:
 def _write_code(path: str, content: bytes) -> None:
     """Write a file so that other processes see either all of it or none of it.
 
-    If the file cannot be written, a warning is issued. Then each process compiles the
-    code itself.
+    If the file cannot be written, a warning is issued, and each process has to compile
+    the code itself.
 
     Parameters
     ----------
@@ -216,7 +220,7 @@ def _write_code(path: str, content: bytes) -> None:
     content : bytes
         Its content.
     """
-    # The file is written under another name first, so that no process reads half of it.
+    # The file is first written under another name, so that no process reads half of it.
     temporary = f"{path}.{uuid.uuid4().hex}"
     try:
         with open(temporary, "wb") as file:
@@ -230,26 +234,26 @@ def _write_code(path: str, content: bytes) -> None:
 
 @functools.cache
 def _warn_once(message: str) -> None:
-    """Issue a warning once in this process.
+    """Issue a warning only once in this process.
 
-    Python's own filters would repeat it at each compilation.
+    With Python's own filters, it would be repeated at each compilation.
     """
     warnings.warn(message, stacklevel=3)
 
 
-# The lock file of each folder. Each kernel has one byte of it, which a process locks
-# while it compiles the kernel.
+# The lock file of each folder. One of its bytes belongs to each kernel, and a process
+# locks this byte while it compiles the kernel.
 _lock_files: dict[str, IO[bytes]] = {}
 
 
 def _lock_kernel(path: str) -> None:
-    """Wait until no other process compiles a kernel, and make other processes wait."""
+    """Wait until no other process is compiling a kernel, then make the others wait."""
     if fcntl is not None:
         _set_lock(path, fcntl.LOCK_EX)
 
 
 def _unlock_kernel(path: str) -> None:
-    """Let the processes that wait for this kernel continue."""
+    """Let the processes that are waiting for this kernel continue."""
     if fcntl is not None:
         _set_lock(path, fcntl.LOCK_UN)
 
@@ -267,9 +271,9 @@ def _set_lock(path: str, operation: int) -> None:
         A lock operation of `fcntl`.
     """
     kernel_folder = os.path.dirname(path)
-    # The last 15 hexadecimal digits of the file's name are the place of the byte. So the
-    # place differs between kernels and is below 2^60. A lock may lie beyond the end of
-    # the lock file.
+    # The last 15 hexadecimal digits of the file's name give the position of the byte,
+    # so that it differs between kernels and is below 2^60. A lock may lie beyond the
+    # end of the lock file.
     byte_place = int(path[-15:], 16)
     with contextlib.suppress(OSError):
         if kernel_folder not in _lock_files:
@@ -283,7 +287,7 @@ def _set_lock(path: str, operation: int) -> None:
 class _UnlockOnFailure(event.Listener):
     """Unlocks all kernels when a compilation fails.
 
-    The processes that wait then fail in the same way.
+    The processes that were waiting then fail in the same way.
     """
 
     def on_start(self, event: Any) -> None:
@@ -301,13 +305,13 @@ event.register("numba:compile", _UnlockOnFailure())
 def add_law_sources(*functions: Callable[..., Any] | None) -> None:
     """Make the cache depend on the functions of a law.
 
-    A law of this package changes nothing. A law from another package moves the cache
-    folder of all kernels.
+    A law of this package changes nothing. A law from another package changes the path
+    of the cache folder for all kernels.
 
     Parameters
     ----------
     *functions : callable or None
-        The functions. None stands for one that the law does not have.
+        The functions. None stands for a function that the law does not have.
     """
     package_prefix = f"{__package__}."
     law_functions = [
@@ -318,7 +322,7 @@ def add_law_sources(*functions: Callable[..., Any] | None) -> None:
     ):
         return
     for function in law_functions:
-        # A function may call others, which lie in further modules.
+        # A function may call functions of further modules.
         modules = {function.__module__, *_list_called_modules(function)}
         for module in sorted(modules):
             if not module.startswith(package_prefix):
@@ -345,9 +349,10 @@ def _list_called_modules(function: FunctionType) -> set[str]:
 
 
 def _describe_source(module: str, function: FunctionType) -> str:
-    """Return the text of a module with the global numbers that a function uses.
+    """Return the source of a module, and the values of numbers that a function uses.
 
-    If the module has no text, as in a notebook, the function's bytecode stands for it.
+    The numbers are global names of the module. If the module has no source file, as in
+    a notebook, the bytecode of the function is returned in place of the source.
     """
     code = function.__code__
     try:

@@ -24,7 +24,7 @@ def is_number(value: Any, *, finite: bool = True) -> bool:
     value : object
         Any value.
     finite : bool
-        Whether infinite numbers are refused. Nan is always refused.
+        Whether to reject infinite numbers. NaN is always rejected.
     """
     if not isinstance(value, Real) or isinstance(value, bool | np.bool):
         return False
@@ -41,7 +41,7 @@ def check_number(
     name : str
         The argument's name, for the message.
     value : object
-        What the user gave.
+        The value that the user gave.
     allowed : str
         Describes the accepted numbers in the message.
     accepts : callable
@@ -75,7 +75,7 @@ def check_not_negative(name: str, value: Any) -> float:
 def check_height(name: str, value: Any) -> float:
     """Check that a value is a height [m], finite or infinite.
 
-    No body reaches an infinite height, so it stands for no height.
+    No body reaches an infinite height, so an infinite value switches the height off.
     """
     if not is_number(value, finite=False):
         raise ValueError(
@@ -102,7 +102,7 @@ def check_vector(name: str, value: Any, length: int = 3) -> np.ndarray:
 def check_box(lower: Any, upper: Any) -> tuple[np.ndarray, np.ndarray]:
     """Check that two corners make a box, and return copies of both.
 
-    ValueError unless the lower corner is below the upper one in every direction.
+    Raises ValueError unless the lower corner is below the upper one in every direction.
     """
     lower_corner = check_vector("lower", lower)
     upper_corner = check_vector("upper", upper)
@@ -122,14 +122,14 @@ def check_array(
     accepts: Callable[[np.ndarray], Any] = lambda _: True,
     rows: bool = False,
 ) -> np.ndarray:
-    """Check that a value is an array of finite numbers of a shape, and return a copy.
+    """Check that a value is an array of finite numbers with a shape, and return a copy.
 
     Parameters
     ----------
     name : str
         The argument's name, for the message.
     value : object
-        What the user gave.
+        The value that the user gave.
     shape : tuple
         The length of each dimension; None stands for any length.
     allowed : str
@@ -137,7 +137,7 @@ def check_array(
     accepts : callable
         Further condition that the array must fulfil.
     rows : bool
-        Whether a single row is accepted without the brackets around it.
+        Whether a single row is accepted without the outer brackets.
 
     Returns
     -------
@@ -154,7 +154,7 @@ def check_array(
     try:
         numbers = np.array(value, float, ndmin=fewest_dimensions)
     except (TypeError, ValueError):
-        numbers = np.array(np.nan)  # is not finite, so it is refused below
+        numbers = np.array(np.nan)  # rejected below, since it is not finite
     is_valid = (
         _has_shape(numbers, shape) and np.all(np.isfinite(numbers)) and accepts(numbers)
     )
@@ -164,7 +164,7 @@ def check_array(
 
 
 def _has_shape(numbers: np.ndarray, shape: tuple[int | None, ...]) -> bool:
-    """Return whether an array has a shape, in which None stands for any length."""
+    """Return whether an array has a shape in which None stands for any length."""
     if numbers.ndim != len(shape):
         return False
     return all(
@@ -176,7 +176,7 @@ def _has_shape(numbers: np.ndarray, shape: tuple[int | None, ...]) -> bool:
 def check_direction(name: str, value: Any, length: int = 3) -> np.ndarray:
     """Check that a vector of 3 or 4 numbers has a direction, and scale it to length 1.
 
-    ValueError for a vector of zeros.
+    Raises ValueError for a vector of zeros.
     """
     numbers = check_vector(name, value, length)
     norm = np.linalg.norm(numbers)
@@ -190,7 +190,7 @@ def check_direction(name: str, value: Any, length: int = 3) -> np.ndarray:
 def is_name(value: Any) -> bool:
     """Return whether a value can be the name of a shape, a material or a wall.
 
-    A name is a text that is not empty.
+    A name is a string that is not empty.
     """
     return isinstance(value, str) and bool(value)
 
@@ -214,11 +214,11 @@ def check_mapping(
     name : str
         The argument's name, for the message.
     value : object
-        What the user gave.
+        The value that the user gave.
     classes : class, union or tuple of classes
-        What the objects may be.
+        Classes of which the objects may be instances.
     description : str
-        Names these classes in the message.
+        Phrase that describes such an object in the message.
 
     Returns
     -------
@@ -243,7 +243,7 @@ def check_mapping(
 def look_up_choice(name: str, value: Any, choices: Mapping[str, Any]) -> Any:
     """Look up the object of a name among the choices.
 
-    ValueError for an unknown name. The message lists all names.
+    Raises ValueError for an unknown name. The message lists all names.
     """
     if not (isinstance(value, str) and value in choices):
         raise ValueError(

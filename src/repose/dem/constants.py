@@ -1,4 +1,4 @@
-"""List the constants of two materials that single force laws need.
+"""List the constants of pairs of materials that only some force laws need.
 
 This module does not load the compiler, so that a configuration can be checked quickly.
 """
@@ -8,23 +8,23 @@ from typing import NamedTuple
 
 
 class Constant(NamedTuple):
-    """A constant of two materials that a force law needs.
+    """A constant of a pair of materials that a force law needs.
 
     Attributes
     ----------
     name : str
         Its key in `Contact.constants`, which ends with its unit.
     short : str
-        Begins the names of its parameters in a study: ``gamma`` stands for ``gamma_gg``
-        and ``gamma_gp``.
+        Prefix of the names of its parameters in a study. With ``gamma``, they are
+        ``gamma_gg`` and ``gamma_gp``.
     symbol : str
-        For figures, in LaTeX.
+        Symbol in figures, in LaTeX.
     unit : str
-        Its unit; empty for a ratio.
+        Unit; empty for a ratio.
     words : str
-        What it is called in messages and figures.
+        Name in messages and figures.
     least, most : float
-        Bounds of its value.
+        Smallest and largest value allowed.
     """
 
     name: str
@@ -41,17 +41,17 @@ class Constant(NamedTuple):
         Parameters
         ----------
         value : object
-            What the user gave.
+            The value that the user gave.
 
         Raises
         ------
         ValueError
-            If it is no finite number between `least` and `most`.
+            If it is not a finite number between `least` and `most`.
         """
         try:
             number = float(value)  # type: ignore[arg-type]
         except (TypeError, ValueError):
-            number = math.nan  # refused below
+            number = math.nan  # rejected below
         if not (self.least <= number <= self.most and math.isfinite(number)):
             upper_bound = f"to {self.most:g}" if self.most < math.inf else "or more"
             raise ValueError(
@@ -83,8 +83,8 @@ PLASTICITY_RATIO = Constant(
     words="plasticity ratio",
     most=0.99,
 )
-# Rolling laws that twist (`laws.RollingLaw`) resist spin about the normal with mu_t. It
-# is optional: by default 3 pi / 16 mu_s.
+# The coefficient mu_t with which some rolling laws (`laws.RollingLaw`) resist spin
+# about the normal. It is optional; by default it is 3 pi / 16 mu_s.
 TWISTING = Constant(
     name="twisting_friction",
     short="mut",

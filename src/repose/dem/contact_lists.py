@@ -6,7 +6,7 @@ import numpy as np
 
 from .kernels import clump_tile, clumps, state
 
-# Entries per body that the first lists have; the lists grow when needed.
+# Entries per body in the first lists. The lists grow when needed.
 CONTACTS_PER_BODY = 6
 NEAR_PER_BODY = 13  # a body of a lattice has 26 neighbours; each pair is listed once
 SPHERE_CONTACTS_PER_BODY = 20
@@ -25,7 +25,7 @@ def new_pairs(capacity: int, most_spheres: int, n_state: int) -> Any:
     capacity : int
         Largest number of bodies.
     most_spheres : int
-        Spheres of the largest clump; 0 for smooth bodies.
+        Number of spheres in the largest clump; 0 for smooth bodies.
     n_state : int
         Rows that the force laws keep for each contact.
 
@@ -45,7 +45,7 @@ def new_pairs(capacity: int, most_spheres: int, n_state: int) -> Any:
 def _make_pair_lists(
     n_contacts: int, n_near: int, capacity: int, most_spheres: int, n_state: int
 ) -> Any:
-    """Make empty lists with room for numbers of touching and of near pairs.
+    """Make empty lists with room for given numbers of touching and of near pairs.
 
     Parameters
     ----------
@@ -106,7 +106,7 @@ def new_wall_contacts(
 def grow_pairs(
     old: Any, counts: Any, capacity: int, most_spheres: int, n_state: int
 ) -> Any:
-    """Copy the lists of pairs, with twice the room where three quarters are used.
+    """Copy the lists of pairs, and double those that are three quarters full.
 
     Parameters
     ----------
@@ -124,7 +124,7 @@ def grow_pairs(
 
 
 def grow_wall_contacts(old: Any, n_contacts: int, absent_body: int) -> Any:
-    """Copy a list of wall contacts, with twice the room where three quarters are used.
+    """Copy a list of wall contacts, and double it if it is three quarters full.
 
     Parameters
     ----------
@@ -133,7 +133,7 @@ def grow_wall_contacts(old: Any, n_contacts: int, absent_body: int) -> Any:
     n_contacts : int
         Number of contacts in it.
     absent_body : int
-        Number of a body that is not there, which unused entries have.
+        Number that no body has. It marks unused entries.
     """
     length = _choose_length(old.body, n_contacts)
     n_walls, n_bodies = old.limit.shape
@@ -146,14 +146,14 @@ def grow_wall_contacts(old: Any, n_contacts: int, absent_body: int) -> Any:
 
 
 def _choose_length(array: Any, n_used: int) -> int:
-    """Choose the length of a list, twice the present one if three quarters are used."""
+    """Choose the length of a list: doubled if the list is three quarters full."""
     if n_used * 4 > len(array) * 3:
         return 2 * len(array)
     return len(array)
 
 
 def _copy_lists(new: Any, old: Any) -> Any:
-    """Copy the arrays of lists into those of others, which are as long or longer.
+    """Copy the arrays of lists into those of other lists, which are at least as long.
 
     A list of smooth bodies has an empty tuple in place of each array for clumps.
     """

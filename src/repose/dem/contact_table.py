@@ -44,8 +44,8 @@ def index_contacts(
     Raises
     ------
     ValueError
-        For an unknown material, a value that is no `Contact`, or different contacts for
-        the two orders of a pair.
+        For an unknown material, a value that is not a `Contact`, or different contacts
+        for the two orders of a pair.
     """
     if not isinstance(contacts, Mapping):
         raise ValueError(
@@ -86,7 +86,7 @@ def number_materials(
     materials: Mapping[str, Material],
     contacts: PairContacts,
 ) -> MaterialNumbers:
-    """Give each material of the bodies and walls its number.
+    """Assign numbers to the materials of the bodies and walls.
 
     Parameters
     ----------
@@ -109,7 +109,7 @@ def number_materials(
     ValueError
         For a missing material, or a missing contact of two materials that can meet.
     """
-    # A dictionary has each name once, in the order of its first use.
+    # A dictionary keeps each name once, in the order in which they first occur.
     body_names = list(dict.fromkeys(shape.material for shape in shapes.values()))
     all_names = list(dict.fromkeys([*body_names, *wall_materials]))
     for name in all_names:
@@ -188,13 +188,13 @@ def tabulate_constants(
     contacts : mapping
         The contacts by pairs of materials in both orders (`index_contacts`).
     tension : str
-        How a contact ends, see `Simulation`.
+        How a contact ends; see `Simulation`.
 
     Returns
     -------
     ndarray (K, K, n)
-        K materials with n constants for each pair. The constants of the materials i and
-        j are at [i, j] and at [j, i]. They are zero for two materials of walls, which
+        The n constants of each pair of the K materials. Those of the materials i and j
+        are at both [i, j] and [j, i]. They are zero for two materials of walls, which
         never meet.
     """
     n_materials = len(numbers.all_materials)

@@ -1,4 +1,4 @@
-"""Report a fault in a user's file, with a short text of the wrong value."""
+"""Report a fault in a user's file, with a short representation of the wrong value."""
 
 import reprlib
 from collections.abc import Iterable
@@ -12,7 +12,7 @@ _short.maxstring = _short.maxlong = _short.maxother = MOST_SHOWN
 
 
 def shown(value: object) -> str:
-    """Return a value as text for a message, with at most `MOST_SHOWN` characters."""
+    """Convert a value to a string of at most `MOST_SHOWN` characters for a message."""
     text = _short.repr(value)
     if len(text) > MOST_SHOWN:
         return f"{text[: MOST_SHOWN - 3]}..."
@@ -20,11 +20,11 @@ def shown(value: object) -> str:
 
 
 def did_you_mean(word: str, names: Iterable[str]) -> str:
-    """Return a question for a message: whether the most similar name was meant.
+    """Ask in a message whether the user meant the most similar name.
 
-    The text is empty if no name is similar to the word.
+    The question is empty if no name is similar to the word.
     """
-    # Imported here because processes without a fault do not need it.
+    # Imported here because it is needed only if there is a fault.
     from difflib import get_close_matches
 
     matches = get_close_matches(word, list(names), 1)
@@ -37,18 +37,18 @@ class InputError(ValueError):
     Parameters
     ----------
     source : object
-        The file, or what else the value comes from.
+        The file, or whatever else the value comes from.
     key : str
         The entry in it.
     value : object
         The value of the entry.
     allowed : str
-        Describes the values that are accepted. If it lists several names, and the value
-        is a text, the message guesses which of them was meant.
+        Description of the accepted values. If it lists several names, and the value is
+        a string, the message suggests the most similar name.
     """
 
     def __init__(self, source: object, key: str, value: object, allowed: str) -> None:
-        # Where a name is wrong, guess which of the listed names was meant.
+        # If a name is wrong, suggest the listed name that was probably meant.
         names = _find_names(allowed)
         if isinstance(value, str) and len(names) > 1:
             allowed += did_you_mean(value, names)
@@ -60,6 +60,6 @@ class InputError(ValueError):
 
 
 def _find_names(allowed: str) -> list[str]:
-    """Find the names in a text such as "one of a, b or c"."""
+    """Find the names in a description such as "one of a, b or c"."""
     items = allowed.removeprefix("one of ").replace(" or ", ", ").split(", ")
     return [item for item in items if item.isidentifier()]

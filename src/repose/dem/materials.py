@@ -20,7 +20,7 @@ class Material:
     Raises
     ------
     ValueError
-        Naming the value that is out of range.
+        If a value is out of range. The message names it.
     """
 
     shear_modulus_pa: float
@@ -56,18 +56,17 @@ class Contact:
     twisting_friction : float, optional
         Coefficient mu_t of the resistance against spin about the normal, 0 or more. The
         torque is at most mu_t times the normal force times the radius of the contact
-        circle. By default 3 pi / 16 mu_s, that of a Hertz contact whose whole circle
-        slides (Johnson 1985, section 7.2). Only laws that tell this spin from rolling
-        use it.
+        circle. The default is 3 pi / 16 mu_s, the value for a Hertz contact whose whole
+        circle slides (Johnson 1985, section 7.2). Only laws that distinguish this spin
+        from rolling use it.
     constants : mapping, optional
-        Further constants by their names, those that the contact law needs
-        (`repose.dem.constants.OF_LAWS`), such as ``{"surface_energy_j_m2": 0.05}`` of
-        the law ``jkr``.
+        Further constants that the contact law needs (`repose.dem.constants.OF_LAWS`),
+        by name, such as ``{"surface_energy_j_m2": 0.05}`` for the law ``jkr``.
 
     Raises
     ------
     ValueError
-        Naming the value that is out of range.
+        If a value is out of range. The message names it.
     """
 
     restitution: float
@@ -87,8 +86,8 @@ class Contact:
         check_not_negative("rolling_friction", self.rolling_friction)
         if self.twisting_friction is not None:
             check_not_negative("twisting_friction", self.twisting_friction)
-        # The necessary constants depend on the contact law, which is not known here. So
-        # only the names are checked.
+        # Which constants are needed depends on the contact law, which is not known
+        # here. Only the form of the names is checked.
         has_names = isinstance(self.constants, Mapping) and all(
             is_name(name) for name in self.constants
         )

@@ -19,10 +19,10 @@ class WallLoad(NamedTuple):
     Attributes
     ----------
     force_n : ndarray (3,)
-        Sum of their forces [N].
+        Sum of the forces of the bodies [N].
     torque_n_m : ndarray (3,)
-        Torque of these forces about a point, and of the rolling couples of a law that
-        acts between two bodies [N m].
+        Torque of these forces about a point [N m]. It includes the rolling couples if
+        the rolling law acts between two bodies.
     """
 
     force_n: np.ndarray
@@ -78,7 +78,7 @@ class Observables(World):
 
     @property
     def velocities(self) -> np.ndarray:
-        """Velocities of the centres (N, 3) [m/s]; a view as `positions` is."""
+        """Velocities of the centres (N, 3) [m/s]; a view if `positions` is one."""
         return self._in_user_order(self.bodies.rows)[
             :, state.VELOCITY : state.VELOCITY + 3
         ]
@@ -87,7 +87,7 @@ class Observables(World):
     def angular_velocities(self) -> np.ndarray:
         """Angular velocities in the world frame (N, 3) [rad/s].
 
-        A view as `positions` is.
+        The array is a view if `positions` is one.
         """
         rows = self._in_user_order(self.bodies.rows)
         return rows[:, state.ANGULAR_VELOCITY : state.ANGULAR_VELOCITY + 3]
@@ -102,7 +102,7 @@ class Observables(World):
 
     @property
     def shape_ids(self) -> np.ndarray:
-        """Shape of each body, as its index among the names of `shapes`, a view (N,)."""
+        """Index of each body's shape among the names of `shapes`, a view (N,)."""
         return self._shape_ids[: self.n_bodies]
 
     @property
@@ -119,7 +119,7 @@ class Observables(World):
     def exit_times_s(self) -> np.ndarray:
         """Time at which each body fell through the exit height (N,) [s].
 
-        Nan where it did not.
+        It is NaN for a body that has not done so.
         """
         return self._in_user_order(self.bodies.exit_time)
 
@@ -134,12 +134,12 @@ class Observables(World):
 
     @property
     def masses_kg(self) -> np.ndarray:
-        """Mass of each body, a copy (N,) [kg]; 0 where it is gone."""
+        """Mass of each body, a copy (N,) [kg]; 0 for a body that is gone."""
         inverse = self._in_user_order(self.bodies.rows)[:, state.INVERSE_MASS]
         return np.divide(1.0, inverse, out=np.zeros_like(inverse), where=inverse > 0.0)
 
     def kinetic_energies(self) -> np.ndarray:
-        """Compute the kinetic energy of each body, of translation and rotation.
+        """Compute the kinetic energy of each body's translation and rotation.
 
         Returns
         -------
@@ -156,7 +156,7 @@ class Observables(World):
         Returns
         -------
         ndarray (M, 2)
-            Indices of the two bodies, the smaller first, sorted by rows.
+            Indices of the two bodies, the smaller one first. The rows are sorted.
         """
         n_pairs = self.counts[state.N_PAIRS]
         first = self.pairs.first[:n_pairs]
@@ -170,7 +170,7 @@ class Observables(World):
         return pairs[order]
 
     def sphere_contacts(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """List the spheres of two clumps that touch; there are none for smooth bodies.
+        """List the pairs of touching spheres of clumps; smooth bodies have none.
 
         Returns
         -------
@@ -195,7 +195,8 @@ class Observables(World):
         Returns
         -------
         bodies : ndarray (M, 2)
-            Indices of the two bodies, for each contact of two clumps once.
+            Indices of the two bodies. Two clumps have one row for each of their
+            contacts.
         overlaps : ndarray (M,)
             The overlaps [m].
         """
@@ -218,21 +219,21 @@ class Observables(World):
         return np.column_stack([first, second]), overlaps
 
     def wall_overlaps(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Compute how deep bodies overlap walls.
+        """Compute how deeply bodies overlap walls.
 
         Returns
         -------
         bodies : ndarray (M,)
-            Index of the body, for each contact of a clump's sphere once.
+            Index of the body. A clump has one row for each contact of its spheres.
         walls : ndarray (M,)
             Number of the wall in `wall_set.names`.
         overlaps : ndarray (M,)
-            The overlaps [m], for meshes those of the last step.
+            The overlaps [m]. Those with meshes are of the last time step.
 
         Notes
         -----
-        At a contact a wall is replaced by its tangent plane n.x = c. The overlap of a
-        body with the support function h and the centre x is h(n) + n.x - c.
+        At a contact, the wall is replaced by its tangent plane n.x = c. If h is the
+        support function of the body and x is its centre, the overlap is h(n) + n.x - c.
         """
         plane_bodies, planes, plane_overlaps = self._compute_plane_overlaps()
         curved_bodies, curved_walls, curved_overlaps = self._compute_curved_overlaps()
@@ -277,7 +278,7 @@ class Observables(World):
         Returns
         -------
         bodies, walls : ndarray (M,)
-            Index of the body, and number of the wall as of `curved_contacts`.
+            Index of the body, and number of the wall as in `curved_contacts`.
         overlaps : ndarray (M,)
             The overlaps [m].
         """
@@ -306,7 +307,7 @@ class Observables(World):
         offsets : ndarray (M,)
             Offset of each plane [m].
         spheres : ndarray (M,)
-            For clumps: the sphere of each body that touches the plane.
+            For clumps, the sphere of each body that touches the plane.
 
         Returns
         -------
@@ -321,7 +322,7 @@ class Observables(World):
     def _measure_extents(
         self, bodies: np.ndarray, directions: np.ndarray, spheres: np.ndarray | None
     ) -> np.ndarray:
-        """Compute how far bodies reach from their centres in directions of the world.
+        """Compute how far bodies extend from their centres in directions of the world.
 
         Parameters
         ----------
@@ -330,7 +331,7 @@ class Observables(World):
         directions : ndarray (M, 3)
             Unit vectors.
         spheres : ndarray (M,) or None
-            For clumps: the sphere of each body whose extent is computed. None for
+            For clumps, the sphere of each body whose extent is computed. None for
             smooth bodies.
 
         Returns
@@ -338,8 +339,8 @@ class Observables(World):
         ndarray (M,)
             The extents [m].
         """
-        # The shapes are described in the frames of the bodies, at scale 1. So rotate the
-        # directions to these frames, by the inverse rotations.
+        # The shapes are described in the frames of the bodies, at scale 1. Rotate the
+        # directions to these frames by the inverse rotations.
         rotations = rotation_matrices(self.quaternions[bodies])
         body_directions = np.einsum("nji,nj->ni", rotations, directions)
         extents = np.zeros(len(bodies))
@@ -357,16 +358,16 @@ class Observables(World):
         return extents * self.scales[bodies]
 
     def wall_loads(self, about_m: ArrayLike = (0.0, 0.0, 0.0)) -> dict[str, WallLoad]:
-        """Compute force and torque of the bodies on each wall, now.
+        """Compute the present force and torque of the bodies on each wall.
 
-        This call evaluates the wall contacts once more. So the time steps need not record
-        the loads.
+        This call evaluates the wall contacts once more, so that the time steps need not
+        record the loads.
 
         Parameters
         ----------
         about_m : array_like (3,)
-            Point about which the torque is taken, such as one on the axis of a drum
-            [m].
+            Point about which the torque is taken [m], such as one on the axis of a
+            drum.
 
         Returns
         -------
@@ -376,12 +377,12 @@ class Observables(World):
         Raises
         ------
         ValueError
-            Where `about_m` is not three finite numbers.
+            If `about_m` does not consist of three finite numbers.
 
         Notes
         -----
-        The torque is that of the contact forces. Rolling resistance acts on bodies
-        alone and is no part of it.
+        Rolling resistance that acts on each body alone has no reaction on the wall, so
+        it does not contribute to the torque.
         """
         point = check_vector("about_m", about_m)
         names = self.wall_set.names
@@ -422,7 +423,7 @@ class Observables(World):
         body : ndarray (M,)
             Index of the body.
         wall : ndarray (M,)
-            Number of the wall: the cones and tubes first, then the rings.
+            Number of the wall. Cones and tubes are numbered first, then rings.
         normal : ndarray (M, 3)
             Unit vector into the wall.
         azimuth : ndarray (M,)
@@ -454,8 +455,7 @@ class Observables(World):
         Parameters
         ----------
         bodies, walls : ndarray (M,)
-            Index of the body of each sphere, and number of the wall as of
-            `curved_contacts`.
+            Index of each sphere's body, and number of the wall as in `curved_contacts`.
         centres : ndarray (M, 3)
             Centres of the spheres in the frames of their bodies [m].
 
@@ -480,8 +480,8 @@ class Observables(World):
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
         """List the contacts with meshes.
 
-        Meshes and features are numbered in the order of the walls: of each mesh its
-        triangles, then its edges and vertices that can be touched.
+        Meshes are numbered in the order of the walls. Features are numbered mesh by
+        mesh: first the triangles, then the edges and vertices that can be touched.
 
         Returns
         -------
@@ -490,7 +490,8 @@ class Observables(World):
         normal : ndarray (M, 3)
             Unit vector into the wall.
         overlap : ndarray (M,)
-            Overlap in the last step [m]; a contact is found before it bears a force.
+            Overlap in the last step [m]. It is negative for a contact that was found
+            before the surfaces touch.
         """
         n_contacts = self.counts[state.N_MESHED]
         contact_rows = state.contact_rows(self.meshed.data, n_contacts)
@@ -515,7 +516,8 @@ def _compute_tangent_offsets(
     walls : Walls
         The arrays of the walls.
     wall_numbers : ndarray (M,)
-        Number of the wall at each contact: the cones and tubes first, then the rings.
+        Number of the wall at each contact. Cones and tubes are numbered first, then
+        rings.
     normals : ndarray (M, 3)
         Unit vectors n into the walls.
     azimuths : ndarray (M,)

@@ -15,7 +15,7 @@ def rotation_matrices(quaternions: ArrayLike) -> np.ndarray:
     Parameters
     ----------
     quaternions : array_like (N, 4)
-        (w, x, y, z), of any length but 0; normalised here.
+        Quaternions (w, x, y, z) of any length but 0, which are normalised here.
 
     Returns
     -------
@@ -32,7 +32,7 @@ def _compute_matrix_rows(
 ) -> list[list[Number]]:
     """Compute the rows of the rotation matrix of a unit quaternion (w, x, y, z).
 
-    The components may be arrays. Then each entry of the matrix is an array.
+    If the components are arrays, each entry of the matrix is an array.
     """
     return [
         [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
@@ -47,7 +47,7 @@ def rotation_matrix(quaternion: ArrayLike) -> np.ndarray:
     Parameters
     ----------
     quaternion : array_like (4,)
-        (w, x, y, z), of any length but 0; normalised here.
+        Quaternion (w, x, y, z) of any length but 0, which is normalised here.
 
     Returns
     -------
@@ -65,14 +65,15 @@ def random_quaternion(rng: np.random.Generator) -> np.ndarray:
     Parameters
     ----------
     rng : numpy.random.Generator
-        Generator from which four normal numbers are drawn.
+        Generator from which four normally distributed numbers are drawn.
 
     Returns
     -------
     ndarray (4,)
         A unit quaternion (w, x, y, z).
     """
-    # The direction of four independent normal numbers is uniform on the unit sphere.
+    # The direction of a vector of four independent normally distributed numbers is
+    # uniform on the unit sphere.
     q = rng.normal(size=4)
     return q / np.linalg.norm(q)
 

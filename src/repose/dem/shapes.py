@@ -12,7 +12,7 @@ from .kernels.state import MOST_PARTS, MOST_SPHERES, SPHERES
 from .rotations import sphere_directions
 
 N_DIRECTIONS = 2000  # number of directions in which a clump's extent is computed
-MOMENT_TOLERANCE = 1e-9  # relative error of moments by rounding
+MOMENT_TOLERANCE = 1e-9  # relative rounding error of moments
 
 # Descriptions of what is allowed, for messages
 MOMENTS = "three moments above 0, each at most the sum of the others"
@@ -32,17 +32,17 @@ def _are_valid_moments(inertia: np.ndarray) -> bool:
 
 
 def _are_valid_semi_axes(axes: np.ndarray) -> bool:
-    """Return whether an array (K, 3) can be the half axes of a body's ellipsoids."""
+    """Return whether an array (K, 3) can hold the half axes of a body's ellipsoids."""
     return 1 <= len(axes) <= MOST_PARTS and bool(np.all(axes > 0.0))
 
 
 def _are_valid_spheres(spheres: np.ndarray) -> bool:
-    """Return whether an array (M, 4) can be centres and radii of a body's spheres."""
+    """Return whether an array (M, 4) can hold centres and radii of a body's spheres."""
     return 1 <= len(spheres) <= MOST_SPHERES and bool(np.all(spheres[:, 3] > 0.0))
 
 
 class _Solid:
-    """The mass, moments of inertia and material, which both kinds of shapes have."""
+    """The mass, moments of inertia and material that both kinds of shape have."""
 
     mass_kg: float
     inertia_kg_m2: np.ndarray
@@ -72,12 +72,12 @@ class Shape(_Solid):
         Principal moments about the axes, each above 0 and at most the sum of the others
         [kg m2].
     material : str
-        A name that the simulation knows.
+        Name of a material of the simulation.
 
     Raises
     ------
     ValueError
-        Naming the value that is out of range.
+        If a value is out of range. The message names it.
     """
 
     semi_axes_m: np.ndarray
@@ -110,7 +110,7 @@ class Shape(_Solid):
         density_kg_m3 : float
             Density, above 0 [kg/m3].
         material : str
-            A name that the simulation knows.
+            Name of a material of the simulation.
 
         Returns
         -------
@@ -120,7 +120,7 @@ class Shape(_Solid):
         Raises
         ------
         ValueError
-            Naming the value that is out of range.
+            If a value is out of range. The message names it.
         """
         axes = check_array(
             "semi_axes_m",
@@ -148,7 +148,7 @@ class Shape(_Solid):
         density_kg_m3 : float
             Density, above 0 [kg/m3].
         material : str
-            A name that the simulation knows.
+            Name of a material of the simulation.
 
         Returns
         -------
@@ -158,7 +158,7 @@ class Shape(_Solid):
         Raises
         ------
         ValueError
-            Naming the value that is out of range.
+            If a value is out of range. The message names it.
         """
         check_positive("radius_m", radius_m)
         return cls.ellipsoid((radius_m, radius_m, radius_m), density_kg_m3, material)
@@ -204,7 +204,7 @@ class Shape(_Solid):
 
     @property
     def is_sphere(self) -> bool:
-        """Return whether it is one ellipsoid with equal axes and equal moments."""
+        """Return whether this is one ellipsoid with equal axes and equal moments."""
         if len(self.semi_axes_m) != 1:
             return False
         has_equal_axes = np.ptp(self.semi_axes_m) == 0.0
@@ -218,9 +218,9 @@ class Shape(_Solid):
 
     @property
     def flattest_radius_m(self) -> float:
-        """Radius of a sphere as flat as the ends of the shortest axis [m].
+        """Radius of a sphere that is as flat as the ends of the shortest axis [m].
 
-        A contact with a plate is stiffest there.
+        A contact with a plate is stiffest at these ends.
         """
         shortest = int(np.argmin(self.half_extents_m))
         # At the end of the half axis c an ellipsoid has the radii of curvature a^2 / c
@@ -235,14 +235,14 @@ class Shape(_Solid):
         return self.semi_axes_m.sum(axis=0)
 
     def acting_together(self, _overlap_m: float) -> float:
-        """Count the contacts with a plate: a convex body has one."""
+        """Return the number of contacts with a plate, which is 1 for a convex body."""
         return 1.0
 
     @property
     def slide(self) -> float:
-        """Largest path of the point of contact with a plane over the body, as it turns.
+        """Largest path of the contact point with a plane over a body that rotates.
 
-        It is relative to the body's displacement.
+        It is divided by the largest displacement of a point of the body.
         """
         longest = self.semi_axes_m.max(axis=1)
         shortest = self.semi_axes_m.min(axis=1)
@@ -265,19 +265,19 @@ class Clump(_Solid):
         Principal moments of the whole body, each above 0 and at most the sum of the
         others [kg m2].
     material : str
-        A name that the simulation knows.
+        Name of a material of the simulation.
 
     Raises
     ------
     ValueError
-        Naming the value that is out of range.
+        If a value is out of range. The message names it.
 
     Notes
     -----
-    Each sphere that touches something has the whole elastic force of a sphere of its
-    radius. So a body that lies on k spheres is about k times as stiff as a body on one.
-    The contacts of two bodies share the damping, so that the restitution of a hit hardly
-    changes.
+    Each sphere that touches something has the full elastic force of a sphere of its
+    radius. A body that lies on k spheres is therefore about k times as stiff as a body
+    on one sphere. The contacts of two bodies share the damping, so that the restitution
+    hardly depends on their number.
     """
 
     spheres_m: np.ndarray
@@ -340,16 +340,16 @@ class Clump(_Solid):
 
     @property
     def flattest_radius_m(self) -> float:
-        """Radius of the largest sphere [m], which is stiffest against a plate."""
+        """Radius of the largest sphere [m], whose contact with a plate is stiffest."""
         return float(self.spheres_m[:, 3].max())
 
     def acting_together(self, overlap_m: float) -> float:
-        """Count the spheres that act at one place.
+        """Compute how many spheres act together at one place.
 
-        The number is the stiffness of the clump against a plate, over that of its
-        largest sphere. The plate is pressed against the clump from every side until the
-        foremost sphere overlaps by `overlap_m`. The stiffness of a Hertz contact goes
-        with (R delta)^(1/2).
+        The number is the stiffness of the clump against a plate, divided by that of its
+        largest sphere. A plate is pressed against the clump until the foremost sphere
+        overlaps by `overlap_m`. The stiffness of a Hertz contact is proportional to
+        (R delta)^(1/2).
 
         Parameters
         ----------
@@ -359,9 +359,10 @@ class Clump(_Solid):
         Returns
         -------
         float
-            The largest number over all sides.
+            The largest number over all sides of the clump. It need not be whole.
         """
-        # Overlap of each sphere with a plate on each side, an array (directions, spheres)
+        # Overlap of each sphere with a plate on each side, of the shape (directions,
+        # spheres)
         extents = self._compute_sphere_extents(sphere_directions(N_DIRECTIONS))
         largest_extents = extents.max(axis=1, keepdims=True)
         overlaps = np.clip(extents - largest_extents + overlap_m, 0.0, None)
@@ -372,12 +373,12 @@ class Clump(_Solid):
 
     @property
     def half_extents_m(self) -> np.ndarray:
-        """Largest extents along the body's axes, to either side (3,) [m]."""
+        """Largest extents along the body's axes, in either direction (3,) [m]."""
         return np.max(np.abs(self.spheres_m[:, :3]) + self.spheres_m[:, 3:], axis=0)
 
     @property
     def slide(self) -> float:
-        """Relative path of the point of contact, see `Shape.slide`: none."""
+        """Relative path of the contact point (see `Shape.slide`), which is 0 here."""
         return 0.0
 
 
@@ -409,7 +410,7 @@ def are_clumps(shapes: Mapping[str, Shape | Clump]) -> bool:
 
 
 def count_most_spheres(shapes: Iterable[Shape | Clump]) -> int:
-    """Count the spheres of the largest clump; 0 for smooth bodies."""
+    """Return the number of spheres in the largest clump; 0 for smooth bodies."""
     counts = [len(shape.spheres_m) for shape in shapes if isinstance(shape, Clump)]
     return max(counts, default=0)
 

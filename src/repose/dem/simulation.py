@@ -42,60 +42,63 @@ class Simulation(Observables):
     Parameters
     ----------
     shapes : dict of str to Shape, or dict of str to Clump
-        The shapes by name; a sphere among clumps is a clump of one.
+        The shapes by name. A sphere among clumps is a clump of one sphere.
     materials : dict of str to Material
         The materials by name.
     contacts : dict of (str, str) to Contact
-        For every pair of materials that can meet, named in any order.
+        The contact for every pair of materials that can meet, in either order.
     time_step_s : float
         Time step [s], above 0, at most `longest_time_step()`.
     capacity : int
-        Most bodies.
+        Largest number of bodies.
     lower, upper : array_like (3,)
-        A box in which most bodies stay [m]. It only steers the search for neighbours.
+        Corners of a box in which most bodies stay [m]. It affects only the search for
+        neighbours.
     walls : dict of str to Plane, Cone, RingEdge or Mesh, optional
         The walls by name.
     gravity_m_s2 : array_like (3,)
-        Acceleration [m/s2].
+        Acceleration of gravity [m/s2].
     tension : {"keep", "release", "cut"}
         How a contact ends. "keep" lets the damped normal force pull at the end of an
-        impact, so that a body leaves with the restitution asked for. "release" ends the
-        contact when the force vanishes, with a damping that gives the restitution asked
-        for all the same. "cut" ends it too and keeps the damping of "keep", so that
-        bodies leave faster than asked for.
+        impact, so that a body leaves with the specified restitution. "release" ends the
+        contact when the force vanishes, and adjusts the damping so that the restitution
+        is still the specified one. "cut" also ends the contact then, but has the
+        damping of "keep", so that bodies leave faster than specified.
     friction_limit : {"elastic", "total"}, optional
         Which normal force limits friction and rolling resistance: its elastic part, or
-        the size of all of it, damping included. By default "elastic" where the contact
-        may pull and "total" where it may not: only these pairs obey Coulomb's law, by
-        which a sliding impact has a tangential impulse of mu (1 + e) m V. The others
-        are for comparisons with programs that have them.
+        the magnitude of the total force, including damping. The default is "elastic" if
+        the contact may pull and "total" if it may not. Only these combinations obey
+        Coulomb's law, according to which a sliding impact has the tangential impulse
+        mu (1 + e) m V. The others are for comparisons with programs that use them.
     contact_law, rolling_law : str
-        Names of force laws, see `repose.dem.laws`. "budget" resists each body's angular
-        velocity in space by mu_r F_n R, R the distance of the contact from the centre
-        of mass, spin about the normal included; so angular momentum is not kept, and
-        where walls turn `rolling_frame_rad_s` must be set. "epsd" resists the rotation
-        of one body against the other and keeps it.
+        Names of force laws, see `repose.dem.laws`. "budget" resists the angular
+        velocity of each body in space, including spin about the normal, by mu_r F_n R,
+        where R is the distance of the contact from the centre of mass. It does not
+        conserve angular momentum, and `rolling_frame_rad_s` must be set if walls
+        rotate. "epsd" resists the rotation of one body relative to the other, and
+        conserves angular momentum.
     largest_scale : float
         The largest scale that `add` will be given.
     threads : int
-        For a simulation of 4096 smooth bodies or more. The result is the same for any
-        number. Clumps have one.
+        Number of threads for a simulation of 4096 smooth bodies or more. The result
+        does not depend on it. Smaller simulations and those of clumps use one thread.
     exit_height_m : float
         A body that falls through this height gets an exit time.
     curved_walls_above_m : float
-        All cones, cylinders and ring edges lie above this height. A body that was once
-        wholly below it is not searched against them again.
+        All cones, cylinders and ring edges lie above this height. Once a body has been
+        entirely below it, its contacts with them are no longer searched for.
     floor_height_m : float
-        A body below this height is gone.
+        A body that falls below this height is removed.
 
     Raises
     ------
     ValueError
-        Naming the argument, the value and what is allowed.
+        If an argument is not allowed. The message names it, its value and what is
+        allowed.
     """
 
     def set_motion(self, wall: str, motion: Motion) -> None:
-        """Change the motion of a wall, from now on.
+        """Change the motion of a wall from now on.
 
         Parameters
         ----------
@@ -107,7 +110,7 @@ class Simulation(Observables):
         Raises
         ------
         ValueError
-            For a name that is not a wall's, or a motion that is no `Motion`.
+            If no wall has this name, or if the motion is not a `Motion`.
         """
         if not isinstance(motion, Motion):
             raise ValueError(f"motion is {motion!r}; expected a Motion")
@@ -115,9 +118,9 @@ class Simulation(Observables):
         wall_number = self.wall_set.names.index(wall)
         self.walls = self._make_walls(old_walls=self.walls, changed_wall=wall_number)
 
-        # Make the next step check the walls for all bodies. The check of a body is due at
-        # the displacement `wall_check`. Each displacement is above -1, so with -1 the
-        # check is due at once.
+        # Make the next step check all bodies against the walls. The check of a body is
+        # due at the displacement `wall_check`. Every displacement is above -1, so -1
+        # makes the check due at once.
         present = np.flatnonzero(self.bodies.presence[: self.n_bodies] == state.PRESENT)
         self.bodies.wall_check[present] = -1.0
         self.bodies.wall_margin[:] = 0.0
@@ -148,7 +151,7 @@ class Simulation(Observables):
 
     @property
     def rolling_frame_rad_s(self) -> np.ndarray:
-        """Angular velocity of the frame that resists rolling [rad/s], a view (3,).
+        """Angular velocity of the frame for rolling resistance [rad/s], a view (3,).
 
         It is zero unless it is set.
         """
@@ -159,7 +162,7 @@ class Simulation(Observables):
     ) -> float:
         """Compute the longest time step for bodies of scale 1.
 
-        It is proportional to the scale.
+        For bodies of another scale, it is proportional to the scale.
 
         It is an eighth of the shortest head-on impact of two bodies, or less if a body
         that is pressed from both sides would not be stable; see
@@ -177,8 +180,8 @@ class Simulation(Observables):
 
         Notes
         -----
-        The contact law has the duration; Hertz's is 2.868 (m*^2 / (R* E*^2 v))^0.2
-        (Johnson 1985, Eq. 11.24).
+        The duration of an impact depends on the contact law. For Hertz's law it is
+        2.868 (m*^2 / (R* E*^2 v))^0.2 (Johnson 1985, Eq. 11.24).
         """
         speed = check_positive("speed_m_s", speed_m_s)
         return time_steps.compute_longest(self.scene, speed).time_step_s
@@ -192,7 +195,7 @@ class Simulation(Observables):
         angular_velocity_rad_s: ArrayLike = (0.0, 0.0, 0.0),
         scale: float = 1.0,
     ) -> int:
-        """Add one body. Nothing checks that the place is free.
+        """Add one body. It is not checked that there is room for it.
 
         Parameters
         ----------
@@ -203,9 +206,10 @@ class Simulation(Observables):
         quaternion : array_like (4,)
             Its orientation (w, x, y, z), body to world; any length but 0.
         velocity_m_s, angular_velocity_rad_s : array_like (3,)
-            In the world frame [m/s, rad/s].
+            Its velocities in the world frame [m/s, rad/s].
         scale : float
-            Of its lengths, at most `largest_scale`; the time step sets a lower limit.
+            Factor of its lengths, at most `largest_scale`. The time step sets a lower
+            limit.
 
         Returns
         -------
@@ -215,7 +219,8 @@ class Simulation(Observables):
         Raises
         ------
         ValueError
-            Naming the argument, also when the capacity is used up.
+            If an argument is not allowed, or if the capacity is used up. The message
+            names the argument.
         """
         index = self.n_bodies
         if index >= self.capacity:
@@ -242,14 +247,14 @@ class Simulation(Observables):
         self.bodies.presence[index] = state.PRESENT
         self.counts[state.N_BODIES] = index + 1
 
-        # The body may rotate, so its tile of LANES bodies does not rest.
+        # The body may rotate, so its tile of LANES bodies is not at rest.
         self.bodies.resting[index // state.LANES] = 0
-        # Make the next step check the walls for this body. With the displacement -1 the
-        # check is due at once.
+        # Make the next step check this body against the walls. The displacement -1
+        # makes the check due at once.
         self.bodies.wall_check[index] = -1.0
         self.bodies.wall_margin[index // state.LANES] = 0.0
-        # Make the next step search its neighbours, too: add it to the list of bodies
-        # that have moved.
+        # Make the next step search for its neighbours, too, by adding it to the list of
+        # bodies that have moved.
         self.grid.moved[index] = 1
         self.grid.moved_list[self.counts[state.N_MOVED]] = index
         self.counts[state.N_MOVED] += 1
@@ -271,10 +276,10 @@ class Simulation(Observables):
         return scale
 
     def glue(self, body: int) -> None:
-        """Fix a body in its place, so that no force moves or turns it any more.
+        """Fix a body in its place, so that forces no longer move or rotate it.
 
-        The body stops. Its inverse mass and inverse moments of inertia become 0. Its mass
-        is left out of sums, like that of a body that is gone. Fixed bodies must not
+        The body stops. Its inverse mass and inverse moments of inertia become 0. Sums
+        leave out its mass, like that of a body that is gone. Fixed bodies must not
         overlap each other.
 
         Parameters
@@ -299,8 +304,8 @@ class Simulation(Observables):
         row[state.VELOCITY : state.VELOCITY + 3] = 0.0
         row[state.ANGULAR_VELOCITY : state.ANGULAR_VELOCITY + 3] = 0.0
         row[state.INVERSE_MASS] = 0.0
-        # The other numbers are in a tile of LANES bodies. In it those of one body are
-        # LANES apart (`kernels.rows`).
+        # The other numbers are in a tile of LANES bodies, in which the numbers of one
+        # body are LANES places apart (`kernels.rows`).
         tile = self.bodies.motion[engine_number // state.LANES]
         body_numbers = tile[engine_number % state.LANES :: state.LANES]
         for offset in (state.INVERSE_MOMENTS, state.ANGULAR_MOMENTUM):
@@ -318,7 +323,7 @@ class Simulation(Observables):
         Raises
         ------
         ValueError
-            If that is no whole number, 0 or more.
+            If it is not a whole number of 0 or more.
         RuntimeError
             If bodies overlap so much that a list of contacts overflows within one step.
         """
@@ -402,9 +407,9 @@ class Simulation(Observables):
         return parallel.run_threads(simulation_arrays, scratch, shared, steps)
 
     def _renumber_bodies(self) -> None:
-        """Give the bodies numbers in spatial order, so that neighbours share a cache.
+        """Renumber the bodies in spatial order, so that neighbours lie close in memory.
 
-        Users see the numbers that `add` gave.
+        Users still see the numbers that `add` returned.
         """
         n_bodies = self.n_bodies
         old_numbers = reorder(
@@ -416,15 +421,15 @@ class Simulation(Observables):
             self.meshed,
             self.counts,
         )
-        # At the new engine number of a body, `old_numbers` has its old engine number.
+        # `old_numbers` maps the new engine number of each body to its old one.
         self._user_numbers[:n_bodies] = self._user_numbers[:n_bodies][old_numbers]
         self._engine_numbers[self._user_numbers[:n_bodies]] = np.arange(n_bodies)
 
     def _grow_lists(self) -> None:
-        """Replace the lists of contacts that fill up by lists of twice the length.
+        """Replace lists of contacts that are filling up by lists of twice the length.
 
-        Each list is replaced in one assignment. So an interrupt never leaves a list of
-        which only some arrays are longer.
+        The arrays of a list are replaced together, in one assignment. Therefore an
+        interrupt never leaves a list whose arrays differ in length.
         """
         self.pairs = contact_lists.grow_pairs(
             self.pairs,
@@ -443,8 +448,8 @@ class Simulation(Observables):
             self.meshed, self.counts[state.N_MESHED], self.capacity
         )
         if self._has_clumps:
-            # `mesh_sphere` is as long as the list of contacts with meshes. It is made
-            # longer first, so that it is never too short.
+            # `mesh_sphere` must be at least as long as the list of contacts with
+            # meshes, so it is lengthened first.
             n_added = len(meshed.body) - len(self.clumps.mesh_sphere)
             mesh_sphere = np.pad(self.clumps.mesh_sphere, (0, n_added))
             self.clumps = self.clumps._replace(mesh_sphere=mesh_sphere)
@@ -462,7 +467,7 @@ class Simulation(Observables):
     ) -> None:
         """Advance by simulated time, to the nearest time step.
 
-        Ctrl-C ends it between two steps. Of the arguments only `seconds` affects the
+        Ctrl-C ends the run between two steps. Only the argument `seconds` affects the
         result.
 
         Parameters
@@ -470,23 +475,23 @@ class Simulation(Observables):
         seconds : float
             Simulated time [s].
         progress : callable or False, optional
-            A function is called with the simulated time at intervals. False is silent.
-            By default there is a bar where stderr is a terminal, and a line a minute
-            where it is not.
+            Function that is called with the simulated time at intervals. False shows
+            nothing. By default, a progress bar is shown if stderr is a terminal, and
+            otherwise a line per minute is written.
         record : callable or sequence of callables, optional
-            Called with the simulation at time 0 and then every `record_every_s`, such
-            as a `Recorder` or a `VtkSeries`.
+            Functions that are called with the simulation at time 0 and then every
+            `record_every_s`, such as a `Recorder` or a `VtkSeries`.
         record_every_s : float, optional
             Simulated time between two records [s].
         checkpoint : path, optional
-            A file that `save` writes at intervals, at the end, and on Ctrl-C.
+            File that `save` writes at intervals, at the end, and on Ctrl-C.
         every_s : float
             Wall time between two checkpoints [s].
 
         Raises
         ------
         ValueError
-            Naming the argument.
+            If an argument is not allowed. The message names it.
         """
         time_step = self.time_step_s
         last_step = self.steps + round(
@@ -543,7 +548,10 @@ class Simulation(Observables):
             recorder(self)
 
     def save(self, path: str | os.PathLike) -> None:
-        """Write everything to a file (.npz without pickle), in one move, for `load`.
+        """Write the whole state to a file, from which `load` continues.
+
+        The file is an .npz archive without pickled objects. It replaces an old file
+        only when it is complete.
 
         Parameters
         ----------
@@ -556,7 +564,7 @@ class Simulation(Observables):
     def load(cls, path: str | os.PathLike) -> "Simulation":
         """Read the simulation that `save` wrote.
 
-        It goes on with the same bits as if it had never stopped.
+        It continues exactly, to the last bit, as if it had never stopped.
 
         Parameters
         ----------
@@ -566,13 +574,13 @@ class Simulation(Observables):
         Returns
         -------
         Simulation
-            In the state in which it was saved.
+            The simulation in the state in which it was saved.
 
         Raises
         ------
         repose.dem.errors.InputError
-            A ValueError that names the file where it is missing, damaged, of another
-            format, or written by other sources of the engine.
+            If the file is missing, damaged, of another format, or written by another
+            version of the engine. This error is a ValueError and names the file.
         """
         return checkpoints.load(cls, path)
 
@@ -580,7 +588,7 @@ class Simulation(Observables):
 def _list_recorders(record: Any) -> list[RecordFunction]:
     """Return the argument `record` of `Simulation.run` as a list of functions.
 
-    ValueError if it has something else than functions.
+    Raises ValueError if it contains anything but functions.
     """
     if record is None:
         return []
@@ -594,7 +602,10 @@ def _list_recorders(record: Any) -> list[RecordFunction]:
 
 
 def _count_steps_per_record(record_every_s: float | None, time_step: float) -> int:
-    """Count the steps between two records, at least one; ValueError without a time."""
+    """Compute the number of steps between two records, which is at least one.
+
+    Raises ValueError without a time.
+    """
     if record_every_s is None:
         raise ValueError(
             "record_every_s is None; "
@@ -613,9 +624,9 @@ def _choose_next_chunk(steps: int, wall_time_s: float) -> int:
     Parameters
     ----------
     steps : int
-        Steps of the last chunk.
+        Number of steps in the previous chunk.
     wall_time_s : float
-        Wall time of these steps [s].
+        Wall time that these steps took [s].
     """
     estimate = steps * CHUNK_S / max(wall_time_s, SHORTEST_WALL_TIME_S)
     limited = min(max(estimate, 0.1 * steps), 10.0 * steps)

@@ -10,12 +10,12 @@ outside_sources: dict[str, str] = {}
 
 
 def _package_sources() -> Iterator[bytes]:
-    """Yield names and texts of all files of this package."""
+    """Yield the name and content of each source file of this package."""
     for path in sorted(PACKAGE.rglob("*.py")):
         yield path.relative_to(PACKAGE).as_posix().encode() + path.read_bytes()
 
 
-# Taken when the package is imported: an edit after that is not what runs.
+# Computed when the package is imported, because later edits do not affect this process.
 _PACKAGE_HASH = hashlib.sha256(b"".join(_package_sources()))
 
 

@@ -15,8 +15,8 @@ if TYPE_CHECKING:
 
 SECTORS = 48  # of a full turn about the axis of a wall
 TUBE_SECTORS = 24  # of a full turn about the core circle of a rounded edge
-# Shift of the box's sides, over the size of the box, within which a parallel plane is
-# shown: it is the thickness of a wall.
+# Thickness of a wall, over the size of the box. A plane that is parallel to a side of
+# the box is still shown up to this distance outside.
 WALL_THICKNESS = 0.02
 PARALLEL_COSINE = 0.999  # cosine of the angle of two planes that count as parallel
 GATE_TOLERANCE = 1e-12  # rounding error of the product of two unit vectors
@@ -32,8 +32,8 @@ def tessellate(
     Parameters
     ----------
     body : Shape or Clump
-        Any object with `support` and `support_point`. Of a clump only the surface that
-        is visible from its centre of mass is made.
+        Any object with `support` and `support_point`. For a clump, only the surface
+        that rays from its centre of mass leave last is made.
     rings, sectors : int
         Number of latitudes and of longitudes.
 
@@ -44,8 +44,8 @@ def tessellate(
     normals : ndarray (V, 3)
         Unit normals there.
     triangles : ndarray (T, 3)
-        Indices of their points, anticlockwise seen from outside. V and T are the same
-        for all bodies.
+        Indices of the corners of each triangle, anticlockwise when viewed from outside.
+        V and T are the same for all bodies.
     """
     # Points of the unit sphere, on circles around the x axis
     polar_angles = np.linspace(0, math.pi, rings + 1)
@@ -63,8 +63,8 @@ def tessellate(
     normals /= np.linalg.norm(normals, axis=1, keepdims=True)
 
     # A convex body has one surface point for each normal, but points in the dents of a
-    # clump cannot be found by their normals. So the surface of a clump is found by rays
-    # in the directions of the normals.
+    # clump cannot be found by their normals. The surface of a clump is therefore found
+    # by rays in the directions of the normals.
     triangles = _list_grid_triangles(rings, sectors)
     if isinstance(body, Clump):
         points, normals = _find_visible_points(body, normals)
@@ -80,9 +80,9 @@ def _find_visible_points(
     Parameters
     ----------
     clump : Clump
-        M spheres.
+        The clump of M spheres.
     rays : ndarray (V, 3)
-        Unit vectors.
+        Unit vectors in the frame of the clump.
 
     Returns
     -------
@@ -94,15 +94,15 @@ def _find_visible_points(
     """
     centres = clump.spheres_m[:, :3]
     radii = clump.spheres_m[:, 3]
-    # A ray leaves a sphere at the distance t at which |t ray - centre| = radius. It is
-    # the larger root of this quadratic equation. If there is no root, the ray misses the
+    # The distance t at which a ray leaves a sphere is the larger root of the quadratic
+    # equation |t ray - centre|^2 = radius^2. If there is no root, the ray misses the
     # sphere. The arrays (V, M) have a value for each ray and sphere.
     middles = rays @ centres.T  # the mean of both roots
     discriminants = middles**2 - np.sum(centres**2, axis=1) + radii**2
     half_chords = np.sqrt(np.maximum(discriminants, 0.0))
     distances = np.where(discriminants >= 0.0, middles + half_chords, 0.0)
 
-    # The sphere that a ray leaves last is the one that is seen.
+    # The sphere that a ray leaves last is the visible one.
     last_sphere = np.argmax(distances, axis=1)
     last_distance = np.maximum(distances.max(axis=1), 0.0)[:, None]
     points = last_distance * rays
@@ -111,7 +111,7 @@ def _find_visible_points(
 
 
 def _list_grid_triangles(rows: int, columns: int) -> np.ndarray:
-    """Triangulate a grid of points whose rows are closed.
+    """Triangulate a grid of points whose rows are closed loops.
 
     Parameters
     ----------
@@ -155,13 +155,13 @@ def find_plane_polygon(
     lower, upper : ndarray (3,)
         Two corners of the box at which an endless plane ends [m].
     others : sequence of ndarray (7,)
-        Other endless planes, at which the polygon ends, too, since there are no bodies
+        Other endless planes. The polygon also ends at these, since there are no bodies
         beyond them.
 
     Returns
     -------
     ndarray (M, 3)
-        The corners, anticlockwise seen from the bodies [m].
+        The corners, anticlockwise when viewed from the bodies [m].
     """
     # The engine's normals point into the wall.
     point = plane[:3]
@@ -183,7 +183,8 @@ def find_plane_polygon(
 
     # Cut it by the sides of the box and by the other planes.
     for side_normal, corner in _list_box_sides(lower, upper):
-        # A plane that misses the box by no more than the thickness of a wall is shown.
+        # A parallel plane that lies outside the box is still shown within the thickness
+        # of a wall.
         is_parallel = abs(side_normal @ normal) > PARALLEL_COSINE
         shift = WALL_THICKNESS * box_size * is_parallel
         polygon = _cut_polygon(polygon, side_normal, side_normal @ corner + shift)
@@ -213,16 +214,16 @@ def _list_box_sides(
 
 
 def _cut_polygon(polygon: np.ndarray, normal: np.ndarray, offset: float) -> np.ndarray:
-    """Cut a convex polygon to the half space normal.x <= offset.
+    """Clip a convex polygon to the half space normal.x <= offset.
 
     Parameters
     ----------
     polygon : ndarray (M, 3)
-        Its corners in order around it [m].
+        The corners in order around the polygon [m].
     normal : ndarray (3,)
-        Normal of the plane that cuts, out of the half space.
+        Normal of the clipping plane, which points out of the half space.
     offset : float
-        Offset of this plane [m].
+        Offset of this plane from the origin [m].
 
     Returns
     -------
@@ -231,7 +232,7 @@ def _cut_polygon(polygon: np.ndarray, normal: np.ndarray, offset: float) -> np.n
 
     Notes
     -----
-    Sutherland and Hodgman, Commun. ACM 17 (1974) 32.
+    The method is that of Sutherland and Hodgman, Commun. ACM 17 (1974) 32.
     """
     distances = polygon @ normal - offset  # positive outside the half space
     corners = []
@@ -242,7 +243,8 @@ def _cut_polygon(polygon: np.ndarray, normal: np.ndarray, offset: float) -> np.n
         # A corner inside the half space stays.
         if distance <= 0.0:
             corners.append(corner)
-        # The side from this corner to the next one has a new corner at the plane.
+        # If the side from this corner to the next crosses the plane, add a corner
+        # there.
         if distance * next_distance < 0.0:
             share = distance / (distance - next_distance)
             corners.append(corner + share * (next_corner - corner))
@@ -278,19 +280,20 @@ def compute_cone_circles(line: Sequence[float] | np.ndarray) -> np.ndarray:
 
 
 def _revolve_profile(profile: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Turn a profile about the axis of a wall.
+    """Revolve a profile about the axis of a wall.
 
     Parameters
     ----------
     profile : ndarray (M, 2)
-        Radius and height of its points [m].
+        Radius and height of the points of the profile [m].
 
     Returns
     -------
     points : ndarray (V, 3)
         Points of the surface in the frame of the wall [m].
     triangles : ndarray of int (T, 3)
-        Indices of their points; they face the axis if the profile goes up.
+        Indices of the corners of each triangle. The triangles face the axis if the
+        profile goes up.
     """
     angles = 2.0 * math.pi * np.arange(SECTORS) / SECTORS
     r, z = profile[:, 0, None], profile[:, 1, None]
@@ -302,8 +305,8 @@ def _revolve_profile(profile: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def _compute_edge_profile(ring: RingEdge) -> np.ndarray:
     """Compute the profile of the part of a rounded edge that bodies can touch.
 
-    A half plane through the axis cuts the edge in a circle. The profile is the arc of
-    this circle that the walls beside the edge leave open.
+    A half plane from the axis cuts the edge in a circle. The profile is the arc of this
+    circle that the walls beside the edge leave open.
 
     Parameters
     ----------
@@ -328,8 +331,8 @@ def _compute_edge_profile(ring: RingEdge) -> np.ndarray:
     for gate_r, gate_z in ring.gates:
         is_open &= -(outward_r * gate_r + outward_z * gate_z) >= -GATE_TOLERANCE
 
-    # The open sectors are neighbours. The first one comes after a closed one; a whole
-    # circle begins at -pi.
+    # The open sectors adjoin each other. The first one follows a closed one. If all are
+    # open, the circle begins at -pi.
     is_first = is_open & ~np.roll(is_open, 1)
     first_angle = border_angles[int(np.argmax(is_first))]
     n_open = int(is_open.sum())
@@ -347,7 +350,7 @@ def transform_to_world(frame: np.ndarray, points: np.ndarray) -> np.ndarray:
 def triangulate_walls(
     simulation: "Observables",
 ) -> dict[str, tuple[np.ndarray, np.ndarray]]:
-    """Triangulate all walls where they are now.
+    """Triangulate all walls in their present positions.
 
     Endless planes end at the box of the simulation and at each other.
 
@@ -365,7 +368,7 @@ def triangulate_walls(
     n_planes = len(simulation.walls.planes)
     triangulated = {}
     for name, surface in simulation.wall_set.surfaces.items():
-        # The number of the wall in the arrays of the kernels: planes come first.
+        # The number of the wall in the arrays of the kernels, where planes come first
         number = simulation.wall_set.names.index(name)
         if isinstance(surface, Plane):
             corners = find_visible_polygon(simulation, number)
@@ -429,7 +432,8 @@ def triangulate_bodies(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Triangulate all bodies that are present.
 
-    Clumps have all their spheres, also where these lie inside each other.
+    Each sphere of a clump is triangulated completely, including parts inside other
+    spheres.
 
     Parameters
     ----------
@@ -441,11 +445,11 @@ def triangulate_bodies(
     Returns
     -------
     points : ndarray (V, 3)
-        In the world [m].
+        Points of all bodies in the frame of the world [m].
     triangles : ndarray (T, 3)
-        Indices of their points.
+        Indices of the corners of each triangle.
     body : ndarray (T,)
-        Index of the body of each triangle.
+        Index of the body to which each triangle belongs.
     """
     # Each shape is triangulated once, in the frame of a body of scale 1.
     shape_surfaces = []
@@ -456,7 +460,7 @@ def triangulate_bodies(
             points, _, triangles = tessellate(shape, rings, sectors)
             shape_surfaces.append((points, triangles))
 
-    # Each body gets a copy, scaled, turned and moved to its place.
+    # Each body gets a copy that is scaled, rotated and moved to its position.
     bodies = np.flatnonzero(simulation.present)
     rotations = rotation_matrices(simulation.quaternions[bodies])
     surfaces = []
@@ -472,7 +476,7 @@ def join_surfaces(
     surfaces: Iterable[tuple[np.ndarray, np.ndarray]],
     numbers: Sequence[int] | np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Join several surfaces to one.
+    """Join several surfaces into one.
 
     Parameters
     ----------
@@ -484,18 +488,18 @@ def join_surfaces(
     Returns
     -------
     points, triangles : ndarray
-        Those of all surfaces together.
+        Points and triangles of all surfaces together.
     number : ndarray (T,)
-        For each triangle the number of its surface.
+        Number of the surface to which each triangle belongs.
     """
-    # The empty arrays keep the result valid where there is no surface.
+    # With these empty arrays, the result is valid even if there is no surface.
     point_arrays = [np.zeros((0, 3))]
     triangle_arrays = [np.zeros((0, 3), int)]
     triangle_counts = []
     n_points_before = 0
     for points, triangles in surfaces:
         point_arrays.append(points)
-        # The points of this surface come after those of the ones before it.
+        # The points of this surface come after those of the previous surfaces.
         triangle_arrays.append(triangles + n_points_before)
         triangle_counts.append(len(triangles))
         n_points_before += len(points)

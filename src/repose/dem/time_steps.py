@@ -22,16 +22,17 @@ DURATION_OVER_OVERLAP = 3.0
 
 
 class Limit(NamedTuple):
-    """An upper limit of the time step, and the reason for it in words."""
+    """An upper limit of the time step, with a phrase that explains it."""
 
     time_step_s: float
     reason: str
 
     @property
     def allowed(self) -> str:
-        """The limit in words.
+        """Phrase that states the limit.
 
-        It is rounded down to three digits, so that the printed number is allowed.
+        The limit is rounded down to three digits, so that the printed number is
+        allowed.
         """
         third_digit = 10.0 ** (math.floor(math.log10(self.time_step_s)) - 2)
         rounded_down = math.floor(self.time_step_s / third_digit) * third_digit
@@ -39,7 +40,7 @@ class Limit(NamedTuple):
 
 
 class Scene(NamedTuple):
-    """All that the longest time step depends on."""
+    """Everything on which the longest time step depends."""
 
     law: Law
     tension: str
@@ -85,7 +86,7 @@ def compute_longest(
 
 
 def smallest_scales(scene: Scene, time_step_s: float) -> dict[str, float]:
-    """Compute the smallest scale of each shape with which a time step is stable.
+    """Compute the smallest scale of each shape at which a time step is stable.
 
     Parameters
     ----------
@@ -99,7 +100,7 @@ def smallest_scales(scene: Scene, time_step_s: float) -> dict[str, float]:
     dict of str to float
         The scales by the names of the shapes.
     """
-    slightly_less = 1.0 - 1e-12  # rounding must not refuse the limit itself
+    slightly_less = 1.0 - 1e-12  # so that rounding does not reject the limit itself
     scales = {}
     for name, shape in scene.shapes.items():
         limit = compute_longest(scene._replace(shapes={name: shape}))
@@ -110,7 +111,7 @@ def smallest_scales(scene: Scene, time_step_s: float) -> dict[str, float]:
 def compute_impact_limit(
     scene: Scene, a: Shape | Clump, b: Shape | Clump, speed_m_s: float
 ) -> Limit:
-    """Compute the time step that resolves a head-on impact of two bodies.
+    """Compute the longest time step that resolves a head-on impact of two bodies.
 
     The impact takes `STEPS_PER_CONTACT` steps.
 
@@ -149,11 +150,11 @@ def compute_pressed_limit(
     plate_material : str
         Material of the plates.
     between_bodies : bool
-        Whether other bodies of the same kind take the place of the plates, as in a row
-        of bodies in which each moves against its neighbours. This is the stiffest case.
+        Whether bodies of the same kind take the place of the plates. They form a row in
+        which each body moves against its neighbours, which is the stiffest case.
     overlap_m : float, optional
-        Overlap with each plate [m]. None stands for that of a soft body under a pile or
-        that of the fastest impact, whichever is smaller.
+        Overlap with each plate [m]. By default, it is that of a soft body under a pile
+        or that of the fastest impact, whichever is smaller.
 
     Returns
     -------
@@ -162,15 +163,16 @@ def compute_pressed_limit(
 
     Notes
     -----
-    The stiffness S of one contact, the number N of them that act at one place, and the
-    mass m of the body give the oscillator w^2 = 2 N S / m. Its damping ratio z is
-    sqrt(2) times that of one contact, for any N, since the N contacts share the
-    damping. The semi-implicit Euler method, in which the force depends on the velocity
-    before the step, is stable for dt < 2 / w (sqrt(1 + z^2) - z). In a row of equal
-    bodies m is the m* of two of them.
+    Let S be the stiffness of one contact, N the number of contacts that act together at
+    one place, and m the mass of the body. The body between the plates is an oscillator
+    with the angular frequency w, where w^2 = 2 N S / m. Its damping ratio z is sqrt(2)
+    times that of one contact for any N, since the N contacts share the damping. The
+    semi-implicit Euler method, in which the force depends on the velocity before the
+    step, is stable for dt < 2 / w (sqrt(1 + z^2) - z). In a row of equal bodies, m is
+    the effective mass m* of two of them.
     """
-    # The effective radius and mass of two equal bodies are half those of a body and a
-    # plate.
+    # The effective radius and mass of two equal bodies are half of those of a body and
+    # a plate.
     n_bodies = 2.0 if between_bodies else 1.0
     radius = shape.flattest_radius_m / n_bodies
     mass = shape.mass_kg / n_bodies

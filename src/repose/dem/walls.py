@@ -33,7 +33,7 @@ Vector = Sequence[float] | np.ndarray
 
 UNIT_TOLERANCE = 1e-6  # error of the length of a user's unit vector
 SMALLEST_AREA = 1e-12  # twice the area of a triangle over the squared size of its mesh
-PARALLEL_TOLERANCE = 1e-12  # of an angular velocity and an axis, relative
+PARALLEL_TOLERANCE = 1e-12  # relative error of an angular velocity's part along an axis
 AXIS_TOLERANCE = 1e-9  # distance of a pivot from an axis, over the size of the box
 
 
@@ -48,12 +48,12 @@ class Motion:
     angular_velocity_rad_s : array_like (3,)
         Angular velocity about the pivot [rad/s].
     pivot_m : array_like (3,)
-        The pivot at the beginning [m]; it moves along.
+        The pivot at the beginning [m]. It moves along with the wall.
 
     Raises
     ------
     ValueError
-        Naming the value that is not three finite numbers.
+        If a value is not three finite numbers. The message names it.
     """
 
     velocity_m_s: Vector = ORIGIN
@@ -76,7 +76,7 @@ STILL = Motion()
 
 
 def _check_material_and_motion(surface: "Wall") -> None:
-    """Check that a wall's material is a name and its motion a `Motion`; else ValueError."""
+    """Raise ValueError unless a wall's material is a name and its motion a `Motion`."""
     check_name("material", surface.material)
     if not isinstance(surface.motion, Motion):
         raise ValueError(f"motion is {surface.motion!r}; expected a Motion")
@@ -89,20 +89,20 @@ class Plane:
     Parameters
     ----------
     point_m : array_like (3,)
-        A point of the plane, the middle of a disc [m].
+        A point of the plane, or the centre of a disc [m].
     normal : array_like (3,)
         Normal towards the bodies, of any length but 0.
     material : str
-        A name that the simulation knows.
+        Name of a material of the simulation.
     radius_m : float
-        Radius of a disc, above 0 [m]; a plane without end by default.
+        Radius of a disc, above 0 [m]. By default, the plane is endless.
     motion : Motion
         How the wall moves; by default it rests.
 
     Raises
     ------
     ValueError
-        Naming the value and what is allowed.
+        If a value is not allowed. The message names it and what is allowed.
     """
 
     point_m: Vector
@@ -118,7 +118,7 @@ class Plane:
     def row(self) -> np.ndarray:
         """Return point, normal and radius for the kernels (7,).
 
-        For them the normal points into the wall.
+        In the kernels, the normal points into the wall.
         """
         if self.radius_m != math.inf:
             check_positive("radius_m", self.radius_m)
@@ -131,18 +131,17 @@ class Plane:
 class Cone:
     """The inside of a cone about an axis.
 
-    The cone is given by its line in the half plane (r, z) of its own frame.
-
-    `between` makes one of two circles.
+    The cone is given by its line in the half plane (r, z) of its own frame. The method
+    `between` makes a cone from two circles.
 
     Parameters
     ----------
     line : array_like (7,)
-        m_r, m_z (unit normal from the inside into the wall), offset k with m.(r, z) = k
-        [m], first and last place along the line [m], e_r, e_z (unit vector up along the
-        line).
+        The unit normal (m_r, m_z) from the inside into the wall; the offset k of the
+        line m.(r, z) = k [m]; the first and last place along the line [m]; and the unit
+        vector (e_r, e_z) upwards along the line.
     material : str
-        A name that the simulation knows.
+        Name of a material of the simulation.
     origin_m : array_like (3,)
         Origin of the wall's own frame [m].
     axis : array_like (3,)
@@ -153,7 +152,7 @@ class Cone:
     Raises
     ------
     ValueError
-        Naming the value and what is allowed.
+        If a value is not allowed. The message names it and what is allowed.
     """
 
     line: Vector
@@ -191,15 +190,16 @@ class Cone:
         Parameters
         ----------
         base_m : array_like (3,)
-            The middle of the first circle [m].
+            Centre of the first circle [m].
         axis : array_like (3,)
             Direction from the first circle to the second, of any length but 0.
         height_m : float
-            Distance of the circles, above 0 [m].
+            Distance between the circles, above 0 [m].
         base_radius_m, top_radius_m : float
-            Radii of the first and of the second circle [m]. One of them may be 0.
+            Radii of the first and of the second circle [m]. At most one of them may be
+            0.
         material : str
-            A name that the simulation knows.
+            Name of a material of the simulation.
         motion : Motion
             How the wall moves; by default it rests.
 
@@ -211,7 +211,7 @@ class Cone:
         Raises
         ------
         ValueError
-            Naming the value and what is allowed.
+            If a value is not allowed. The message names it and what is allowed.
         """
         check_vector("base_m", base_m)
         height = check_positive("height_m", height_m)
@@ -257,27 +257,27 @@ def Cylinder(
     Parameters
     ----------
     base_m : array_like (3,)
-        The middle of its first end [m].
+        Centre of the first end [m].
     axis : array_like (3,)
         Direction from the first end to the other, of any length but 0.
     height_m : float
-        Distance of the ends, above 0 [m].
+        Distance between the ends, above 0 [m].
     radius_m : float
         Radius, above 0 [m].
     material : str
-        A name that the simulation knows.
+        Name of a material of the simulation.
     motion : Motion
         How the wall moves; by default it rests.
 
     Returns
     -------
     Cone
-        The wall, a cone of two equal radii.
+        The wall, a cone with two equal radii.
 
     Raises
     ------
     ValueError
-        Naming the value and what is allowed.
+        If a value is not allowed. The message names it and what is allowed.
     """
     check_positive("radius_m", radius_m)
     return Cone.between(base_m, axis, height_m, radius_m, radius_m, material, motion)
@@ -294,11 +294,12 @@ class RingEdge:
     edge_radius_m : float
         Radius of the edge, above 0 [m].
     material : str
-        A name that the simulation knows.
+        Name of a material of the simulation.
     gates : array_like (2, 2)
-        Two directions (g_r, g_z) of the half plane (r, z). A contact whose normal, seen
-        from the body, opposes one of them lies behind the walls that meet at the edge,
-        and is none. Zeros leave the whole torus open.
+        Two directions (g_r, g_z) in the half plane (r, z), along the walls that meet at
+        the edge. If the contact normal, from the body into the edge, opposes one of
+        them, the point lies behind these walls and there is no contact. With zeros, the
+        whole torus can be touched.
     height_m : float
         Height of the core circle in the wall's own frame [m].
     origin_m : array_like (3,)
@@ -311,7 +312,7 @@ class RingEdge:
     Raises
     ------
     ValueError
-        Naming the value and what is allowed.
+        If a value is not allowed. The message names it and what is allowed.
     """
 
     radius_m: float
@@ -354,27 +355,27 @@ class Mesh:
     vertices_m : array_like (V, 3)
         Vertices [m].
     faces : array_like of int (F, 3)
-        Indices of each triangle's vertices, counter-clockwise seen from the bodies. No
-        triangle may be degenerate; at most two triangles, wound alike, may meet at an
-        edge.
+        Indices of each triangle's vertices, counter-clockwise when viewed from the
+        bodies. No triangle may be degenerate. At most two triangles may meet at an
+        edge, and they must have the same orientation.
     material : str
-        A name that the simulation knows.
+        Name of a material of the simulation.
     edge_radius_m : float
-        Convex edges and vertices, and open borders, are rounded with this radius, above
-        0 [m]. The rounding is tangent to the faces, which stay where they are. It must
-        leave every triangle some room.
+        Radius with which convex edges, vertices and open borders are rounded, above 0
+        [m]. The rounding is tangent to the faces, which stay where they are. It must
+        leave some room on every triangle.
     motion : Motion
         How the wall moves; by default it rests.
 
     Raises
     ------
     ValueError
-        Naming the argument and what is allowed.
+        If an argument is not allowed. The message names it and what is allowed.
 
     Notes
     -----
-    Bodies that come from behind a face pass through it. Where faces meet in a concave
-    kink below 20 degrees, a body touches the face that it overlaps most.
+    Bodies that come from behind a face pass through it. If faces meet in a concave kink
+    of less than 20 degrees, a body touches the face that it overlaps most.
     """
 
     vertices_m: np.ndarray
@@ -412,11 +413,11 @@ class Mesh:
         Parameters
         ----------
         path : path
-            An STL file, or another that trimesh reads.
+            An STL file, or another file that trimesh can read.
         material : str
-            A name that the simulation knows.
+            Name of a material of the simulation.
         scale : float
-            Metres of one unit of the file, above 0.
+            Length of one unit of the file in metres, above 0.
         edge_radius_m, motion
             See `Mesh`.
 
@@ -428,9 +429,10 @@ class Mesh:
         Raises
         ------
         repose.dem.errors.InputError
-            A ValueError that names the file where it cannot be read or has no triangle.
+            If the file cannot be read or has no triangle. This error is a ValueError
+            and names the file.
         ValueError
-            Naming the file where its triangles are no `Mesh`, or the scale.
+            If the triangles do not make a `Mesh`, or if the scale is not allowed.
         """
         import trimesh  # slow to import, and only needed to read a mesh
 
@@ -473,8 +475,8 @@ def _check_faces(value: Any, vertices: np.ndarray) -> np.ndarray:
     Raises
     ------
     ValueError
-        If they are not whole numbers of this shape, name a vertex that is not there, or
-        if a triangle has no area.
+        If they are not whole numbers of this shape, if they refer to a missing vertex,
+        or if a triangle has no area.
     """
     faces = np.asarray(value)
     has_shape = faces.ndim == 2 and faces.shape[1] == 3 and len(faces) > 0
@@ -528,7 +530,7 @@ def compute_frame(surface: Any) -> np.ndarray:
         rotation = np.eye(3)
     else:
         # Curved walls are symmetric about z, so any x axis perpendicular to z will do.
-        # It follows from the axis of the world that is the least parallel to z.
+        # It is derived from the axis of the world that is least parallel to z.
         world_axis = np.eye(3)[np.argmin(np.abs(z))]
         x = np.cross(z, world_axis)
         x /= np.linalg.norm(x)
@@ -568,7 +570,7 @@ class WallSet:
     def with_motion(self, name: str, motion: Motion) -> "WallSet":
         """Return the same walls, one of them with another motion.
 
-        ValueError if no wall has this name.
+        Raises ValueError if no wall has this name.
         """
         if name not in self.surfaces:
             allowed = ", ".join(self.names) or "none, there are no walls"
@@ -595,9 +597,9 @@ def make_wall_arrays(
     box_size_m : float
         Size of the box in which the bodies stay [m].
     old_walls : Walls, optional
-        Arrays of the same walls in a running simulation. The new arrays have their
-        present positions, and their motions except for one wall. None stands for the
-        beginning of a simulation.
+        Arrays of the same walls in a running simulation. The new arrays take over the
+        present positions of all walls, and the motions of all but `changed_wall`. None
+        stands for the beginning of a simulation.
     changed_wall : int
         Number of the wall that has another motion than in `old_walls`; -1 for none.
 
@@ -626,8 +628,9 @@ def make_wall_arrays(
 
     # A wall moves if one of its velocities, the first six columns, is not zero.
     moves = np.any(motions[:, :6] != 0.0, axis=1)
-    # The kernels transform bodies to the frame of a wall if it is displaced: if it
-    # differs from the frame of the world now, did so before, or will do so.
+    # The kernels transform bodies to the frame of a wall if the wall is displaced, that
+    # is, if this frame differs from that of the world now, did so before, or will do
+    # so.
     is_elsewhere = np.any(frames != WORLD_FRAME, axis=1)
     is_displaced = is_elsewhere | moves[len(planes) :] | was_displaced
 
@@ -654,7 +657,7 @@ def _bound_approach_speeds(
     motions: np.ndarray,
     box_size_m: float,
 ) -> list[float]:
-    """Compute an upper bound of the approach speed of each wall.
+    """Compute an upper bound on the approach speed of each wall.
 
     See `_bound_approach_speed`.
 
@@ -689,7 +692,7 @@ def _bound_approach_speeds(
 
 
 def _stack_rows(rows: list[np.ndarray], columns: int) -> np.ndarray:
-    """Stack rows to an array (N, columns); there may be none."""
+    """Stack rows into an array (N, columns), even if there are none."""
     return np.array(rows).reshape(-1, columns)
 
 
@@ -700,7 +703,7 @@ def _bound_approach_speed(
     motion: np.ndarray,
     box_size_m: float,
 ) -> float:
-    """Compute an upper bound of the speed of a wall's points towards a body.
+    """Compute an upper bound on the speed of a wall's points towards a body.
 
     The rotation of a wall about its own axis does not count.
 
@@ -709,11 +712,11 @@ def _bound_approach_speed(
     surface : Plane, Cone, RingEdge or Mesh
         The wall.
     axis : ndarray (3,)
-        Normal of a plane; of another wall the z axis of its present frame.
+        Normal of a plane, or the z axis of another wall's present frame.
     point : ndarray (3,)
-        Point of a plane; of another wall the origin of its present frame [m].
+        Point of a plane, or the origin of another wall's present frame [m].
     motion : ndarray (9,)
-        Its velocity, angular velocity and pivot.
+        Velocity, angular velocity and pivot of the wall.
     box_size_m : float
         Size of the box in which the bodies stay [m].
 

@@ -108,10 +108,10 @@ class World:
         Raises
         ------
         ValueError
-            For an unknown name.
+            If a name is unknown.
         """
-        # `look_up_choice` is called to refuse unknown names. Its result is not used, since
-        # these options are kept by name.
+        # `look_up_choice` is called only to reject unknown names. Its result is not
+        # used, since these options are stored by name.
         look_up_choice("tension", tension, TENSIONS)
         if friction_limit is None:
             friction_limit = COULOMB[tension]
@@ -127,7 +127,7 @@ class World:
         return self.contact_law.n_state + self.rolling_law.n_state
 
     def _pair_materials(self, contacts: Mapping[tuple[str, str], Contact]) -> None:
-        """Give the materials numbers, and check the contacts of pairs that can meet."""
+        """Assign numbers to the materials, and check the contacts of their pairs."""
         self.contact_pairs = index_contacts(contacts, self.materials)
         self._material_numbers = number_materials(
             self.shapes, self._list_wall_materials(), self.materials, self.contact_pairs
@@ -178,8 +178,8 @@ class World:
         self._shape_ids = np.zeros(self.capacity, np.int32)
         self._scales = np.ones(self.capacity)
 
-        # The centres of two bodies that touch are at most `reach` apart. Pairs are
-        # listed up to a gap of one skin.
+        # The centres of two touching bodies are at most `reach` apart. Pairs are listed
+        # as near up to a gap of one skin.
         bounding_radii = [shape.bounding_radius_m for shape in self.shapes.values()]
         self.radius = self.largest_scale * max(bounding_radii)
         reach = 2.0 * self.radius
@@ -229,7 +229,7 @@ class World:
         self.pairs = contact_lists.new_pairs(
             self.capacity, self._most_spheres, self._n_history_rows
         )
-        # There is a list of contacts for planes, one for curved walls, one for meshes.
+        # Contacts with planes, with curved walls and with meshes are in separate lists.
         n_planes = len(self.walls.planes)
         n_curved = len(self.walls.cones) + len(self.walls.rings)
         n_meshes = len(self.wall_set.list_walls(Mesh))
@@ -306,7 +306,7 @@ class World:
         is_whole = isinstance(threads, int | np.integer)
         if not (is_whole and 1 <= threads <= parallel.SHARES):
             raise ValueError(f"threads is {threads!r}; expected 1 to {parallel.SHARES}")
-        # Each thread has its own scratch arrays, so their number is that of the threads.
+        # Each thread needs scratch arrays of its own.
         rows = tile.LAW_ROW + self.contact_law.n_rows
         self._tiles = state.aligned_zeros(threads, rows * state.LANES)
         self._body_tiles = state.aligned_zeros(threads, TILE_ROWS * state.LANES)

@@ -1,4 +1,4 @@
-"""Save a simulation in one file, and load it so that it continues with the same bits."""
+"""Save a simulation in a file, and load it so that it continues bit by bit the same."""
 
 import dataclasses
 import json
@@ -23,7 +23,7 @@ from .whole import write_whole
 
 FORMAT = 1
 DESCRIPTION = "about"  # name of the array that holds the description
-INTACT = "a whole file that Simulation.save wrote"  # what messages expect
+INTACT = "a whole file that Simulation.save wrote"  # for messages
 # Arguments of a simulation that it keeps as attributes of the same names.
 KEPT_ARGUMENTS = (
     "capacity",
@@ -35,17 +35,17 @@ KEPT_ARGUMENTS = (
     "threads",
 )
 GROWING_LISTS = ("pairs", "flat", "curved", "meshed", "clumps")
-# Arrays of these lists that have an entry for each body and do not grow.
+# Arrays in these lists that have an entry for each body and therefore do not grow
 ARRAYS_OF_BODIES = ("limit", "deepest")
 
 AnyWorld = TypeVar("AnyWorld", bound=World)
 
 
 def save(simulation: World, path: str | os.PathLike) -> None:
-    """Write a simulation to a .npz file, in one move.
+    """Write a simulation to a .npz file, which is either complete or absent.
 
-    The file holds plain arrays. One of them holds a description of the arguments, as
-    bytes of JSON.
+    The file contains plain arrays. One of them holds a description of the arguments, as
+    JSON in bytes.
 
     Parameters
     ----------
@@ -78,8 +78,8 @@ def load(simulation_class: type[AnyWorld], path: str | os.PathLike) -> AnyWorld:
     Raises
     ------
     InputError
-        Naming the file if it is missing, damaged, of another format, or written by
-        other sources of the engine.
+        If the file is missing, damaged, of another format, or written by another
+        version of the engine. The message names the file.
     """
     path = Path(path)
     description, arrays = _read_file(path)
@@ -149,7 +149,7 @@ def _list_arrays(simulation: World) -> Iterator[tuple[str, np.ndarray]]:
     """Yield the name and the value of every array of a simulation.
 
     An array is an attribute of the simulation, or a field of an attribute that is a
-    named tuple, such as the list of pairs. Then its name is like "pairs.first".
+    named tuple. The name of a field has the form "pairs.first".
     """
     for name, value in vars(simulation).items():
         if isinstance(value, np.ndarray):
@@ -194,7 +194,7 @@ def _restore_arrays(simulation: World, saved_arrays: Mapping[str, np.ndarray]) -
 def _may_replace(name: str, new: np.ndarray, saved: np.ndarray) -> bool:
     """Return whether a saved array may replace a new array of another length.
 
-    It may if it belongs to a list that grows, and if only the lengths differ.
+    It may if it belongs to a list that grows and if only the lengths differ.
     """
     has_type = new.dtype == saved.dtype
     return has_type and _may_grow(name) and new.shape[1:] == saved.shape[1:]
@@ -214,9 +214,10 @@ def _replace_array(simulation: World, name: str, values: np.ndarray) -> None:
     simulation : Simulation
         The simulation.
     name : str
-        Name of the array: the name of a list, a point, and the name of a field of it.
+        Name of the array: the name of a list and of one of its fields, with a point
+        between them.
     values : ndarray
-        The other array, of which a copy is used.
+        The new values, which are copied.
     """
     group, _, field = name.partition(".")
     lists = getattr(simulation, group)
@@ -224,7 +225,7 @@ def _replace_array(simulation: World, name: str, values: np.ndarray) -> None:
 
 
 def _copy_aligned(values: np.ndarray) -> np.ndarray:
-    """Copy an array. A copy of floats begins at a cache line, which the kernels need."""
+    """Copy an array. A copy of floats starts at a cache line, as the kernels need."""
     if values.dtype != np.float64:
         return values.copy()
     copy = state.aligned_zeros(*values.shape)
@@ -233,7 +234,7 @@ def _copy_aligned(values: np.ndarray) -> np.ndarray:
 
 
 def _describe(simulation: World) -> dict[str, Any]:
-    """Describe the arguments of a simulation, in types of JSON."""
+    """Describe the arguments of a simulation by JSON types."""
     physics = simulation.physics
     arguments = {name: _convert(getattr(simulation, name)) for name in KEPT_ARGUMENTS}
     arguments |= {
@@ -263,7 +264,7 @@ def _describe(simulation: World) -> dict[str, Any]:
 
 
 def _make_arguments(description: Mapping[str, Any]) -> dict[str, Any]:
-    """Make the arguments of a simulation from its description, see `_describe`."""
+    """Make the arguments of a simulation from its description (see `_describe`)."""
     shapes = {
         name: _make_shape(fields) for name, fields in description["shapes"].items()
     }
@@ -285,25 +286,26 @@ def _make_arguments(description: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def _make_wall(class_name: str, fields: Mapping[str, Any]) -> Any:
-    """Make the wall of a class that has these fields."""
+    """Make a wall from the name of its class and its fields."""
     values = _convert_lists(fields)
     values["motion"] = Motion(**values["motion"])
     return getattr(wall_types, class_name)(**values)
 
 
 def _make_shape(fields: Mapping[str, Any]) -> Clump | Shape:
-    """Make the shape that has these fields."""
+    """Make a shape from its fields."""
     return Clump(**fields) if "spheres_m" in fields else Shape(**fields)
 
 
 def _convert(value: Any) -> Any:
-    """Convert a value to types of JSON.
+    """Convert a value to JSON types.
 
     Parameters
     ----------
     value : object
         A dataclass, which becomes a mapping of its fields; an array or a sequence,
-        which becomes a list; a mapping; or a number or text, which stays.
+        which becomes a list; a mapping, whose values are converted; or a number or a
+        string, which is returned unchanged.
     """
     if dataclasses.is_dataclass(value):
         names = [field.name for field in dataclasses.fields(value)]
@@ -318,7 +320,7 @@ def _convert(value: Any) -> Any:
 
 
 def _convert_lists(value: Any) -> Any:
-    """Convert the lists in a value of JSON to tuples."""
+    """Convert the lists in a JSON value to tuples."""
     if isinstance(value, dict):
         return {name: _convert_lists(item) for name, item in value.items()}
     if isinstance(value, list):

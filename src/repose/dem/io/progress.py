@@ -39,7 +39,7 @@ def show_progress(
         None shows a bar if stderr is a terminal; otherwise a line per minute. False shows
         nothing. A function is called with the simulated time instead.
     label : str
-        Text before the numbers.
+        Label that is shown before the numbers.
 
     Yields
     ------
@@ -49,7 +49,7 @@ def show_progress(
     Raises
     ------
     ValueError
-        For another `progress`.
+        If `progress` is anything else.
     """
     if progress is False:
         yield lambda _time_s: None
@@ -93,9 +93,9 @@ class _Reporter:
     Parameters
     ----------
     show : callable
-        Shows the simulated time and a text.
+        Function that shows the simulated time and a description of the speed.
     start : Mark
-        When the run began.
+        Simulated and wall time at which the run began.
     end_s, time_step_s : float
         Simulated time at the end, and the time step [s].
     has_bar : bool
@@ -147,7 +147,7 @@ class _Reporter:
 def _choose_display(
     is_terminal: bool, label: str, begin_s: float, end_s: float
 ) -> AbstractContextManager[Callable[[float, str], None]]:
-    """Choose what shows the simulated time and a text: a bar or lines."""
+    """Choose whether a bar or lines show the simulated time and the speed."""
     if is_terminal:
         return _draw_bar(label, begin_s, end_s)
 
@@ -158,7 +158,7 @@ def _choose_display(
 
 
 def _describe_speed(first: Mark, last: Mark, end_s: float, time_step_s: float) -> str:
-    """Return a text with the simulated time, the speed and the wall time left.
+    """Describe the simulated time, the speed and the wall time left.
 
     Parameters
     ----------
@@ -189,15 +189,15 @@ def _draw_bar(
     Parameters
     ----------
     label : str
-        Text before the bar.
+        Label that is shown before the bar.
     begin_s, end_s : float
         Simulated time at which the bar is empty and full [s].
 
     Yields
     ------
     callable
-        A function of the simulated time [s] and of the text behind the bar. It draws
-        both.
+        A function of the simulated time [s] and of the text after the bar. It draws the
+        bar and the text.
     """
     # Imported here because it takes a quarter of a second and only a bar needs it.
     from rich.console import Console
@@ -220,7 +220,7 @@ def _draw_bar(
 
 
 def format_duration(seconds: float) -> str:
-    """Return a duration as text: 1:02:03, or 02:03 below an hour."""
+    """Format a duration as 1:02:03, or as 02:03 below an hour."""
     minutes, seconds = divmod(round(seconds), 60)
     hours, minutes = divmod(minutes, 60)
     if hours:

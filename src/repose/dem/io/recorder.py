@@ -15,16 +15,16 @@ class Frame(NamedTuple):
     """The bodies and walls at one time."""
 
     time_s: float
-    positions: np.ndarray  # (N, 3) [m], NaN for a body that is not there
-    quaternions: np.ndarray  # (N, 4), likewise
-    planes: np.ndarray  # (P, 7), the walls as the kernels have them
+    positions: np.ndarray  # (N, 3) [m], NaN for a body that is not present
+    quaternions: np.ndarray  # (N, 4), also NaN for such a body
+    planes: np.ndarray  # (P, 7), the walls in the form that the kernels use
     wall_frames: np.ndarray  # (C, 12)
 
 
 class Recorder:
-    """Keeps the state of a simulation each time it is called with it.
+    """Records the state of a simulation each time it is called with the simulation.
 
-    See `Simulation.run(record=...)`.
+    It can be passed to `Simulation.run` as the argument `record`.
     """
 
     def __init__(self) -> None:
@@ -34,14 +34,14 @@ class Recorder:
         self._scales = np.zeros(0)
 
     def __call__(self, simulation: "Observables") -> None:
-        """Keep a frame.
+        """Record a frame.
 
         Parameters
         ----------
         simulation : Simulation
             The simulation.
         """
-        # Bodies are only added, so the last frame has all of them.
+        # Bodies are never taken out of the list, so the last frame has all of them.
         self._shapes = simulation.shape_ids.copy()
         self._scales = simulation.scales.copy()
         # A body that is gone has no position.
@@ -67,10 +67,11 @@ class Recorder:
         Returns
         -------
         dict of str to ndarray
-            time_s (T,) [s]; position (T, N, 3) [m] and quaternion (T, N, 4), in single
-            precision, NaN where a body is not there; shape (N,), the index among the
-            names of the shapes; scale (N,); planes (T, P, 7) and wall_frames (T, C,
-            12), the walls as the kernels have them (`repose.dem.kernels.state`).
+            time_s (T,) [s]; position (T, N, 3) [m] and quaternion (T, N, 4) in single
+            precision, which are NaN for a body that is not present; shape (N,), the
+            index among the names of the shapes; scale (N,); planes (T, P, 7) and
+            wall_frames (T, C, 12), the walls in the form that the kernels use
+            (`repose.dem.kernels.state`).
         """
         n_frames = len(self._frames)
         n_bodies = len(self._scales)  # of the last frame, which has the most
@@ -93,7 +94,7 @@ class Recorder:
         }
 
     def save(self, path: str | os.PathLike) -> None:
-        """Write the frames to a .npz file, in one move.
+        """Write the frames to a .npz file, which is either complete or absent.
 
         Parameters
         ----------

@@ -1,8 +1,8 @@
 """Write bodies and walls as VTK files, which ParaView opens.
 
-The format is XML PolyData with each array in base64, so numbers are written exactly.
-This module writes it itself because the libraries that write it contain a renderer or a
-mesh converter.
+The format is XML PolyData with each array in base64, so that numbers are written
+exactly. No library is used, because those that write this format contain a whole
+renderer or mesh converter.
 """
 
 import base64
@@ -39,32 +39,32 @@ class PolyData(NamedTuple):
 def write_vtk(
     path: str | os.PathLike, simulation: "Observables", content: str = "points"
 ) -> None:
-    """Write one .vtp file of a simulation as it is now.
+    """Write the present state of a simulation to a .vtp file.
 
     Parameters
     ----------
     path : path
-        The file, which ends in .vtp.
+        The file, whose name ends in .vtp.
     simulation : Simulation
         The simulation.
     content : {"points", "surfaces", "walls"}
-        What is written. "points": a point for each body that is there; "surfaces": the
-        bodies as triangles, with id and shape; "walls": all walls as triangles, with
-        the number of the wall.
+        What to write. "points" writes a point for each body that is present, "surfaces"
+        the bodies as triangles, with id and shape, and "walls" all walls as triangles,
+        with the number of the wall.
 
     Raises
     ------
     ValueError
-        For another content or ending.
+        If the content is unknown, or if the name has another ending.
 
     Notes
     -----
-    All values are in SI units. A point has id, shape (the index among the names of the
-    shapes), scale, quaternion (w, x, y, z), velocity, angular_velocity, semi_axes (half
-    the extents along the body's axes), and tensor. The eigenvalues of the tensor are the
-    full extents: ParaView's Tensor Glyph with a sphere of radius 0.5 draws each
-    ellipsoid in its size and place. The names of shapes and walls are in the field
-    data.
+    All values are in SI units. The data of a point are id, shape (the index among the
+    names of the shapes), scale, quaternion (w, x, y, z), velocity, angular_velocity,
+    semi_axes (half of the extents along the body's axes), and tensor. The eigenvalues
+    of the tensor are the full extents, so that ParaView's Tensor Glyph with a sphere of
+    radius 0.5 draws each ellipsoid with its true size and orientation. The names of
+    shapes and walls are in the field data.
     """
     path = _check_suffix(path, ".vtp")
     collect_data = look_up_choice("content", content, _COLLECTORS)
@@ -87,12 +87,12 @@ def _check_suffix(path: str | os.PathLike, suffix: str) -> Path:
 
 
 def _collect_points(simulation: "Observables") -> PolyData:
-    """Collect the bodies that are there as points."""
+    """Collect the bodies that are present as points."""
     bodies = np.flatnonzero(simulation.present)
     shape_ids = simulation.shape_ids[bodies]
     scales = simulation.scales[bodies]
     quaternions = simulation.quaternions[bodies]
-    # Half the extents of each body along its axes
+    # Half of the extents of each body along its axes
     shape_extents = np.array(
         [shape.half_extents_m for shape in simulation.shapes.values()]
     )
@@ -156,16 +156,16 @@ _COLLECTORS = {
 def _format_array(name: str, values: np.ndarray, attributes: str = "") -> str:
     """Return a DataArray element with an array of numbers.
 
-    The text of the element is the number of bytes and then the bytes, in base64.
+    The content of the element is the number of bytes, followed by the bytes, in base64.
 
     Parameters
     ----------
     name : str
         Name of the array.
     values : ndarray (N,) or (N, columns)
-        Its numbers, of a type in `VTK_TYPES`.
+        The numbers, of a type in `VTK_TYPES`.
     attributes : str
-        Further attributes of the element, with a space before each.
+        Further attributes of the element, each with a space before it.
 
     Returns
     -------
@@ -191,9 +191,9 @@ def _format_arrays(arrays: Mapping[str, np.ndarray]) -> list[str]:
 
 
 def _format_names(name: str, names: Iterable[str]) -> str:
-    """Return an Array element with texts.
+    """Return an Array element with names.
 
-    It has the UTF-8 codes of the letters, and a 0 after each text.
+    It contains the UTF-8 bytes of each name, followed by a 0.
     """
     texts = list(names)
     codes = [str(byte) for text in texts for byte in [*text.encode(), 0]]
@@ -204,7 +204,7 @@ def _format_names(name: str, names: Iterable[str]) -> str:
 
 
 def _format_vtp(time_s: float, names: str, data: PolyData) -> str:
-    """Return the text of a .vtp file.
+    """Return the content of a .vtp file.
 
     Parameters
     ----------
@@ -218,10 +218,10 @@ def _format_vtp(time_s: float, names: str, data: PolyData) -> str:
     Returns
     -------
     str
-        The text.
+        The content in XML.
     """
-    # The format has one list with the points of all cells, and the index in this list
-    # at which each cell ends.
+    # The format requires one list with the points of all cells, and for each cell the
+    # index in this list at which it ends.
     n_cells, n_corners = data.cells.shape
     ends = n_corners * np.arange(1, n_cells + 1)
     topology = {
@@ -236,7 +236,7 @@ def _format_vtp(time_s: float, names: str, data: PolyData) -> str:
         *_format_element("PointData", *_format_arrays(data.point_data)),
         *_format_element("CellData", *_format_arrays(data.cell_data)),
     )
-    # Time and names belong to the whole file.
+    # Time and names belong to the file as a whole.
     time = _format_array("TimeValue", np.array([time_s]), ' NumberOfTuples="1"')
     fields = _format_element("FieldData", time, names)
     file = _format_element(
@@ -253,7 +253,7 @@ def _format_element(tag: str, *content: str) -> list[str]:
 
 
 def _format_xml(lines: list[str]) -> str:
-    """Return the text of an XML file."""
+    """Return the content of an XML file."""
     return "\n".join(['<?xml version="1.0"?>', *lines]) + "\n"
 
 
@@ -265,24 +265,25 @@ class SavedState(NamedTuple):
 
 
 class VtkSeries:
-    """A series of .vtp files and the .pvd file that gives each its time.
+    """A series of .vtp files, with a .pvd file that gives the time of each.
 
-    ParaView opens the .pvd.
+    ParaView opens the .pvd file.
 
-    Call it with a simulation to add its present state, or give it to
-    `Simulation.run(record=...)`. Walls that never moved are written once.
+    Call the series with a simulation to add its present state, or pass it to
+    `Simulation.run` as the argument `record`. Walls that have not moved are not written
+    again.
 
     Parameters
     ----------
     path : path
-        The .pvd file; the others lie beside it, in a folder of its name.
+        The .pvd file. The other files lie beside it in a folder of the same name.
     surfaces : bool
-        Write bodies as triangles instead of points.
+        Whether to write bodies as triangles instead of points.
 
     Raises
     ------
     ValueError
-        For another ending than .pvd.
+        If the name of the file does not end in .pvd.
     """
 
     def __init__(self, path: str | os.PathLike, surfaces: bool = False) -> None:
@@ -304,16 +305,16 @@ class VtkSeries:
         Raises
         ------
         ValueError
-            If its time is not later than that of the last state.
+            If the simulated time is not later than that of the previous state.
         """
-        # The states must be in the order of time.
+        # The states must be in chronological order.
         time = simulation.time_s
         last_time = self._states[-1].time_s if self._states else -math.inf
         if not (math.isfinite(time) and time > last_time):
             raise ValueError(
                 f"time_s is {time!r}; expected later than the last one, {last_time!r}"
             )
-        # Write the new files before the .pvd file that lists them. So the .pvd file never
+        # Write the new files before the .pvd file that lists them, so that it never
         # lists a missing file.
         number = len(self._states)
         bodies_file = f"{self.path.stem}/bodies_{number:06d}.vtp"
@@ -338,7 +339,7 @@ class VtkSeries:
         Returns
         -------
         str
-            Name of the file in which the walls are, the new one or the last one.
+            Name of the file that contains the walls, either a new or an earlier one.
         """
         walls = simulation.walls
         positions = np.concatenate([walls.planes.ravel(), walls.frames.ravel()])
@@ -351,7 +352,7 @@ class VtkSeries:
         return self._walls_file
 
     def _format_pvd(self) -> str:
-        """Return the text of the .pvd file."""
+        """Return the content of the .pvd file."""
         data_sets = []
         for state in self._states:
             for part, file in enumerate(state.files):

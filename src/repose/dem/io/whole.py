@@ -10,7 +10,7 @@ def write_whole(path: str | os.PathLike, write: Callable[[IO[bytes]], Any]) -> N
     """Write a file completely, or leave the earlier file unchanged.
 
     The content is written to a temporary file in the same folder, which then replaces
-    the file. So an interrupt never leaves half a file.
+    the file. Therefore an interrupt never leaves half a file.
 
     Parameters
     ----------

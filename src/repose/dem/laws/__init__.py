@@ -16,8 +16,8 @@ __all__ = ["CONTACT_LAWS", "ROLLING_LAWS", "Laws", "RollingLaw", "RollingLaws"]
 class Laws(UserDict[str, Any]):
     """A table of laws by name.
 
-    An entry is a law, or the name of its module in this folder. A module loads the
-    compiler, so it is imported when its law is looked up.
+    An entry is a law, or the name of its module in this folder. Importing a module
+    loads the compiler, so this is done only when its law is looked up.
     """
 
     def __getitem__(self, name: str) -> "Law":
@@ -25,24 +25,25 @@ class Laws(UserDict[str, Any]):
 
 
 class RollingLaw(NamedTuple):
-    """An entry of `ROLLING_LAWS`: a law, and what it does to bodies.
+    """An entry of `ROLLING_LAWS`: a law and its effect on bodies.
 
-    Configuration, bench tests and export read these properties. They stand here and not
-    in the module of the law, so that a configuration is checked without the compiler.
+    Configuration, bench tests and export read these properties. They are given here,
+    not in the module of the law, so that a configuration can be checked without the
+    compiler.
 
     Attributes
     ----------
     law : str or Law
         The law, or the name of its module in this folder.
     of_each_body : bool
-        Whether it resists the rotation of each body in space; other laws resist that of
-        two bodies against each other.
+        Whether it resists the rotation of each body in space. Other laws resist the
+        rotation of two bodies relative to each other.
     twists : bool
-        Whether it resists spin about the normal with the twisting friction mu_t: a
-        study may then have the parameters ``mut_gg`` and ``mut_gp``.
+        Whether it resists spin about the normal with the twisting friction mu_t. If so,
+        a study may have the parameters ``mut_gg`` and ``mut_gp``.
     creeps : bool
-        Whether it resists nothing but a rotation that there is. A body then creeps as
-        long as a torque acts on it.
+        Whether it can only resist an existing rotation. If so, a body creeps as long as
+        a torque acts on it.
     """
 
     law: "str | Law"
@@ -52,9 +53,10 @@ class RollingLaw(NamedTuple):
 
 
 class RollingLaws(Laws):
-    """A table of rolling laws by name, whose entries are of `RollingLaw`.
+    """A table of rolling laws by name, whose entries are instances of `RollingLaw`.
 
-    An entry may also be what a table `Laws` takes; then no property holds.
+    An entry may also be a law or the name of a module, as in `Laws`. All its properties
+    are then False.
     """
 
     def __getitem__(self, name: str) -> "Law":
@@ -67,7 +69,7 @@ class RollingLaws(Laws):
 
 
 def _load(law: "str | Law") -> "Law":
-    """Return a law; a name is that of the module in this folder whose `LAW` it is."""
+    """Return a law, given the law itself or the name of its module in this folder."""
     if isinstance(law, str):
         module_law: Law = import_module(f".{law}", __name__).LAW
         return module_law

@@ -2,19 +2,20 @@
 
 This is model A of Ai et al.
 
-With the angular velocity w of A relative to B, its part w_n along the normal and w_r
-across it, the lever R = r_a r_b / (r_a + r_b) and the radius a of the contact circle,
-as in `epsd`:
+Let w be the angular velocity of A relative to B, with the parts w_n along the normal
+and w_r perpendicular to it. As in `epsd`, R = r_a r_b / (r_a + r_b) is the lever and a
+the radius of the contact circle. The torques on A are
 
     M_r = -mu_r F_c R w_r / |w_r|
     M_n = -mu_t F_c a w_n / |w_n|,     mu_t = 3 pi / 16 mu_s unless it is set
 
-Neither is larger than what stops two spheres of these masses and levers within a time
-step, 0.4 |w| / (dt (1/(m_a r_a^2) + 1/(m_b r_b^2))), so that a sphere with one contact
-does not shiver about rest. Of a body with several contacts, as in a groove, each
-contact alone may stop it, and together they can turn it back. The law needs a rotation
-to resist: where a torque acts a body creeps, and a pile goes on settling. The torque on
-B is the opposite of that on A, so angular momentum is kept, which `budget` does not do.
+Neither may exceed the torque that stops two spheres of these masses and levers within a
+time step, 0.4 |w| / (dt (1/(m_a r_a^2) + 1/(m_b r_b^2))), so that a sphere with one
+contact does not tremble about its position of rest. If a body has several contacts, as
+in a groove, each of them alone may stop it, and together they can reverse its rotation.
+The law resists only an existing rotation, so a body creeps as long as a torque acts on
+it, and a pile goes on settling. The torque on B is opposite to that on A. Unlike
+`budget`, the law therefore conserves angular momentum.
 
 Rows of the tile `scratch`: ROLLING_FRICTION is mu_r, TWISTING_FRICTION mu_t, PUSH
 F_c, CIRCLE a.
@@ -65,9 +66,9 @@ def kernel(
 ) -> None:
     """Compute the torques on both bodies of each lane's contact.
 
-    The torques oppose the angular velocity of A relative to B. Its part across the
-    normal is (wx, wy, wz), and its part along the normal is `spin`. The torques in the
-    rows TO_A and TO_B of `scratch` are changed.
+    The torques oppose the angular velocity of A relative to B. The part of this
+    velocity that is perpendicular to the normal is (wx, wy, wz), and the part along the
+    normal is `spin`. The torques in the rows TO_A and TO_B of `scratch` are changed.
 
     Parameters
     ----------
@@ -85,8 +86,8 @@ def kernel(
         inverse_lever, mobility = compute_levers(scratch, lane)
         spin, wx, wy, wz = compute_relative_rotation(scratch, lane, nx, ny, nz)
 
-        # Rolling: viscosity is the torque divided by the angular velocity. A larger value
-        # than stopping_limit would reverse the rotation in this step. TINY avoids a
+        # Rolling: the viscosity is the torque divided by the angular velocity. A value
+        # above stopping_limit would reverse the rotation in this step. TINY avoids a
         # division by 0.
         stopping_limit = SPHERE_ABOUT_CENTRE / (dt * mobility + TINY)
         rolling_limit = (
@@ -95,7 +96,7 @@ def kernel(
         rolling_speed = math.sqrt(wx * wx + wy * wy + wz * wz)
         viscosity = min(stopping_limit, rolling_limit / (rolling_speed + TINY))
 
-        # Twisting: the torque about the normal.
+        # Twisting: the torque about the normal
         twisting_limit = (
             scratch[TWISTING_FRICTION + lane]
             * scratch[tile.PUSH + lane]

@@ -1,33 +1,34 @@
 """Contact law: Edinburgh elasto-plastic adhesion (EEPA).
 
-A contact that was pressed unloads more stiffly, and then pulls.
+A contact that has been pressed unloads more stiffly than it was loaded, and then pulls.
 
-One part of the normal force depends on the path of the overlap. With the overlap d, the
-plastic overlap d_p, and k1 = 4/3 E* sqrt(R*):
+One part of the normal force depends on the history of the overlap. With the overlap d,
+the plastic overlap d_p, and k1 = 4/3 E* sqrt(R*), it is
 
     loading     k1 d^1.5,                    d_p^1.5 = L d^1.5
     unloading   k2 (d^1.5 - d_p^1.5),        k2 = k1 / (1 - L)
     adhesion    -k_a d^1.5
 
-A contact that is loaded again follows unloading as far as k1 d^1.5. Adhesion begins
-where unloading reaches the strongest pull.
+A contact that is loaded again follows the unloading branch up to k1 d^1.5. The adhesive
+branch begins where unloading reaches the strongest pull.
 
-L = 1 - k1 / k2 is the plasticity ratio. The strongest pull is 3/2 pi w a with a^2 = 2
-R* d_p, the circle in which two spheres cut each other at the plastic overlap, and the
-work of adhesion w = 2 gamma; at most k2 d_p^1.5 / 2, half of what the contact was
-pressed with for L = 0.5. k_a follows. A contact that is loaded again from this branch
-goes up with the stiffness of unloading, so its d_p becomes smaller. It ends when the
-bodies part. Here both exponents are 1.5, and the pull-off force of a contact that was
-never pressed is 0.
+L = 1 - k1 / k2 is the plasticity ratio. The strongest pull is 3/2 pi w a, where w = 2
+gamma is the work of adhesion and a^2 = 2 R* d_p gives the circle in which two spheres
+intersect at the plastic overlap. It is limited to k2 d_p^1.5 / 2, which for L = 0.5 is
+half of the force with which the contact was pressed. k_a follows from the strongest
+pull. If the contact is loaded again from the adhesive branch, its force rises with the
+stiffness of unloading, so d_p becomes smaller. The contact ends when the bodies part.
+Here both exponents are 1.5, and the pull-off force of a contact that was never pressed
+is 0.
 
-The dashpot is that of `hertz_mindlin` at the present overlap. The restitution set is
-that of the dashpot alone, as in LIGGGHTS; a hit returns less. Without dashpot and
-surface energy it returns e_p (`restitution`):
+The dashpot is that of `hertz_mindlin` at the present overlap. The configured
+restitution is that of the dashpot alone, as in LIGGGHTS, so the actual restitution of a
+hit is lower. Without dashpot and surface energy it is e_p (`restitution`):
 
     e_p^2 = (1 - 5/2 L + 3/2 L^(5/3)) / (1 - L)
 
-The tangential force is that of `hertz_mindlin_rescaled`; Coulomb's limit takes the
-normal force and k_a d^1.5.
+The tangential force is that of `hertz_mindlin_rescaled`. Coulomb's limit applies to the
+sum of the normal force and k_a d^1.5.
 
 Rows of the tile `scratch`, after those of `hertz_mindlin` (NORMAL_STIFFNESS is 4/3
 E*, CIRCLE sqrt(R* d)):
@@ -140,8 +141,8 @@ def contact_time(
 ) -> float:
     """Compute the contact time of a head-on impact [s].
 
-    A contact unloads faster than it is loaded. So the time is that of `hertz_mindlin`
-    times sqrt(1 - L), with the plasticity ratio L.
+    A contact unloads faster than it is loaded. Therefore the contact time is taken as
+    that of `hertz_mindlin` times sqrt(1 - L), where L is the plasticity ratio.
 
     Parameters
     ----------
@@ -234,11 +235,11 @@ def compute_plastic_forces(
     Parameters
     ----------
     scratch, history : numpy.ndarray
-        Tiles of 32 contacts: working memory of this step, and what the contacts keep
-        from step to step. See `law.contact_forces`.
+        Tiles of 32 contacts: the working memory of this step, and what the contacts
+        keep from step to step. See `law.contact_forces`.
     last_circle, plastic : int
         Indices at which two rows of `history` begin: the radius of the contact circle in
-        the last step [m], and the plastic overlap [m].
+        the previous step [m], and the plastic overlap [m].
     """
     for lane in range(LANES):
         gap = scratch[tile.GAP + lane]
@@ -247,8 +248,8 @@ def compute_plastic_forces(
         stiffness = scratch[NORMAL_STIFFNESS + lane]
         stiffening, adhesion = scratch[STIFFENING + lane], scratch[ADHESION + lane]
 
-        # A contact that was on the adhesive branch and is loaded again has a smaller
-        # plastic overlap: that of the unloading branch through its last point.
+        # If a contact on the adhesive branch is loaded again, its plastic overlap
+        # becomes smaller: that of the unloading branch through its previous point.
         plastic_overlap = history[plastic + lane]
         _, lowest, adhesive_share = compute_branches(
             stiffness, stiffening, adhesion, radius, plastic_overlap
@@ -258,10 +259,11 @@ def compute_plastic_forces(
         if circle > old_circle and stiffness * old_circle * old_overlap < lowest:
             load_ratio = 1.0 + adhesive_share / stiffening
             plastic_overlap = old_overlap * load_ratio ** (2.0 / 3.0)
-        # A contact that is pressed deeper than before has a larger one.
+        # If a contact is pressed deeper than before, its plastic overlap becomes
+        # larger.
         plastic_overlap = max(plastic_overlap, scratch[PLASTIC_SHARE + lane] * overlap)
 
-        # The force is that of unloading, but not below the adhesive branch.
+        # The force follows the unloading branch, but not below the adhesive branch.
         pressed, _, adhesive_share = compute_branches(
             stiffness, stiffening, adhesion, radius, plastic_overlap
         )
@@ -290,10 +292,10 @@ def compute_forces(
     Parameters
     ----------
     scratch, history : numpy.ndarray
-        Tiles of 32 contacts: working memory of this step, and what the contacts keep
-        from step to step. See `law.contact_forces`.
+        Tiles of 32 contacts: the working memory of this step, and what the contacts
+        keep from step to step. See `law.contact_forces`.
     spring : int
-        Place of the tangential spring's first row in `history`.
+        Index in `history` at which the three rows of the tangential spring begin.
     tension, friction_limit : int
         Numbers of `law.TENSIONS` and `law.FRICTION_LIMITS`.
     """
@@ -307,7 +309,8 @@ def compute_forces(
         # With the options "release" and "cut", the dashpot must not increase the pull.
         smallest = -math.inf if tension == KEEP else min(force, 0.0)
         normal_force = max(damped, smallest)
-        # Friction is limited by the normal force and the adhesion at this overlap.
+        # Friction is limited by the sum of the normal force and the adhesion at this
+        # overlap.
         chosen_force = force if friction_limit == ELASTIC else normal_force
         limit = abs(chosen_force + scratch[FLOOR + lane])
         # the tangential spring and dashpot at this contact circle
@@ -336,8 +339,8 @@ def kernel(
     law : namedtuple
         The options of the law.
     scratch, history : numpy.ndarray
-        Tiles of 32 contacts: working memory of this step, and what the contacts keep
-        from step to step. See `law.contact_forces`.
+        Tiles of 32 contacts: the working memory of this step, and what the contacts
+        keep from step to step. See `law.contact_forces`.
     first : int
         Index in `history` at which the rows of the law begin.
     dt : float

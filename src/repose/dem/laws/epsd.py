@@ -1,9 +1,10 @@
-"""Rolling resistance law: a spring and dashpot between two bodies.
+"""Rolling resistance law: a spring and a dashpot between two bodies.
 
 This is model C of Ai et al., with another spring and dashpot against twisting.
 
-With the angular velocity w of A relative to B, its part w_n along the normal and w_r
-across it, the lever R, and the radius of the contact circle a = sqrt(R* delta):
+Let w be the angular velocity of A relative to B, with the parts w_n along the normal
+and w_r perpendicular to it. R is the lever, and a = sqrt(R* delta) the radius of the
+contact circle. The torques on A are
 
     M_r = -k_r theta_r - c_r w_r,     |M_r| <= mu_r F_c R
     k_r = 2.25 k_n mu_r^2 R^2,        k_n = 2 E* a
@@ -11,15 +12,20 @@ across it, the lever R, and the radius of the contact circle a = sqrt(R* delta):
     M_n = -k_t theta_n - c_t w_n,     |M_n| <= mu_t F_c a
     k_t = 4 G* a^3,                   mu_t = 3 pi / 16 mu_s unless it is set
 
-theta is the path of w as long as the two touch; a torque stays as it is when the load
-changes. The dashpots c_r = 2 eta sqrt(I k_r) and c_t = 2 eta sqrt(J k_t) have eta 0.3.
-The limit cuts the spring first, then the sum, as Coulomb's does. I is the moment of
-both bodies about the contact, 1/I = 1/(1.4 m_a r_a^2) + 1/(1.4 m_b r_b^2), and J that
-about the normal, with 0.4 for 1.4, as of spheres. R = r_a r_b / (r_a + r_b), r the
-distance of the contact from a centre; r_a where B is a wall. F_c is the normal force
-that limits friction. The torque on B is the opposite of that on A, so angular momentum
-is kept; and a wall that turns takes the bodies along. For two equal spheres R is half
-of what the law `budget` takes as the lever of either.
+theta is the integral of w over the time for which the two touch. The torque of a spring
+does not change when only the load changes. The damping constants are c_r = 2 eta sqrt(I
+k_r) and c_t = 2 eta sqrt(J k_t), with the damping ratio eta = 0.3. As in Coulomb's law,
+the limit is applied first to the spring, then to the sum of spring and dashpot.
+
+I is the moment of inertia of both bodies about the contact, with 1/I = 1/(1.4 m_a
+r_a^2) + 1/(1.4 m_b r_b^2). J is that about the normal, with 0.4 in place of 1.4. These
+factors are those of spheres. R = r_a r_b / (r_a + r_b), where r is the distance of the
+contact from the centre of a body; R = r_a if B is a wall. F_c is the normal force that
+limits friction.
+
+The torque on B is opposite to that on A, so angular momentum is conserved, and a
+rotating wall carries the bodies along. For two equal spheres, R is half of the lever
+that the law `budget` has for each of them.
 
 Rows of the tile `scratch`, by their symbols:
 
@@ -91,7 +97,7 @@ def constants(
     a, b : Material
         The two materials.
     contact : Contact
-        Their contact; without a twisting friction mu_t follows from the static
+        Their contact. If it has no twisting friction, mu_t follows from the static
         friction.
     _tension : str
         How a contact ends; not used.
@@ -99,7 +105,7 @@ def constants(
     Returns
     -------
     ndarray (4,)
-        In the order of the law's rows, in SI units.
+        The constants in SI units, in the order of the law's rows.
     """
     young, shear = effective_moduli(a, b)
     twisting_friction = contact.twisting_friction
@@ -114,7 +120,8 @@ def constants(
 def compute_arm_length(x: float, y: float, z: float) -> float:
     """Compute the length of an arm (x, y, z) [m].
 
-    The arm of a wall is 0. It counts as infinite, so the result is `INFINITE_ARM`.
+    The arm of a wall is stored as 0 but counts as infinite, so the result is then
+    `INFINITE_ARM`.
     """
     squared_length = x * x + y * y + z * z
     return math.sqrt(squared_length) if squared_length > 0.0 else INFINITE_ARM
@@ -124,9 +131,9 @@ def compute_arm_length(x: float, y: float, z: float) -> float:
 def compute_levers(scratch: np.ndarray, lane: int) -> tuple[float, float]:
     """Compute the inverse lever and the mobility of a lane's contact.
 
-    The mobility 1/(m_a r_a^2) + 1/(m_b r_b^2) is that of two spheres of the bodies'
-    masses, with the distances r of their centres from the contact. A wall has no
-    inverse mass and an infinite r.
+    The mobility 1/(m_a r_a^2) + 1/(m_b r_b^2) is that of two spheres with the masses m
+    of the bodies and the distances r of their centres from the contact. A wall has an
+    inverse mass of 0 and an infinite r.
 
     Parameters
     ----------
@@ -146,7 +153,7 @@ def compute_levers(scratch: np.ndarray, lane: int) -> tuple[float, float]:
     bx, by, bz = lane_vector(scratch, tile.RB, lane)
     r_a = compute_arm_length(ax, ay, az)
     r_b = compute_arm_length(bx, by, bz)
-    # a wall has no inverse mass, so it adds nothing
+    # A wall has an inverse mass of 0, so it adds nothing.
     mobility = scratch[INVERSE_MASS_A + lane] / (r_a * r_a)
     mobility += scratch[INVERSE_MASS_B + lane] / (r_b * r_b)
     return 1.0 / r_a + 1.0 / r_b, mobility
@@ -156,7 +163,7 @@ def compute_levers(scratch: np.ndarray, lane: int) -> tuple[float, float]:
 def compute_relative_rotation(
     scratch: np.ndarray, lane: int, nx: float, ny: float, nz: float
 ) -> tuple[float, float, float, float]:
-    """Compute the angular velocity of A relative to B, along and across the normal.
+    """Split the angular velocity of A relative to B into twisting and rolling.
 
     Parameters
     ----------
@@ -170,14 +177,14 @@ def compute_relative_rotation(
     Returns
     -------
     spin : float
-        The part along the normal [rad/s].
+        The component along the normal [rad/s].
     wx, wy, wz : float
-        The vector across it [rad/s].
+        The vector perpendicular to the normal [rad/s].
     """
     ax, ay, az = lane_vector(scratch, SPIN_A, lane)
     bx, by, bz = lane_vector(scratch, SPIN_B, lane)
     wx, wy, wz = ax - bx, ay - by, az - bz
-    # The part along the normal is twisting. The rest is rolling.
+    # The part along the normal is twisting, and the rest is rolling.
     spin = wx * nx + wy * ny + wz * nz
     return spin, wx - spin * nx, wy - spin * ny, wz - spin * nz
 
@@ -239,7 +246,7 @@ def compute_torques(
         lever = 1.0 / inverse_lever
         spin, wx, wy, wz = compute_relative_rotation(scratch, lane, nx, ny, nz)
 
-        # The stiffness k_r of the rolling spring.
+        # The stiffness k_r of the rolling spring
         if tangential:
             stiffness = (
                 2.0 * scratch[TWISTING_STIFFNESS + lane] * circle * lever * lever
@@ -248,8 +255,8 @@ def compute_torques(
             stiffness = 2.25 * scratch[NORMAL_STIFFNESS + lane] * circle
             stiffness = stiffness * friction * friction * lever * lever
 
-        # Its torque (x, y, z): drop the part along the present normal, add the rotation
-        # of this step, and cut it to the limit.
+        # The torque (x, y, z) of the rolling spring: drop the part along the present
+        # normal, add the rotation of this step, and cut it to the limit.
         x, y, z = lane_vector(history, rolled, lane)
         normal_part = x * nx + y * ny + z * nz
         x = x - normal_part * nx + stiffness * dt * wx
@@ -267,13 +274,13 @@ def compute_torques(
             state.flush_tiny(z),
         )
 
-        # Add its dashpot, and cut the sum.
+        # Add the torque of the rolling dashpot, and cut the sum to the limit.
         inertia_stiffness = SPHERE_ABOUT_CONTACT * stiffness / (mobility + TINY)
         damping = 2.0 * eta * math.sqrt(inertia_stiffness)
         x, y, z = x + damping * wx, y + damping * wy, z + damping * wz
         factor = min(1.0, limit / math.sqrt(x * x + y * y + z * z + TINY))
 
-        # The same about the normal: the twisting spring, its dashpot, and the limit.
+        # Do the same about the normal, with the twisting spring, its dashpot and limit.
         stiffness = scratch[TWISTING_STIFFNESS + lane] * circle * circle * circle
         limit = touching * scratch[TWISTING_FRICTION + lane] * normal_force * circle
         twist = max(-limit, min(limit, history[twisted + lane] + stiffness * dt * spin))

@@ -1,11 +1,12 @@
-"""Rolling resistance law: a spring without dashpot.
+"""Rolling resistance law: a spring without a dashpot.
 
-It is `epsd` with the tangential stiffness in place of the normal one.
+It is `epsd` without the rolling dashpot, and with the tangential stiffness in place of
+the normal one:
 
     M_r = -k_r theta_r,     |M_r| <= mu_r F_c R,     k_r = k_s R^2,  k_s = 8 G* a
 
-with the lever R, the limit, the twisting spring and the rows of `epsd`. A sphere that
-the spring holds swings about its place.
+The lever R, the limit, the twisting spring and the rows are those of `epsd`. A sphere
+that is held by the spring oscillates about its position.
 
 References
 ----------

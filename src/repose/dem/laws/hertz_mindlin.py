@@ -1,24 +1,25 @@
 """Contact law of Hertz and Mindlin, with viscous damping and Coulomb's limit.
 
-With overlap delta, effective radius R*, radius of the contact circle a = sqrt(R*
-delta), effective moduli E* and G*, mass m, damping ratio beta, and relative velocities
-v_n and v_t:
+With the overlap delta, the effective radius R*, the radius of the contact circle a =
+sqrt(R* delta), the effective moduli E* and G*, the mass m, the damping ratio beta, and
+the relative velocities v_n and v_t, the forces are
 
     F_n = 4/3 E* a delta + 2 sqrt(5/6) beta sqrt(S_n m) v_n,      S_n = 2 E* a
     F_t = -S_t delta_t - 2 sqrt(5/6) beta sqrt(S_t m) v_t,        S_t = 8 G* a
     |F_t| <= mu_s F_c
 
-delta_t is the tangential spring, F_c the normal force that Coulomb's limit takes
-(`tangential`). m is the mass that both bodies have at the contact along the normal n,
-over the number N of contacts of these two, which share the damping (of clumps several
-spheres may touch). With it a hit returns its restitution (`damped_mass`). With r from a
-body's centre to the contact and J its inverse inertia:
+delta_t is the elongation of the tangential spring, and F_c the normal force in
+Coulomb's limit (`tangential`). m is the effective mass of both bodies at the contact
+along the normal n, divided by the number N of contacts between these bodies, which
+share the damping. Two clumps may touch at several spheres. With this mass, a hit has
+the configured restitution (`damped_mass`). If r is the vector from a body's centre to
+the contact and J the inverse inertia of the body, then
 
     1 / m = N (1/m_a + 1/m_b + (r_a x n) . J_a (r_a x n) + (r_b x n) . J_b (r_b x n))
 
-For two spheres that is the usual m* = m_a m_b / (m_a + m_b). A wall has no such terms.
-No restitution is defined along the tangent, and the tangential damping takes the same
-m.
+For two spheres this is the usual m* = m_a m_b / (m_a + m_b). A wall contributes no
+terms. No restitution is defined in the tangential direction, so the tangential damping
+uses the same m.
 
 Rows of the tile `scratch`, by their symbols:
 
@@ -35,7 +36,7 @@ References
 ----------
 Hertz, J. reine angew. Math. 92 (1882) 156. Mindlin, J. Appl. Mech. 16 (1949) 259.
 Tsuji, Tanaka and Ishida, Powder Technol. 71 (1992) 239: the damping. Schwager and
-Poeschel, Granular Matter 9 (2007) 465: a contact that does not pull.
+Poeschel, Granular Matter 9 (2007) 465: a contact that does not pull at its end.
 """
 
 import math
@@ -81,10 +82,10 @@ def damping_ratio(restitution: float, tension: str = "keep") -> float:
 
     Notes
     -----
-    With "keep" the contact lasts until the bodies part, so the dashpot pulls at the end.
-    Then beta = -ln e / sqrt(ln^2 e + pi^2) (Tsuji et al. 1992). "cut" uses the same beta
-    without the pull, so its bodies leave faster. With "release" the contact ends when the
-    force vanishes, and `_compute_log_restitution` is solved for beta by bisection.
+    With "keep", the contact lasts until the bodies part, so the dashpot pulls at the
+    end, and beta = -ln e / sqrt(ln^2 e + pi^2) (Tsuji et al. 1992). "cut" uses the same
+    beta without the pull, so bodies leave faster. With "release", the contact ends when
+    the force vanishes, and beta is found by bisection from `_compute_log_restitution`.
     """
     log_e = math.log(restitution)
     if tension != "release" or restitution == 1.0:
@@ -105,9 +106,10 @@ def damping_ratio(restitution: float, tension: str = "keep") -> float:
 def _compute_log_restitution(beta: float) -> float:
     """Compute ln e of a contact that ends when its force vanishes.
 
-    With y = delta^(5/4) the damped Hertz contact is a linear oscillator. Schwager and
-    Poeschel (2007) find when its force vanishes: ln e = -2 beta arccos(beta) / sqrt(1 -
-    beta^2), and for beta above 1 the same with arccosh(beta) and sqrt(beta^2 - 1).
+    In terms of y = delta^(5/4), the damped Hertz contact is a linear oscillator. From
+    the time at which its force vanishes, Schwager and Poeschel (2007) derive ln e = -2
+    beta arccos(beta) / sqrt(1 - beta^2). For beta above 1, arccosh(beta) and
+    sqrt(beta^2 - 1) take the place of arccos(beta) and sqrt(1 - beta^2).
 
     Parameters
     ----------
@@ -178,7 +180,7 @@ def contact_time(
     a, b : Material
         Materials of the two bodies.
     _contact : Contact
-        Their contact; only laws with further constants need it.
+        Their contact, which this law does not need.
     mass : float
         Effective mass m* [kg].
     radius : float
@@ -221,7 +223,7 @@ def oscillator(
     stiffness : float
         S_n = 2 E* sqrt(R* delta) [N/m].
     ratio : float
-        sqrt(5/6) beta: the damping over 2 sqrt(S_n m).
+        sqrt(5/6) beta, which is the damping constant divided by 2 sqrt(S_n m).
     """
     young, _ = effective_moduli(a, b)
     ratio = math.sqrt(5.0 / 6.0) * damping_ratio(contact.restitution, tension)
@@ -232,8 +234,8 @@ def oscillator(
 def compute_contact_circles(scratch: np.ndarray) -> None:
     """Compute the radius a of the contact circle, and sqrt(a m), of each contact.
 
-    The results are written to the rows CIRCLE and VISCOUS. They are 0 where the bodies
-    do not touch. The square roots are slow, so they have a short loop of their own, in
+    The results are written to the rows CIRCLE and VISCOUS. They are 0 if the bodies do
+    not touch. The square roots are slow, so they have a short loop of their own, in
     which the processor handles several lanes at once.
 
     Parameters
@@ -244,8 +246,8 @@ def compute_contact_circles(scratch: np.ndarray) -> None:
     for lane in range(LANES):
         gap = scratch[tile.GAP + lane]
         overlap = -gap if gap < 0.0 else 0.0
-        # squared_radius * rsqrt(squared_radius) is the square root. It is 0 if the
-        # bodies do not touch.
+        # squared_radius * rsqrt(squared_radius) is the radius. It is 0 if the bodies do
+        # not touch.
         squared_radius = scratch[tile.RADIUS + lane] * overlap
         circle = squared_radius * rsqrt(squared_radius)
         scratch[tile.CIRCLE + lane] = circle
@@ -270,9 +272,9 @@ def compute_forces(
     Parameters
     ----------
     scratch : numpy.ndarray
-        What is computed in this step for 32 contacts, one in each lane.
+        Working memory of this step for 32 contacts, one in each lane.
     history : numpy.ndarray
-        What the contacts keep from step to step.
+        The values that the contacts keep from step to step.
     spring : int
         Index in `history` at which the three rows of the spring begin.
     tension, friction_limit : int
@@ -312,16 +314,16 @@ def kernel(
 ) -> None:
     """Compute the forces of 32 contacts, one in each lane, of this time step.
 
-    There are several short loops instead of a long one, because a processor overlaps
-    more lanes of a short loop.
+    The work is split into several short loops, because a processor can overlap more
+    iterations of a short loop.
 
     Parameters
     ----------
     law : namedtuple
         The options of the law.
     scratch, history : numpy.ndarray
-        Tiles of 32 contacts: working memory of this step, and what the contacts keep
-        from step to step. See `law.contact_forces`.
+        Tiles of 32 contacts: the working memory of this step, and what the contacts
+        keep from step to step. See `law.contact_forces`.
     first : int
         Index in `history` at which the rows of the law begin.
     dt : float

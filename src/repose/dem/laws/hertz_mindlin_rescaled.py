@@ -2,19 +2,21 @@
 
 It is `hertz_mindlin` with another tangential spring.
 
-There the spring's force is S_t delta_t with the present S_t. So it grows when the
-contact is pressed, without any work, and a closed path (slide, press, slide back,
-unload) can give energy. Here pressing leaves the force as it is, and unloading lowers
-it with the radius a of the contact circle:
+In `hertz_mindlin`, the force of the spring is S_t delta_t with the present stiffness
+S_t. The force therefore grows when the contact is pressed, without any work being done,
+and a closed path (slide, press, slide back, unload) can yield energy. Here the force
+does not change when the contact is pressed, and decreases with the radius a of the
+contact circle when it is unloaded:
 
     dF_t = -S_t v_t dt                  where a grows,      S_t = 8 G* a
     dF_t = -S_t v_t dt + F_t da / a     where it shrinks
 
-The contact keeps delta_t with F_t = -S_t delta_t. So where a grows, delta_t is
-multiplied by (a a step ago) / a. LAMMPS calls this law `mindlin_rescale/force`.
+The contact keeps delta_t, where F_t = -S_t delta_t. When a grows, delta_t is multiplied
+by the ratio of the previous a to the present one. LAMMPS calls this law
+`mindlin_rescale/force`.
 
 The rows are those of `hertz_mindlin`. A contact keeps one more row in `history`:
-LAST_CIRCLE, the radius a of the step before.
+LAST_CIRCLE, the radius a of the previous step.
 
 References
 ----------
@@ -47,25 +49,25 @@ LAST_CIRCLE = _history_rows.take()
 def rescale_springs(
     scratch: np.ndarray, history: np.ndarray, spring: int, last_circle: int
 ) -> None:
-    """Shorten the springs of contacts whose load has grown, so that their force stays.
+    """Shorten springs of contacts whose load has grown, so that their force is kept.
 
     The stiffness of a spring is proportional to the radius of the contact circle. When
-    the radius grows, the spring is shortened by the same factor. The springs and the
-    radii in `history` are changed.
+    the radius grows by a factor, the length of the spring is divided by this factor.
+    The springs and the radii in `history` are changed.
 
     Parameters
     ----------
     scratch, history : numpy.ndarray
-        Tiles of 32 contacts: working memory of this step, and what the contacts keep
-        from step to step. See `law.contact_forces`.
+        Tiles of 32 contacts: the working memory of this step, and what the contacts
+        keep from step to step. See `law.contact_forces`.
     spring, last_circle : int
         Indices at which rows of `history` begin: the three rows of the spring, and the
-        radius of the contact circle in the last step [m]. The radius is updated.
+        radius of the contact circle in the previous step [m]. The radius is updated.
     """
     for lane in range(LANES):
         circle = scratch[tile.CIRCLE + lane]
         old_circle = history[last_circle + lane]
-        # the spring is shortened by the factor by which its stiffness grows
+        # The spring becomes shorter by the factor by which its stiffness grows.
         factor = old_circle / circle if circle > old_circle else 1.0
         history[last_circle + lane] = circle
         history[spring + lane] *= factor
@@ -83,8 +85,8 @@ def kernel(
     law : namedtuple
         The options of the law.
     scratch, history : numpy.ndarray
-        Tiles of 32 contacts: working memory of this step, and what the contacts keep
-        from step to step. See `law.contact_forces`.
+        Tiles of 32 contacts: the working memory of this step, and what the contacts
+        keep from step to step. See `law.contact_forces`.
     first : int
         Index in `history` at which the rows of the law begin.
     dt : float

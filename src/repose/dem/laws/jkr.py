@@ -1,44 +1,43 @@
 """Contact law with the cohesion of Johnson, Kendall and Roberts (JKR).
 
-Bodies attract each other up to a gap, once they have touched.
+Once two bodies have touched, they attract each other up to a certain gap.
 
-With the surface energy gamma of each of two equal surfaces, the work of adhesion is w =
-2 gamma. The radius a of the contact circle gives the overlap delta, negative for a gap,
-and the elastic normal force:
+If each of two equal surfaces has the surface energy gamma, the work of adhesion is w =
+2 gamma. The overlap delta, which is negative for a gap, and the elastic normal force
+are functions of the radius a of the contact circle:
 
     delta = a^2 / R* - sqrt(2 pi w a / E*)
     F_n   = 4 E* a^3 / (3 R*) - sqrt(8 pi w E* a^3)
 
-With the dimensionless root s of the radius, a = A s^2 with A^3 = 2 pi w R*^2 / E*, they
-are
+With A^3 = 2 pi w R*^2 / E* and the dimensionless s in a = A s^2, they become
 
     delta = (A^2 / R*) (s^4 - s),     F_n = pi w R* (8/3 s^6 - 4 s^3),
 
-and s is the largest root of the first. A contact begins where bodies touch, with delta
-= 0, s = 1 and F_n = -4/3 pi w R*. It ends at s^3 = 1/4, the gap 0.4725 A^2 / R*, beyond
-which there is no root. The strongest pull, the pull-off force, is 3/2 pi w R* = 3 pi
-gamma R*. Loading and unloading take 7.09 (w^5 R*^4 / E*^2)^(1/3) from the bodies, so
-two that meet with less energy stick. At rest without load a^3 = 9 pi w R*^2 / (2 E*)
-and delta = a^2 / (3 R*).
+where s is the largest root of the first equation. A contact begins when the bodies
+touch, with delta = 0, s = 1 and F_n = -4/3 pi w R*. It ends at s^3 = 1/4, at the gap
+0.4725 A^2 / R*, beyond which there is no root. The strongest pull, called the pull-off
+force, is 3/2 pi w R* = 3 pi gamma R*. A cycle of loading and unloading dissipates 7.09
+(w^5 R*^4 / E*^2)^(1/3), so two bodies that meet with less energy stick together. At
+rest without load, a^3 = 9 pi w R*^2 / (2 E*) and delta = a^2 / (3 R*).
 
 Damping and the tangential spring are those of `hertz_mindlin_rescaled` with this a.
-Friction is limited by F_c = F_n + 3 pi w R*, the load and twice the pull-off force
-(Thornton 1991). A contact that releases (`tension`) pulls with no more than the
-pull-off force, damping included. The damping constant is that with which the same
-contact without cohesion has the restitution set; with cohesion a hit returns less. A
-pair with gamma = 0 is dry.
+Friction is limited by F_c = F_n + 3 pi w R*, the load plus twice the pull-off force
+(Thornton 1991). With the tension "release" or "cut", a contact pulls with at most the
+pull-off force, including damping. The damping constant is that with which the same
+contact without cohesion has the configured restitution. With cohesion, the restitution
+of a hit is lower. A pair with gamma = 0 is dry.
 
-EDEM's surface energy is w itself; LAMMPS and Lethe have this gamma.
+In EDEM, the surface energy is w itself. LAMMPS and Lethe use the same gamma as here.
 
-Rows of the tile `scratch`, by their symbols, besides those of the same names in
+Rows of the tile `scratch`, by their symbols, in addition to those of the same names in
 `hertz_mindlin`:
 
     BOND       sqrt(2 pi w / E*)      ELASTIC     F_n without dashpot
     ADHESION   pi w                   PULL_OFF    3/2 pi w R*
 
 Rows that a contact keeps in `history`: SPRING and LAST_CIRCLE as in
-`hertz_mindlin_rescaled`; ROOT, the square root of A, 0 without cohesion; REACH, the gap
-at which the contact ends [m].
+`hertz_mindlin_rescaled`; ROOT, the square root of A, or 0 without cohesion; and REACH,
+the gap at which the contact ends [m].
 
 References
 ----------
@@ -82,7 +81,7 @@ LAST_CIRCLE = _history_rows.take()
 ROOT = _history_rows.take()
 REACH = _history_rows.take()
 
-# s^4 - s has its minimum -DEPTH at s = S_END. The contact ends there.
+# s^4 - s has its minimum -DEPTH at s = S_END, where the contact ends.
 S_END = 0.25 ** (1.0 / 3.0)
 DEPTH = 0.75 * S_END
 START = 1.5 * S_END * S_END  # q of `_solve_root`, for the first approximation
@@ -116,7 +115,7 @@ def constants(
     Returns
     -------
     ndarray (7,)
-        Those of `hertz_mindlin`, then BOND and ADHESION.
+        The constants of `hertz_mindlin`, then BOND and ADHESION.
     """
     young, _ = effective_moduli(a, b)
     work = work_of_adhesion(contact)
@@ -174,8 +173,7 @@ def oscillator(
 ) -> tuple[float, float]:
     """Compute stiffness and damping ratio for small motions about an overlap.
 
-    The stiffness is 2 E* a, which the slope of the force over the overlap does not
-    exceed.
+    The stiffness is 2 E* a, an upper bound of the slope of the force over the overlap.
 
     Parameters
     ----------
@@ -202,9 +200,9 @@ def oscillator(
 def _solve_root(excess: float) -> float:
     """Find the largest root s of s^4 - s + DEPTH = excess, with an error below 2e-12.
 
-    With u = s - S_END the equation is u^4 + 4 S_END u^3 + 6 S_END^2 u^2 = excess. The
-    root of (u^2 + 2 sqrt(q) u)^2 = excess with q = 3/2 S_END^2 is a first approximation.
-    Three steps of Newton's method refine it.
+    With u = s - S_END, the equation becomes u^4 + 4 S_END u^3 + 6 S_END^2 u^2 = excess.
+    The root of (u^2 + 2 sqrt(q) u)^2 = excess with q = 3/2 S_END^2 is a first
+    approximation, which three steps of Newton's method refine.
 
     Parameters
     ----------
@@ -227,16 +225,16 @@ def _solve_root(excess: float) -> float:
 def begin_cohesion(scratch: np.ndarray, history: np.ndarray, root: int) -> None:
     """Compute the row ROOT of contacts that begin: (R* sqrt(2 pi w / E*))^(1/3).
 
-    A contact begins where its row is still 0 and the bodies overlap; later
-    `compute_cohesive_contacts` updates the row when R* changes.
+    A contact begins if its entry in this row is still 0 and the bodies overlap. From
+    then on, `compute_cohesive_contacts` updates the entry when R* changes.
 
     Parameters
     ----------
     scratch, history : numpy.ndarray
-        Tiles of 32 contacts: working memory of this step, and what the contacts keep
-        from step to step. See `law.contact_forces`.
+        Tiles of 32 contacts: the working memory of this step, and what the contacts
+        keep from step to step. See `law.contact_forces`.
     root : int
-        Place of the row in `history`.
+        Index in `history` at which the row ROOT begins.
     """
     for lane in range(LANES):
         if (
@@ -261,8 +259,8 @@ def compute_cohesive_contacts(
     Parameters
     ----------
     scratch, history : numpy.ndarray
-        Tiles of 32 contacts: working memory of this step, and what the contacts keep
-        from step to step. See `law.contact_forces`.
+        Tiles of 32 contacts: the working memory of this step, and what the contacts
+        keep from step to step. See `law.contact_forces`.
     root, reach : int
         Indices at which the rows ROOT and REACH of `history` begin: the square root of
         the unit A, 0 without cohesion, and the gap at which the contact ends [m].
@@ -275,8 +273,8 @@ def compute_cohesive_contacts(
         )
         is_cohesive = root_a > 0.0
 
-        # The root of A. One step of Newton's method for the cube root is enough, as R*
-        # changes little in a time step.
+        # The square root of A. One step of Newton's method for the cube root suffices,
+        # because R* changes little in a time step.
         circle_unit = root_a * root_a if is_cohesive else 1.0
         root_a -= (root_a - radius * scratch[BOND + lane] / circle_unit) / 3.0
         # The units A of the circle and A^2 / R* of the overlap, and the gap at which the
@@ -286,7 +284,7 @@ def compute_cohesive_contacts(
         end_gap = DEPTH * overlap_unit if is_cohesive else 0.0
         touching = 1.0 if gap <= end_gap else 0.0
 
-        # The force with cohesion, from the root s of the radius of the contact circle.
+        # The force with cohesion, a function of s
         excess = DEPTH - gap / overlap_unit
         s = _solve_root(excess if excess > SMALLEST_EXCESS else SMALLEST_EXCESS)
         s_cubed = s * s * s
@@ -295,7 +293,7 @@ def compute_cohesive_contacts(
         )
         cohesive_force = work_radius * s_cubed * (8.0 / 3.0 * s_cubed - 4.0)
 
-        # Hertz's force, without cohesion.
+        # Hertz's force, without cohesion
         overlap = -gap if gap < 0.0 else 0.0
         dry_circle = math.sqrt(radius * overlap)
         dry_force = scratch[NORMAL_STIFFNESS + lane] * dry_circle * overlap
@@ -324,17 +322,17 @@ def compute_forces(
     Call `compute_cohesive_contacts` first. The rows TO_A and PUSH of `scratch` and the
     springs in `history` are overwritten.
 
-    The pull-off force is added before the call of `tangential.compute_normal_forces` and
-    subtracted after it. So with the tension "release" a contact ends at the pull-off
-    force instead of at 0.
+    The pull-off force is added before `tangential.compute_normal_forces` is called and
+    subtracted afterwards. Therefore a contact with the tension "release" ends when its
+    pull reaches the pull-off force, instead of when the force vanishes.
 
     Parameters
     ----------
     scratch, history : numpy.ndarray
-        Tiles of 32 contacts: working memory of this step, and what the contacts keep
-        from step to step. See `law.contact_forces`.
+        Tiles of 32 contacts: the working memory of this step, and what the contacts
+        keep from step to step. See `law.contact_forces`.
     spring : int
-        Place of the tangential spring's first row in `history`.
+        Index in `history` at which the three rows of the tangential spring begin.
     tension, friction_limit : int
         Numbers of `law.TENSIONS` and `law.FRICTION_LIMITS`.
     """
@@ -347,10 +345,10 @@ def compute_forces(
         normal_force, limit = compute_normal_forces(
             elastic, damped, tension, friction_limit
         )
-        # Friction is limited by the normal force and twice the pull-off force.
+        # Friction is limited by the normal force plus twice the pull-off force.
         normal_force -= pull_off
         limit += pull_off
-        # the tangential spring and dashpot at this contact circle
+        # The tangential spring and dashpot at this contact circle
         stiffness = scratch[TANGENTIAL_STIFFNESS + lane] * scratch[tile.CIRCLE + lane]
         damping = scratch[TANGENTIAL_DAMPING + lane] * viscous
         write_forces(
@@ -376,8 +374,8 @@ def kernel(
     law : namedtuple
         The options of the law.
     scratch, history : numpy.ndarray
-        Tiles of 32 contacts: working memory of this step, and what the contacts keep
-        from step to step. See `law.contact_forces`.
+        Tiles of 32 contacts: the working memory of this step, and what the contacts
+        keep from step to step. See `law.contact_forces`.
     first : int
         Index in `history` at which the rows of the law begin.
     dt : float
@@ -398,7 +396,7 @@ def reach(law: Any, history: np.ndarray, first: int, lane: int) -> float:
     law : namedtuple
         Options of the law. This law does not use them.
     history : numpy.ndarray
-        What the contacts keep from step to step.
+        The values that the contacts keep from step to step.
     first : int
         Index in `history` at which the rows of the law begin.
     lane : int

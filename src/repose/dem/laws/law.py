@@ -1,9 +1,9 @@
 """A force law: its data, and the kernel that computes its forces.
 
 The engine calls `contact_forces` and `rolling_resistance` with the options of a law.
-The options of each law are a named tuple of a type of its own. By this type numba puts
-the kernel of the law in place of the call, so a compiled loop has the code of one law
-only.
+The options of each law are a named tuple of a type of its own. From this type, numba
+chooses the kernel that takes the place of the call, so a compiled loop contains the
+code of one law only.
 
 A kernel computes 32 contacts at a time, each in one lane of two tiles (`kernels.rows`
 explains tiles):
@@ -13,14 +13,15 @@ explains tiles):
               contact law lie from row `tile.LAW` on, those of the rolling law from
               `tile.ROLLING` on.
     history   what the contacts keep from step to step: the normal (row `state.NORMAL`),
-              and the rows of the law from a place `first` on. The latter are zero when
-              a contact begins.
+              and the rows of the law from the index `first` on. The latter are zero
+              when a contact begins.
 
-What a rolling law does to bodies, such as whether they creep under it, stands in its
+The effect of a rolling law on bodies, such as whether they creep, is described in its
 entry of `laws.ROLLING_LAWS` (`laws.RollingLaw`), which is read without the compiler.
 
 `scratch[tile.GAP + lane]` is the gap of a lane, and
-`lane_vector(history, state.NORMAL, lane)` is its normal. B may be a wall: it has no inverse mass, and its arm is 0.
+`lane_vector(history, state.NORMAL, lane)` is its normal. B may be a wall, whose inverse
+mass and arm are 0.
 """
 
 from collections.abc import Callable, Mapping
@@ -34,12 +35,12 @@ from .. import cache
 from ..constants import Constant
 from ..kernels.jit import INLINED
 
-# How a contact ends: "keep" lets the damped normal force pull, "release" and "cut" end
-# it when the force vanishes.
+# How a contact ends: "keep" lets the damped normal force pull, while "release" and
+# "cut" end the contact when the force vanishes.
 KEEP, RELEASE, CUT = range(3)
 TENSIONS = {"keep": KEEP, "release": RELEASE, "cut": CUT}
-# Which normal force limits friction and rolling: its elastic part, or the size of all
-# of it, damping included.
+# Which normal force limits friction and rolling: its elastic part, or the magnitude of
+# the total force, including damping.
 ELASTIC, TOTAL = range(2)
 FRICTION_LIMITS = {"elastic": ELASTIC, "total": TOTAL}
 # The limit with which a sliding impact changes the tangential velocity by mu_s (1 + e)
@@ -74,8 +75,8 @@ class Law:
         A named tuple class of this law alone, with the fields tension and
         friction_limit: the kernel gets an instance.
     constants : callable
-        (material, material, contact, tension) -> array (n_constants,): constants of two
-        materials for the kernel.
+        Function (material, material, contact, tension) -> array (n_constants,) that
+        computes the constants of two materials for the kernel.
     n_constants : int
         Number of these constants. They are in the first rows of the law in a tile.
     n_rows : int
@@ -84,32 +85,33 @@ class Law:
         Rows that the law keeps for each contact from step to step. They are zero when a
         contact begins.
     kernel : function
-        (options, scratch, history, first, dt) -> None, a plain function that numba can
-        compile. scratch, history: the tiles; first: place of the law's first row in
-        history; dt: time step [s].
+        Function (options, scratch, history, first, dt) -> None that numba can compile.
+        It computes the forces in the tiles `scratch` and `history`. `first` is the
+        index of the law's first row in `history`, and `dt` the time step [s].
     words : mapping
-        Text for people: for each direction, such as ``normal``, one sentence, in which
-        ``{limit}`` stands for the normal force that limits friction. A material card
-        names its laws by these sentences only, so no two contact laws have the same
-        sentences, and no two rolling laws.
+        Description of the law for reports: one sentence for each direction, such as
+        ``normal``. In it, ``{limit}`` stands for the normal force that limits friction.
+        A material card identifies its laws by these sentences only, so they must differ
+        between contact laws, and between rolling laws.
     limits, ends : mapping
-        Of a contact law, text for people: the limit of friction, and the end of an
+        For a contact law, descriptions of the limit of friction and of the end of an
         impact; by default those without cohesion.
     contact_time : callable, optional
-        (material, material, contact, mass, radius, speed) -> duration of a head-on
-        impact [s], of a contact law.
+        For a contact law, a function (material, material, contact, mass, radius, speed)
+        -> duration of a head-on impact [s].
     oscillator : callable, optional
-        (material, material, contact, tension, radius, overlap) -> stiffness [N/m] and
-        damping ratio of a contact for small motions about an overlap, of a contact law.
+        For a contact law, a function (material, material, contact, tension, radius,
+        overlap) -> stiffness [N/m] and damping ratio for small motions about an
+        overlap.
     asks : tuple of Constant
-        Further constants that the law needs of two materials, from `Contact.constants`.
+        Further constants of two materials that the law needs from `Contact.constants`.
     reach : callable, optional
-        (options, history, first, lane) -> gap [m] at which a contact ends, 0 until it
-        has borne a force, below 1 m; of a law that attracts across a gap. Other
-        contacts end when the surfaces part.
+        For a law that attracts across a gap, a function (options, history, first, lane)
+        -> gap at which a contact ends. The gap is below 1 m, and 0 until the contact
+        has borne a force. Without this function, contacts end when the surfaces part.
     geometry : callable, optional
-        (options, scratch, history, of_spheres, on_wall) -> None, called before the
-        kernel: further quantities of the surfaces besides R*.
+        Function (options, scratch, history, of_spheres, on_wall) -> None that is called
+        before the kernel. It computes quantities of the surfaces other than R*.
     """
 
     name: str
@@ -137,20 +139,20 @@ class Law:
     def make_options(
         self, tension: str = "keep", friction_limit: str | None = None
     ) -> Any:
-        """Return the options that the kernel gets.
+        """Return the options that are passed to the kernel.
 
         Parameters
         ----------
         tension : {"keep", "release", "cut"}
             How a contact ends, see `Simulation`.
         friction_limit : {"elastic", "total"}, optional
-            Which normal force limits friction and rolling, see `Simulation`; by default
-            that of `COULOMB`.
+            Which normal force limits friction and rolling, see `Simulation`. The
+            default is the entry of `COULOMB` for this tension.
 
         Returns
         -------
         namedtuple
-            An instance of `options`, with numbers for the names.
+            An instance of `options`, with numbers in place of the names.
         """
         if friction_limit is None:
             friction_limit = COULOMB[tension]
@@ -209,7 +211,7 @@ def rolling_resistance(
 
 
 def _no_reach(law, history, first, lane):
-    """Return 0.0 [m]: without attraction contacts end when the surfaces part."""
+    """Return 0.0 [m], since contacts without attraction end when the surfaces part."""
     return 0.0
 
 
@@ -238,7 +240,7 @@ def reach(law: Any, history: np.ndarray, first: int, lane: int) -> float:
 def surfaces(
     law: Any, scratch: np.ndarray, history: np.ndarray, of_spheres: int, on_wall: int
 ) -> None:
-    """Compute quantities of each lane's surfaces that a law needs besides R*.
+    """Compute quantities of each lane's surfaces that a law needs in addition to R*.
 
     It is called before `contact_forces`.
 
@@ -251,7 +253,7 @@ def surfaces(
     of_spheres : int
         1 for contacts of spheres of clumps, 0 for those of smooth bodies.
     on_wall : int
-        1 where body B is a wall, else 0.
+        1 if body B is a wall, otherwise 0.
     """
     _GEOMETRIES[type(law)](law, scratch, history, of_spheres, on_wall)
 
@@ -259,16 +261,17 @@ def surfaces(
 def _dispatch_in_kernels(
     function: Callable, implementations: Mapping[Any, Callable]
 ) -> None:
-    """Let numba put the implementation of a law in place of each call of a function.
+    """Let numba replace each call of a function by the implementation for a law.
 
-    The implementation is found by the type of the options, the call's first argument.
+    The implementation is found by the type of the options, the first argument of the
+    call.
 
     Parameters
     ----------
     function : callable
         A function that kernels call, such as `contact_forces`.
     implementations : mapping
-        Function of each law, by the type of its options. Laws may be added later.
+        The function of each law, by the type of its options. Laws may be added later.
     """
 
     def choose(law: Any, *_arguments: Any) -> Callable | None:

@@ -1,16 +1,16 @@
 """Contact law: a linear spring and dashpot, with Coulomb's limit.
 
-With overlap delta, effective radius R*, effective moduli E* and G*, mass m, damping
-ratio beta and relative velocities v_n, v_t:
+With the overlap delta, the effective radius R*, the effective moduli E* and G*, the
+mass m, the damping ratio beta and the relative velocities v_n and v_t, the forces are
 
     F_n = k_n delta + 2 beta sqrt(k_n m) v_n,        k_n = 4/3 E* sqrt(SECANT) R*
     F_t = -k_t delta_t - 2 beta sqrt(k_t m) v_t,     k_t = 4 G* / E* k_n
     |F_t| <= mu_s F_c
 
-m is the mass at the contact that `hertz_mindlin` has, too. k_n is the stiffness with
-which a Hertz contact carries an overlap of SECANT R*, k_t / k_n the ratio of Mindlin's
-stiffnesses, F_c the normal force that Coulomb's limit takes (`tangential`). An impact
-lasts pi / sqrt(k_n / m (1 - beta^2)) and ends with the same restitution at any speed.
+m is the same mass at the contact as in `hertz_mindlin`. k_n is the secant stiffness of
+a Hertz contact at the overlap SECANT R*, and k_t / k_n is the ratio of Mindlin's
+stiffnesses. F_c is the normal force in Coulomb's limit (`tangential`). An impact lasts
+pi / sqrt(k_n / m (1 - beta^2)) and has the same restitution at any speed.
 
 Rows of the tile `scratch`, by their symbols:
 
@@ -41,7 +41,8 @@ from .hertz_mindlin import damping_ratio
 from .law import Law
 from .tangential import compute_normal_forces, update_springs, write_forces
 
-# Overlap over effective radius at which the spring carries as much as Hertz's contact.
+# Overlap over effective radius at which the spring has the same force as a Hertz
+# contact.
 SECANT = 0.01
 
 LinearSpring = namedtuple("LinearSpring", "tension friction_limit")
@@ -98,7 +99,7 @@ def contact_time(
     a, b : Material
         Materials of the two bodies.
     _contact : Contact
-        Their contact; only laws with further constants need it.
+        Their contact, which this law does not need.
     mass : float
         Effective mass m* [kg].
     radius : float
@@ -124,7 +125,7 @@ def oscillator(
     radius: float,
     _overlap: float,
 ) -> tuple[float, float]:
-    """Compute stiffness and damping ratio of a contact, the same at any overlap.
+    """Compute stiffness and damping ratio of a contact, which hold at any overlap.
 
     Parameters
     ----------
@@ -144,7 +145,7 @@ def oscillator(
     stiffness : float
         k_n [N/m].
     ratio : float
-        beta: the damping over 2 sqrt(k_n m).
+        beta, which is the damping constant divided by 2 sqrt(k_n m).
     """
     young, _ = effective_moduli(a, b)
     stiffness = 4.0 / 3.0 * young * math.sqrt(SECANT) * radius
@@ -164,8 +165,8 @@ def kernel(
     law : namedtuple
         The options of the law.
     scratch, history : numpy.ndarray
-        Tiles of 32 contacts: working memory of this step, and what the contacts keep
-        from step to step. See `law.contact_forces`.
+        Tiles of 32 contacts: the working memory of this step, and what the contacts
+        keep from step to step. See `law.contact_forces`.
     first : int
         Index in `history` at which the rows of the law begin.
     dt : float
@@ -174,14 +175,14 @@ def kernel(
     spring = first + SPRING
     update_springs(scratch, history, spring, dt)
     for lane in range(LANES):
-        # Beyond the edge of a disc the gap is infinite. So the overlap is chosen instead
-        # of multiplied by 0, since infinity times 0 is not a number.
+        # Beyond the edge of a disc the gap is infinite. The overlap is therefore
+        # selected by a condition, because infinity times 0 would be NaN.
         gap = scratch[tile.GAP + lane]
         touching = 1.0 if gap < 0.0 else 0.0
         overlap = -gap if gap < 0.0 else 0.0
         scratch[tile.CIRCLE + lane] = math.sqrt(scratch[tile.RADIUS + lane] * overlap)
 
-        # The normal force is the sum of a spring's and a dashpot's.
+        # The normal force is the sum of the forces of the spring and the dashpot.
         stiffness = touching * scratch[STIFFNESS + lane] * scratch[tile.RADIUS + lane]
         viscous = math.sqrt(stiffness) * rsqrt(scratch[tile.INVERSE_MASS + lane])
         elastic = stiffness * overlap
@@ -190,7 +191,7 @@ def kernel(
             elastic, damped, law.tension, law.friction_limit
         )
 
-        # The tangential spring and dashpot.
+        # The tangential spring and dashpot
         stiffness_ratio = scratch[TANGENTIAL_RATIO + lane]
         damping = scratch[DAMPING + lane] * math.sqrt(stiffness_ratio) * viscous
         write_forces(

@@ -1,15 +1,16 @@
 """Rolling resistance law "budget": a torque against the rotation of each body.
 
-Every contact gives each of its bodies a budget mu_r F_c r, with the distance r of the
-contact from the body's centre of mass, and the normal force F_c that limits friction
-(`tangential`). The sum B of a body's budgets opposes its rotation: a body at rest
-begins to turn when the torque on it exceeds B, and the resistance stops a rotation and
-never reverses it (`kernels.body_rotation`), so a pile comes to rest. For one contact
-this is the directional constant torque, the standard rolling friction of EDEM.
+Every contact gives each of its bodies a budget mu_r F_c r, where r is the distance of
+the contact from the body's centre of mass and F_c the normal force that limits friction
+(`tangential`). The sum B of a body's budgets opposes its rotation. A body at rest
+begins to rotate when the torque on it exceeds B. The resistance may stop a rotation but
+never reverses it (`kernels.body_rotation`), so a pile comes to rest. For a single
+contact, this is the directional constant torque, the standard rolling friction of EDEM.
 
-The rotation is that of the body in space (or in the rolling frame), not that of two
-bodies against each other. So the resistance takes angular momentum from a pair of
-bodies that turn in the air. Without rolling friction it is kept.
+The rotation is that of the body in space (or in the rolling frame), not the rotation of
+two bodies relative to each other. Therefore the resistance takes angular momentum from
+a pair of touching bodies that rotate freely in the air. Without rolling friction,
+angular momentum is conserved.
 
 References
 ----------
@@ -34,7 +35,7 @@ RollingBudget = namedtuple("RollingBudget", "tension friction_limit")
 _scratch_rows = Rows(tile.ROLLING)
 ROLLING_FRICTION = _scratch_rows.take()  # mu_r
 
-# Rows of the budgets of both bodies.
+# Rows of the budgets of both bodies
 BUDGET_A = tile.TO_A + state.ROLL * LANES
 BUDGET_B = tile.TO_B + state.ROLL * LANES
 
@@ -65,7 +66,8 @@ def kernel(
     scratch : numpy.ndarray
         Scratch tile of the contacts, see `law.rolling_resistance`.
     history, first, dt
-        What contacts keep, its first row, and the time step; not used.
+        The tile that contacts keep, its first row, and the time step, which are not
+        used.
     """
     for lane in range(LANES):
         torque_per_arm = scratch[ROLLING_FRICTION + lane] * scratch[tile.PUSH + lane]

@@ -1,23 +1,23 @@
-"""Contact law of Hertz and Mindlin, with a cohesion in proportion to the contact area.
+"""Contact law of Hertz and Mindlin, with a cohesion proportional to the contact area.
 
 This is the simplified JKR model of LIGGGHTS.
 
-The normal force of `hertz_mindlin_rescaled` less k A, with the cohesion energy density
-k [J/m3] and the area A of the circle in which two spheres of radii r_a and r_b, at a
-distance r of their centres, cut each other; on a wall r_a = R:
+The normal force is that of `hertz_mindlin_rescaled` minus k A, where k is the cohesion
+energy density [J/m3]. A is the area of the circle in which two spheres intersect whose
+radii are r_a and r_b and whose centres are r apart. For a sphere on a wall, r_a = R:
 
     A = pi/4 (r_a + r_b - r) (r + r_a - r_b) (r - r_a + r_b) (r + r_a + r_b) / r^2
     A = pi (R^2 - r^2)    on a wall
 
-With delta = r_a + r_b - r, R* = r_a r_b / (r_a + r_b) and S = r_a + r_b both are
+With delta = r_a + r_b - r, R* = r_a r_b / (r_a + r_b) and S = r_a + r_b, both areas are
 
     A = pi/4 delta (2 S - delta) (4 R* S - 2 S delta + delta^2) / (S - delta)^2
 
-with 1/S = 0 on a wall. That is about 2 pi R* delta. Of a smooth body r is the root of
-the product of its two radii of curvature at the contact. There is no attraction across
-a gap, and the strongest pull depends on the stiffness: at rest without load sqrt(delta)
-= 3 pi k sqrt(R*) / (2 E*), about. Friction is limited by the normal force without
-cohesion, as there.
+with 1/S = 0 on a wall. This is about 2 pi R* delta. The radius of a smooth body is the
+geometric mean of its two radii of curvature at the contact. There is no attraction
+across a gap. The strongest pull depends on the stiffness. At rest without load,
+sqrt(delta) is about 3 pi k sqrt(R*) / (2 E*). Friction is limited by the normal force
+without cohesion, as in LIGGGHTS.
 
 Rows of the tile `scratch`, after those of `hertz_mindlin`: DENSITY is k, INVERSE_SUM
 1/S. A contact keeps in `history` the rows of `hertz_mindlin_rescaled`.
@@ -71,7 +71,7 @@ def constants(
     Returns
     -------
     ndarray (n,)
-        Those of `hertz_mindlin`, zeros for the other rows of that law, and k.
+        The constants of `hertz_mindlin`, zeros for the other rows of that law, and k.
     """
     hertz_constants = hertz_mindlin.constants(a, b, contact, tension)
     values = np.zeros(hertz_mindlin.LAW.n_rows + 1)
@@ -82,10 +82,10 @@ def constants(
 
 @inlined
 def compute_contact_area(overlap: float, radius: float, inverse_sum: float) -> float:
-    """Compute the area A of the circle in which two spheres cut each other [m2].
+    """Compute the area A of the circle in which two spheres intersect [m2].
 
-    The formula is that of the module's docstring, divided by S in the numerator and in
-    the denominator, with relative_overlap = delta / S.
+    The formula is the last one in the module's docstring. Numerator and denominator are
+    divided by S^2, and relative_overlap is delta / S.
 
     Parameters
     ----------
@@ -94,8 +94,8 @@ def compute_contact_area(overlap: float, radius: float, inverse_sum: float) -> f
     inverse_sum : float
         1/S, with the sum S of both radii [1/m]; 0 on a wall.
     """
-    # In unused lanes both bodies are in one place. The limit 0.5 keeps their values
-    # finite.
+    # In unused lanes both bodies have the same position. The limit 0.5 keeps the values
+    # there finite.
     relative_overlap = min(overlap * inverse_sum, 0.5)
     factor = max(4.0 * radius - 2.0 * overlap + overlap * relative_overlap, 0.0)
     numerator = 0.25 * math.pi * overlap * (2.0 - relative_overlap) * factor
@@ -105,7 +105,7 @@ def compute_contact_area(overlap: float, radius: float, inverse_sum: float) -> f
 def geometry(
     law: Any, scratch: np.ndarray, history: np.ndarray, of_spheres: int, on_wall: int
 ) -> None:
-    """Compute the inverse sum of the radii of each lane's contact: row INVERSE_SUM.
+    """Compute the row INVERSE_SUM, the inverse sum of the radii at each lane's contact.
 
     Parameters
     ----------
@@ -114,7 +114,8 @@ def geometry(
     scratch, history : numpy.ndarray
         The tiles of 32 contacts, one in each lane, see `law.surfaces`.
     of_spheres, on_wall : int
-        1 for contacts of spheres of clumps, and 1 where body B is a wall; else 0.
+        Flags, 1 or 0: whether the contacts are those of spheres of clumps, and whether
+        body B is a wall.
     """
     for lane in range(LANES):
         # A wall has an infinite radius.
@@ -145,8 +146,8 @@ def add_cohesion(scratch: np.ndarray, history: np.ndarray) -> None:
     Parameters
     ----------
     scratch, history : numpy.ndarray
-        Tiles of 32 contacts: working memory of this step, and what the contacts keep
-        from step to step. See `law.contact_forces`.
+        Tiles of 32 contacts: the working memory of this step, and what the contacts
+        keep from step to step. See `law.contact_forces`.
     """
     for lane in range(LANES):
         gap = scratch[tile.GAP + lane]
@@ -170,8 +171,8 @@ def kernel(
     law : namedtuple
         The options of the law.
     scratch, history : numpy.ndarray
-        Tiles of 32 contacts: working memory of this step, and what the contacts keep
-        from step to step. See `law.contact_forces`.
+        Tiles of 32 contacts: the working memory of this step, and what the contacts
+        keep from step to step. See `law.contact_forces`.
     first : int
         Index in `history` at which the rows of the law begin.
     dt : float

@@ -1,35 +1,37 @@
 """The tangential spring of a contact and Coulomb's limit, which contact laws share.
 
-With the velocity v of A against B at the contact point, its normal part v_n and its
-tangential part v_t:
+Let v be the velocity of A relative to B at the contact point, with the normal part v_n
+and the tangential part v_t:
 
     v = v_a - v_b + w_a x r_a - w_b x r_b,      v_n = v . n,      v_t = v - v_n n
     F_t = -(k_t e + d v_t),                     |F_t| <= mu_s F_c
 
-The spring e is the path of the contact point of A over that of B in the tangent plane,
-as long as the two touch (Cundall and Strack 1979). It follows the plane as this tilts:
-its part along the present normal is dropped. When both bodies turn together about the
-normal, the spring does not turn with them. The limit cuts the spring first, then the
-sum of spring and dashpot.
+The spring e is the path of the contact point of A relative to that of B in the tangent
+plane since the two began to touch (Cundall and Strack 1979). When the plane tilts, the
+part of the spring along the present normal is dropped. When both bodies rotate together
+about the normal, the spring does not rotate with them. The limit is applied first to
+the spring, then to the sum of spring and dashpot.
 
-F_c is the normal force that makes a sliding impact change the tangential velocity by
-mu_s (1 + e) V_n, as of rigid bodies (`law.COULOMB`). Where the damped force may pull,
-its dashpot adds nothing over a whole impact. So F_c is the elastic force, as in EDEM's
-Hertz-Mindlin contact. Where it may not pull, F_c is the size of all of the force, as in
-LIGGGHTS and LAMMPS; then the limit holds at every moment too.
+F_c is the normal force for which a sliding impact changes the tangential velocity by
+mu_s (1 + e) V_n, as with rigid bodies (`law.COULOMB`); here e is the restitution. If
+the damped force may pull, the dashpot contributes nothing over a whole impact, so F_c
+is the elastic force, as in EDEM's Hertz-Mindlin contact. If it may not pull, F_c is the
+magnitude of the total force, as in LIGGGHTS and LAMMPS. The limit then also holds at
+every moment.
 
-A body that touches many others has the dashpots of all of them, which add up about its
-long axis. With a time step dt they may reverse its rotation, and a body among eight
-others trembles for ever. So all of them together stop at most its whole rotation in a
-step. Where S = dt max(J) sum(d r^2) is above 1, with the inverse moments of inertia J,
-the dashpots d and their arms r, a body takes the share 1 / S of each dashpot, and a
-contact that of the body with the smaller share. The share is that of the step before.
-With shorter steps it is 1: this is no part of the law.
+The dashpots of all contacts of a body add up in its rotation about the long axis. With
+a time step dt, they may reverse this rotation, and a body that touches eight others
+could tremble forever. Therefore all dashpots together may at most stop the rotation of
+a body in one step. Let J be the inverse moments of inertia, d the damping constants and
+r their arms. If S = dt max(J) sum(d r^2) is above 1, a body allows only the share 1 / S
+of each dashpot, and a contact has the smaller share of its two bodies. The share comes
+from the previous step. For shorter time steps the share is 1, so it is not part of the
+law itself.
 
-Rows of the tile `scratch` (see `kernels.tile`): velocities and arms of both bodies
-are read, V (v_t), VN (v_n), TO_A (the force on A), PUSH (F_c) and DASHPOT (d) are
-written, SHARE is read. Rows of `history`: the normal n, and three rows of e, from a
-place `spring` on.
+Rows of the tile `scratch` (see `kernels.tile`): velocities and arms of both bodies and
+SHARE are read; V (v_t), VN (v_n), TO_A (the force on A), PUSH (F_c) and DASHPOT (d) are
+written. Rows of `history`: the normal n, and three rows of e from the index `spring`
+on.
 """
 
 import math
@@ -42,7 +44,7 @@ from ..kernels.rows import LANES, lane_vector, write_vector
 from ..kernels.simd import rsqrt
 from .law import ELASTIC, KEEP
 
-# First rows of the velocities and angular velocities of both bodies.
+# First rows of the velocities and angular velocities of both bodies
 VELOCITY_A = tile.A + state.VELOCITY * LANES
 VELOCITY_B = tile.B + state.VELOCITY * LANES
 SPIN_A = tile.A + state.ANGULAR_VELOCITY * LANES
@@ -55,17 +57,18 @@ def update_springs(
 ) -> None:
     """Update the tangential springs by the relative velocity of the bodies in each lane.
 
-    The spring is the path of the contact point of A along that of B since the contact
-    began. It is 0 in lanes without a contact. The springs in `history` and the rows V and
-    VN of `scratch` are overwritten.
+    The spring is the path of the contact point of A relative to that of B since the
+    contact began. It is 0 in lanes without a contact. The springs in `history` and the
+    rows V and VN of `scratch` are overwritten.
 
     Parameters
     ----------
     scratch : numpy.ndarray
-        What is computed in this step for 32 contacts, one in each lane. The rows V and
-        VN get the tangential and the normal velocity of A relative to B [m/s].
+        Working memory of this step for 32 contacts, one in each lane. The tangential
+        and the normal velocity of A relative to B [m/s] are written to the rows V and
+        VN.
     history : numpy.ndarray
-        What the contacts keep from step to step.
+        The values that the contacts keep from step to step.
     spring : int
         Index in `history` at which the three rows of the spring begin.
     dt : float
@@ -89,7 +92,7 @@ def update_springs(
         vy = vay - vby + waz * ax - wax * az - (wbz * bx - wbx * bz)
         vz = vaz - vbz + wax * ay - way * ax - (wbx * by - wby * bx)
 
-        # Its normal and its tangential part.
+        # The normal and the tangential part of this velocity
         vn = vx * nx + vy * ny + vz * nz
         vx -= vn * nx
         vy -= vn * ny
@@ -97,14 +100,15 @@ def update_springs(
         write_vector(scratch, tile.V, lane, vx, vy, vz)
         scratch[tile.VN + lane] = vn
 
-        # touching is 1.0 while the contact lasts. Otherwise it is 0.0, and resets the
-        # spring to zero length.
-        if reach > 0:  # a law without reach must compile to one comparison
+        # `touching` is 1.0 while the contact lasts. Otherwise it is 0.0, which resets
+        # the spring to zero length.
+        if reach > 0:  # for a law without reach, this must compile to one comparison
             touching = 1.0 if scratch[tile.GAP + lane] <= history[reach + lane] else 0.0
         else:
             touching = 1.0 if scratch[tile.GAP + lane] < 0.0 else 0.0
 
-        # The spring loses its part along the normal and grows by the path of this step.
+        # The spring loses its part along the normal, and grows by the path of this
+        # step.
         ex, ey, ez = lane_vector(history, spring, lane)
         normal_part = ex * nx + ey * ny + ez * nz
         history[spring + lane] = state.flush_tiny(
@@ -122,14 +126,14 @@ def update_springs(
 def compute_normal_forces(
     elastic: float, damped: float, tension: int, friction_limit: int
 ) -> tuple[float, float]:
-    """Compute the normal force, and the one that limits friction and rolling.
+    """Compute the normal force, and the force that limits friction and rolling.
 
-    Both are 0 if the contact has ended because the damped force vanished.
+    Both are 0 if the contact has ended because its damped force vanished.
 
     Parameters
     ----------
     elastic, damped : float
-        The elastic part of the normal force, and all of it [N].
+        The elastic part of the normal force, and the total force with damping [N].
     tension, friction_limit : int
         Numbers of `law.TENSIONS` and `law.FRICTION_LIMITS`.
 
@@ -138,7 +142,7 @@ def compute_normal_forces(
     force, limit : float
         The normal force, and the force that limits friction and rolling [N].
     """
-    # Only a contact that keeps its tension may pull.
+    # The force may pull only with the tension "keep".
     lowest = -math.inf if tension == KEEP else 0.0
     force = damped if damped > lowest else lowest
     limit = elastic if friction_limit == ELASTIC else abs(force)
@@ -165,10 +169,10 @@ def write_forces(
     Parameters
     ----------
     scratch : numpy.ndarray
-        What is computed in this step for 32 contacts. The row V has the tangential
+        Working memory of this step for 32 contacts. The row V has the tangential
         velocity.
     history : numpy.ndarray
-        What the contacts keep from step to step.
+        The values that the contacts keep from step to step.
     spring : int
         Index in `history` at which the three rows of the spring begin.
     lane : int
@@ -179,29 +183,30 @@ def write_forces(
         Coefficient of static friction.
     stiffness, damping : float
         Stiffness of the tangential spring [N/m], and constant of its dashpot [N s/m]. The
-        row SHARE has the share of the dashpot that acts.
+        row SHARE holds the share of the dashpot that acts.
     """
     scratch[tile.DASHPOT + lane] = damping
     damping *= scratch[tile.SHARE + lane]
     largest_force = friction * limit
 
-    # Shorten the spring if the size of its force, -(sx, sy, sz), exceeds the limit.
+    # Shorten the spring if the magnitude of its force, -(sx, sy, sz), exceeds the
+    # limit.
     ex, ey, ez = lane_vector(history, spring, lane)
     sx, sy, sz = stiffness * ex, stiffness * ey, stiffness * ez
     factor = largest_force * rsqrt(sx * sx + sy * sy + sz * sz)
     factor = factor if factor < 1.0 else 1.0
     write_vector(history, spring, lane, factor * ex, factor * ey, factor * ez)
 
-    # Add the dashpot and cut the sum. The velocities are read here, one by one: if they
-    # were read before, the compiler would fuse other products, and the last bits would
-    # change.
+    # Add the dashpot and cut the sum to the limit. The velocities are read here, one by
+    # one. If they were read earlier, the compiler would fuse other products, which
+    # would change the last bits of the result.
     fx = factor * sx + damping * scratch[tile.V + lane]
     fy = factor * sy + damping * scratch[tile.V + LANES + lane]
     fz = factor * sz + damping * scratch[tile.V + 2 * LANES + lane]
     factor = largest_force * rsqrt(fx * fx + fy * fy + fz * fz)
     factor = factor if factor < 1.0 else 1.0
 
-    # The force on A opposes the normal, and the velocity.
+    # The force on A opposes the normal and the tangential velocity.
     nx, ny, nz = lane_vector(history, state.NORMAL, lane)
     write_vector(
         scratch,
