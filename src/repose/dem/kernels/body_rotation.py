@@ -69,7 +69,7 @@ def rotated_quaternion(qw, qx, qy, qz, omega_x, omega_y, omega_z, half_dt):
     omega_x, omega_y, omega_z : float
         Angular velocity in world axes [rad/s].
     half_dt : float
-        Half the time step [s].
+        Half of the time step [s].
     """
     w = qw - half_dt * (omega_x * qx + omega_y * qy + omega_z * qz)
     x = qx + half_dt * (omega_x * qw + omega_y * qz - omega_z * qy)
@@ -93,14 +93,14 @@ def turn_quaternion(motion, lane, omega_x, omega_y, omega_z, half_dt, is_turning
     Parameters
     ----------
     motion : array (MOTION_ROWS * LANES,)
-        Quaternions, angular momenta and so on of the same bodies: a tile of
-        `Bodies.motion`. The module `state` names the rows.
+        Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
+        the same bodies. The module `state` names the rows.
     lane : int
         Lane of the body in its tile, 0 to LANES - 1.
     omega_x, omega_y, omega_z : float
         Angular velocity in world axes [rad/s].
     half_dt : float
-        Half the time step [s].
+        Half of the time step [s].
     is_turning : bool
         Whether the body turns.
     """
@@ -180,8 +180,8 @@ def rotate_into_body(motion, lane, x, y, z):
     Parameters
     ----------
     motion : array (MOTION_ROWS * LANES,)
-        Quaternions, angular momenta and so on of the same bodies: a tile of
-        `Bodies.motion`. The module `state` names the rows.
+        Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
+        the same bodies. The module `state` names the rows.
     lane : int
         Lane of the body in its tile, 0 to LANES - 1.
     x, y, z : float
@@ -208,8 +208,8 @@ def rotate_into_world(motion, lane, x, y, z):
     Parameters
     ----------
     motion : array (MOTION_ROWS * LANES,)
-        Quaternions, angular momenta and so on of the same bodies: a tile of
-        `Bodies.motion`. The module `state` names the rows.
+        Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
+        the same bodies. The module `state` names the rows.
     lane : int
         Lane of the body in its tile, 0 to LANES - 1.
     x, y, z : float
@@ -284,8 +284,8 @@ def add_torques(scratch, motion, dt):
         Working memory of a tile of LANES bodies. A quantity of one body is
         `scratch[row + lane]`; the module `body_tile` names the rows.
     motion : array (MOTION_ROWS * LANES,)
-        Quaternions, angular momenta and so on of the same bodies: a tile of
-        `Bodies.motion`. The module `state` names the rows.
+        Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
+        the same bodies. The module `state` names the rows.
     dt : float
         Time step [s].
 
@@ -319,8 +319,8 @@ def stop_rotations(scratch, motion):
         Working memory of a tile of LANES bodies. A quantity of one body is
         `scratch[row + lane]`; the module `body_tile` names the rows.
     motion : array (MOTION_ROWS * LANES,)
-        Quaternions, angular momenta and so on of the same bodies: a tile of
-        `Bodies.motion`. The module `state` names the rows.
+        Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
+        the same bodies. The module `state` names the rows.
     """
     for offset in range(3 * LANES):
         motion[ANGULAR_MOMENTUM + offset] = 0.0
@@ -425,8 +425,8 @@ def resist_rolling(scratch, motion, dt):
         Working memory of a tile of LANES bodies. A quantity of one body is
         `scratch[row + lane]`; the module `body_tile` names the rows.
     motion : array (MOTION_ROWS * LANES,)
-        Quaternions, angular momenta and so on of the same bodies: a tile of
-        `Bodies.motion`. The module `state` names the rows.
+        Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
+        the same bodies. The module `state` names the rows.
     dt : float
         Time step [s].
 
@@ -475,8 +475,8 @@ def resist_rolling_in_frame(scratch, motion, dt, frame_x, frame_y, frame_z):
         Working memory of a tile of LANES bodies. A quantity of one body is
         `scratch[row + lane]`; the module `body_tile` names the rows.
     motion : array (MOTION_ROWS * LANES,)
-        Quaternions, angular momenta and so on of the same bodies: a tile of
-        `Bodies.motion`. The module `state` names the rows.
+        Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
+        the same bodies. The module `state` names the rows.
     dt : float
         Time step [s].
     frame_x, frame_y, frame_z : float
@@ -533,8 +533,8 @@ def advance_orientation(scratch, motion, dt):
         Working memory of a tile of LANES bodies. A quantity of one body is
         `scratch[row + lane]`; the module `body_tile` names the rows.
     motion : array (MOTION_ROWS * LANES,)
-        Quaternions, angular momenta and so on of the same bodies: a tile of
-        `Bodies.motion`. The module `state` names the rows.
+        Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
+        the same bodies. The module `state` names the rows.
     dt : float
         Time step [s].
     """
@@ -578,8 +578,8 @@ def write_inverse_inertia(scratch, motion):
         Working memory of a tile of LANES bodies. A quantity of one body is
         `scratch[row + lane]`; the module `body_tile` names the rows.
     motion : array (MOTION_ROWS * LANES,)
-        Quaternions, angular momenta and so on of the same bodies: a tile of
-        `Bodies.motion`. The module `state` names the rows.
+        Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
+        the same bodies. The module `state` names the rows.
     """
     write_rotated_diagonal(scratch, INVERSE_INERTIA, motion, INVERSE_MOMENTS)
 
@@ -598,10 +598,10 @@ def write_shapes(scratch, motion, parts):
         Working memory of a tile of LANES bodies. A quantity of one body is
         `scratch[row + lane]`; the module `body_tile` names the rows.
     motion : array (MOTION_ROWS * LANES,)
-        Quaternions, angular momenta and so on of the same bodies: a tile of
-        `Bodies.motion`. The module `state` names the rows.
+        Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
+        the same bodies. The module `state` names the rows.
     parts : int
-        Largest number of ellipsoids of a body; 0 for clumps.
+        Largest number of ellipsoids in a body; 0 for clumps.
     """
     write_inverse_inertia(scratch, motion)
     first = ROWS + SHAPE * LANES
@@ -631,12 +631,12 @@ def write_dashpot_shares(scratch, motion, dt, parts):
         Working memory of a tile of LANES bodies. A quantity of one body is
         `scratch[row + lane]`; the module `body_tile` names the rows.
     motion : array (MOTION_ROWS * LANES,)
-        Quaternions, angular momenta and so on of the same bodies: a tile of
-        `Bodies.motion`. The module `state` names the rows.
+        Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
+        the same bodies. The module `state` names the rows.
     dt : float
         Time step [s].
     parts : int
-        Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
+        Largest number of ellipsoids in a body; 0 for clumps; SPHERES (-1) if all bodies
         are spheres.
     """
     share_row = ROWS + state.share_column(parts) * LANES
@@ -660,12 +660,12 @@ def rotate_bodies(scratch, motion, dt, parts, is_resting, frame_x, frame_y, fram
         Working memory of a tile of LANES bodies. A quantity of one body is
         `scratch[row + lane]`; the module `body_tile` names the rows.
     motion : array (MOTION_ROWS * LANES,)
-        Quaternions, angular momenta and so on of the same bodies: a tile of
-        `Bodies.motion`. The module `state` names the rows.
+        Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
+        the same bodies. The module `state` names the rows.
     dt : float
         Time step [s].
     parts : int
-        Largest number of ellipsoids of a body; 0 for clumps.
+        Largest number of ellipsoids in a body; 0 for clumps.
     is_resting : bool
         Whether no body of the tile turned in the last step. If so, the scratch tile has
         only the first columns of the bodies.
@@ -712,8 +712,8 @@ def turn_spheres(scratch, motion, dt, frame_x, frame_y, frame_z):
         Working memory of a tile of LANES bodies. A quantity of one body is
         `scratch[row + lane]`; the module `body_tile` names the rows.
     motion : array (MOTION_ROWS * LANES,)
-        Quaternions, angular momenta and so on of the same bodies: a tile of
-        `Bodies.motion`. The module `state` names the rows.
+        Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
+        the same bodies. The module `state` names the rows.
     dt : float
         Time step [s].
     frame_x, frame_y, frame_z : float
@@ -768,8 +768,8 @@ def rotate_spheres(scratch, motion, dt, is_resting, frame_x, frame_y, frame_z):
         Working memory of a tile of LANES bodies. A quantity of one body is
         `scratch[row + lane]`; the module `body_tile` names the rows.
     motion : array (MOTION_ROWS * LANES,)
-        Quaternions, angular momenta and so on of the same bodies: a tile of
-        `Bodies.motion`. The module `state` names the rows.
+        Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
+        the same bodies. The module `state` names the rows.
     dt : float
         Time step [s].
     is_resting : bool

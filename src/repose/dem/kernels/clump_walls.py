@@ -63,7 +63,7 @@ def write_sphere_plane_contact(x, y, z, radius, plane, geometry):
     plane : array
         The row of `Walls.planes`.
     geometry : array (8,)
-        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        Overwritten with the contact: normal, gap [m], effective radius [m] and arm [m]
         (`contact_geometry`).
 
     Returns
@@ -115,7 +115,7 @@ def write_sphere_contact_in_world(walls, wall, x, y, z, radius, geometry):
     x, y, z, radius : float
         Centre of the sphere in the world, and its radius [m].
     geometry : array (8,)
-        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        Overwritten with the contact: normal, gap [m], effective radius [m] and arm [m]
         (`contact_geometry`).
 
     Returns
@@ -166,8 +166,7 @@ def add_sphere_wall_contact(
     contacts : WallContacts
         The list of contacts with walls of one kind.
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     length_index : int
         Index in `counts` of the length of this list: state.N_PLANE or state.N_CURVED.
     clumps : Clumps
@@ -205,8 +204,7 @@ def forget_sphere_contact(contacts, clumps, counts, length_index, k):
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     length_index : int
         Index in `counts` of the length of this list, such as state.N_PLANE.
     k : int
@@ -336,8 +334,7 @@ def find_sphere_wall_contacts(
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     wall : int
         Index of the wall among those of its kind.
     i : int
@@ -512,7 +509,7 @@ def follow_sphere_contact(
     end_gap : float
         The contact ends if its gap exceeds this [m].
     geometry : array (8,)
-        Overwritten by the contact (`contact_geometry`), in world axes.
+        Overwritten with the contact (`contact_geometry`) in world axes.
     other_geometry : array (8,)
         Working memory for a second contact; it is overwritten.
     local_row : array
@@ -585,8 +582,7 @@ def find_sphere_mesh_contacts(
     meshes : Meshes
         The features of all meshes (`features.Meshes`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     mesh, i : int
         Indices of the mesh and of the body.
     sphere_scratch : array

@@ -203,8 +203,7 @@ def add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b):
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     entry : int
@@ -256,8 +255,7 @@ def drop_sphere_contact(pairs, counts, clumps, k, ghost):
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     k : int
@@ -294,8 +292,7 @@ def add_entry(pairs, counts, grid, i, j):
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     i, j : int
@@ -328,8 +325,7 @@ def drop_entry(pairs, counts, grid, entry, ghost):
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     entry : int
@@ -358,8 +354,7 @@ def chain_entries(pairs, counts, grid, ghost):
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     ghost : int
@@ -392,8 +387,7 @@ def drop_entries_of_gone(bodies, pairs, counts, grid, clumps, ghost):
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     clumps : Clumps

@@ -106,7 +106,7 @@ def solve_gap(rows, parts, i, j, normal, tolerance, sufficient_gap):
     rows : array
         `Bodies.rows`.
     parts : int
-        Ellipsoids of a body, or SPHERES.
+        Number of ellipsoids in a body, or SPHERES.
     i, j : int
         The bodies A and B.
     normal : array (3,)

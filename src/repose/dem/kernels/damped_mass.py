@@ -101,12 +101,12 @@ def write_mass_of_pairs(scratch, history, pairs, parts, clumps, base, n_lanes):
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
     history : array (rows * LANES,)
-        What these contacts keep from step to step, in a tile. The module `state` names
-        the rows.
+        Tile of the numbers that these contacts keep from step to step. The module
+        `state` names the rows.
     pairs : Pairs or SpherePairs
         The lists of pairs, of smooth bodies or of clumps.
     parts : int
-        Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
+        Largest number of ellipsoids in a body; 0 for clumps; SPHERES (-1) if all bodies
         are spheres.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple if all bodies are smooth.
@@ -134,12 +134,12 @@ def write_mass_on_wall(scratch, history, contacts, parts, clumps, base, n_lanes)
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
     history : array (rows * LANES,)
-        What these contacts keep from step to step, in a tile. The module `state` names
-        the rows.
+        Tile of the numbers that these contacts keep from step to step. The module
+        `state` names the rows.
     contacts : WallContacts
         The list of contacts with walls of one kind.
     parts : int
-        Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
+        Largest number of ellipsoids in a body; 0 for clumps; SPHERES (-1) if all bodies
         are spheres.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple if all bodies are smooth.

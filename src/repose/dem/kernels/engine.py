@@ -49,8 +49,7 @@ def has_room(pairs, flat, curved, meshed, counts):
     flat, curved, meshed : WallContacts
         Contacts with planes, with curved walls and with meshes.
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
 
     Returns
     -------
@@ -89,13 +88,12 @@ def begin_step(
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     ghost : int
-        Index of the ghost, a body without mass that never moves. It stands in the unused
-        items of the lists.
+        Index of the ghost: a body without mass that never moves. Unused elements of the
+        lists hold this index.
     """
     if counts[state.N_GONE] > 0:
         drop_contacts_of_gone(
@@ -138,8 +136,7 @@ def process_wall_contacts(
     meshes : Meshes or ()
         The features of all meshes; an empty tuple if no wall is a mesh.
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     contact_tile : array
@@ -147,8 +144,8 @@ def process_wall_contacts(
     scratch : Scratch
         Working memory of this thread (`state.Scratch`); it is overwritten.
     ghost : int
-        Index of the ghost, a body without mass that never moves. It stands in the unused
-        items of the lists.
+        Index of the ghost: a body without mass that never moves. Unused elements of the
+        lists hold this index.
     """
     geometry = scratch.geometry
     other_geometry = scratch.other_geometry
@@ -221,8 +218,7 @@ def update_pair_lists(bodies, pairs, clumps, counts, grid, physics, scratch, gho
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple if all bodies are smooth.
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     physics : Physics
@@ -230,8 +226,8 @@ def update_pair_lists(bodies, pairs, clumps, counts, grid, physics, scratch, gho
     scratch : Scratch
         Working memory of this thread (`state.Scratch`); it is overwritten.
     ghost : int
-        Index of the ghost, a body without mass that never moves. It stands in the unused
-        items of the lists.
+        Index of the ghost: a body without mass that never moves. Unused elements of the
+        lists hold this index.
     """
     parts = physics.parts
     if len(clumps) == 0:
@@ -263,8 +259,7 @@ def apply_pair_forces(
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple if all bodies are smooth.
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     physics : Physics
@@ -272,8 +267,8 @@ def apply_pair_forces(
     contact_tile : array
         Scratch tile of LANES contacts (rows of `tile`); it is overwritten.
     ghost : int
-        Index of the ghost, a body without mass that never moves. It stands in the unused
-        items of the lists.
+        Index of the ghost: a body without mass that never moves. Unused elements of the
+        lists hold this index.
     """
     # A single thread handles all pairs, so all their forces go to share 0 of the loads.
     n_ended = add_pair_forces(
@@ -333,8 +328,7 @@ def advance(
     meshes : Meshes or ()
         The features of all meshes; an empty tuple if no wall is a mesh.
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     contact_tile, body_tile : array
@@ -430,8 +424,7 @@ def add_wall_loads(
     meshes : Meshes or ()
         The features of all meshes; an empty tuple if no wall is a mesh.
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     contact_tile : array
@@ -439,8 +432,8 @@ def add_wall_loads(
     scratch_numbers : array (SCRATCH,)
         Memory of the other scratch arrays (`state.Scratch`).
     ghost : int
-        Index of the ghost, a body without mass that never moves. It stands in the unused
-        items of the lists.
+        Index of the ghost: a body without mass that never moves. Unused elements of the
+        lists hold this index.
     """
     scratch = state.split_scratch(scratch_numbers)
     process_wall_contacts(

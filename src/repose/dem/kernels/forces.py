@@ -245,8 +245,8 @@ def apply_force_laws(scratch, history, physics, clumps, on_wall):
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
     history : array (rows * LANES,)
-        What these contacts keep from step to step, in a tile. The module `state` names
-        the rows.
+        Tile of the numbers that these contacts keep from step to step. The module
+        `state` names the rows.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     clumps : Clumps or ()
@@ -279,8 +279,8 @@ def separation_gap(history, physics, clumps, on_wall, lane):
     Parameters
     ----------
     history : array (rows * LANES,)
-        What these contacts keep from step to step, in a tile. The module `state` names
-        the rows.
+        Tile of the numbers that these contacts keep from step to step. The module
+        `state` names the rows.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     clumps : Clumps or ()
@@ -305,10 +305,10 @@ def write_pair_geometry(scratch, history, parts, clumps):
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
     history : array (rows * LANES,)
-        What these contacts keep from step to step, in a tile. The module `state` names
-        the rows.
+        Tile of the numbers that these contacts keep from step to step. The module
+        `state` names the rows.
     parts : int
-        Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
+        Largest number of ellipsoids in a body; 0 for clumps; SPHERES (-1) if all bodies
         are spheres.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple if all bodies are smooth.
@@ -335,8 +335,7 @@ def add_pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begi
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple if all bodies are smooth.
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     scratch : array (rows * LANES,)
@@ -599,15 +598,14 @@ def release_wall_contact(contacts, clumps, counts, length_slot, k, ghost):
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple if all bodies are smooth.
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     length_slot : int
         Index in `counts` of the length of this list, such as state.N_PLANE.
     k : int
         Index of the contact in its list.
     ghost : int
-        Index of the ghost, a body without mass that never moves. It stands in the unused
-        items of the lists.
+        Index of the ghost: a body without mass that never moves. Unused elements of the
+        lists hold this index.
     """
     if len(clumps) > 0:
         forget_sphere_contact(contacts, clumps, counts, length_slot, k)
@@ -629,15 +627,14 @@ def drop_ended_contacts(contacts, clumps, counts, length_slot, n_ended, ghost):
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple if all bodies are smooth.
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     length_slot : int
         Index in `counts` of the length of this list, such as state.N_PLANE.
     n_ended : int
         Number of contacts that ended.
     ghost : int
-        Index of the ghost, a body without mass that never moves. It stands in the unused
-        items of the lists.
+        Index of the ghost: a body without mass that never moves. Unused elements of the
+        lists hold this index.
     """
     for number in range(n_ended - 1, -1, -1):
         release_wall_contact(
@@ -657,10 +654,10 @@ def write_plane_geometry(scratch, history, parts, clumps):
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
     history : array (rows * LANES,)
-        What these contacts keep from step to step, in a tile. The module `state` names
-        the rows.
+        Tile of the numbers that these contacts keep from step to step. The module
+        `state` names the rows.
     parts : int
-        Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
+        Largest number of ellipsoids in a body; 0 for clumps; SPHERES (-1) if all bodies
         are spheres.
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple if all bodies are smooth.
@@ -675,7 +672,7 @@ def write_plane_geometry(scratch, history, parts, clumps):
 def add_plane_forces(bodies, flat, clumps, walls, counts, physics, scratch, ghost):
     """Compute the forces of all contacts with planes and add them to the loads.
 
-    Adds to `bodies.load`, and to `walls.loads` if the user asked for it. Overwrites
+    Adds to `bodies.load`, and to `walls.loads` if the user requested it. Overwrites
     `scratch`, and updates what the contacts keep (`flat.data`). A contact that ended is
     removed. Its body is searched again when the gap may have closed.
 
@@ -690,16 +687,15 @@ def add_plane_forces(bodies, flat, clumps, walls, counts, physics, scratch, ghos
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     scratch : array (rows * LANES,)
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
     ghost : int
-        Index of the ghost, a body without mass that never moves. It stands in the unused
-        items of the lists.
+        Index of the ghost: a body without mass that never moves. Unused elements of the
+        lists hold this index.
     """
     n_contacts = counts[state.N_PLANE]
     # A large simulation has several shares of the loads, and does not fit into the
@@ -826,8 +822,8 @@ def write_contact_to_lane(scratch, history, lane, geometry):
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
     history : array (rows * LANES,)
-        What these contacts keep from step to step, in a tile. The module `state` names
-        the rows.
+        Tile of the numbers that these contacts keep from step to step. The module
+        `state` names the rows.
     lane : int
         Lane of the contact in its tile, 0 to LANES - 1.
     geometry : array (8,)
@@ -939,7 +935,7 @@ def add_curved_wall_forces(
 ):
     """Compute the forces of all contacts with curved walls and add them to the loads.
 
-    Adds to `bodies.load`, and to `walls.loads` if the user asked for it. Overwrites
+    Adds to `bodies.load`, and to `walls.loads` if the user requested it. Overwrites
     `scratch`, and updates what the contacts keep (`curved.data`). A contact that ended is
     removed. Its body is searched again in the next step.
 
@@ -954,8 +950,7 @@ def add_curved_wall_forces(
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     scratch : array (rows * LANES,)
@@ -966,8 +961,8 @@ def add_curved_wall_forces(
     local_row : array
         Working memory for a body's row in the frame of a wall. It is overwritten.
     ghost : int
-        Index of the ghost, a body without mass that never moves. It stands in the unused
-        items of the lists.
+        Index of the ghost: a body without mass that never moves. Unused elements of the
+        lists hold this index.
     """
     n_contacts = counts[state.N_CURVED]
     first_wall = walls.planes.shape[0]
@@ -1113,7 +1108,7 @@ def add_mesh_forces(
 ):
     """Compute the forces of all contacts with meshes and add them to the loads.
 
-    Adds to `bodies.load`, and to `walls.loads` if the user asked for it. Overwrites
+    Adds to `bodies.load`, and to `walls.loads` if the user requested it. Overwrites
     `scratch`, and updates what the contacts keep (`meshed.data`). A contact that ended is
     removed. Its mesh is searched again in the next step.
 
@@ -1130,8 +1125,7 @@ def add_mesh_forces(
     meshes : Meshes
         The features of all meshes (`features.Meshes`).
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     scratch : array (rows * LANES,)
@@ -1142,8 +1136,8 @@ def add_mesh_forces(
     local_row : array
         Working memory for a body's row in the frame of a wall. It is overwritten.
     ghost : int
-        Index of the ghost, a body without mass that never moves. It stands in the unused
-        items of the lists.
+        Index of the ghost: a body without mass that never moves. Unused elements of the
+        lists hold this index.
     """
     n_contacts = counts[state.N_MESHED]
     n_curved = walls.cones.shape[0] + walls.rings.shape[0]

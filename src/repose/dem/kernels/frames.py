@@ -117,7 +117,7 @@ def write_row_in_frame(row, parts, frame, local_row):
     row : array
         The body: a row of `Bodies.rows`. The module `state` names its columns.
     parts : int
-        Number of ellipsoids of the body; SPHERES, -1, for a sphere.
+        Number of ellipsoids in the body; SPHERES (-1) for a sphere.
     frame : array (12,)
         The row of `Walls.frames`.
     local_row : array

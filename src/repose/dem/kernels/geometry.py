@@ -103,7 +103,7 @@ def extent(row, parts, nx, ny, nz):
     row : array
         The body: a row of `Bodies.rows`. The module `state` names its columns.
     parts : int
-        Ellipsoids of the body, or SPHERES for a sphere.
+        Number of ellipsoids in the body, or SPHERES for a sphere.
     nx, ny, nz : float
         Unit vector n.
     """
@@ -216,7 +216,7 @@ def support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz):
     row : array
         The body: a row of `Bodies.rows`. The module `state` names its columns.
     parts : int
-        Ellipsoids of the body, or SPHERES for a sphere.
+        Number of ellipsoids in the body, or SPHERES for a sphere.
     nx, ny, nz : float
         Unit normal n.
     ux, uy, uz, wx, wy, wz : float

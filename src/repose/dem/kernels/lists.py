@@ -19,8 +19,8 @@ def put_contact(data, k, nx, ny, nz):
     Parameters
     ----------
     data : array (tiles, rows * LANES)
-        What the contacts of the list keep. Contact k is lane k % LANES of tile k //
-        LANES. It is changed in place.
+        Tiles of the numbers that the contacts keep. Contact k is lane k % LANES of tile
+        k // LANES. The array is changed in place.
     k : int
         Index of the contact in its list.
     nx, ny, nz : float
@@ -40,8 +40,8 @@ def move_contact(data, source, target):
     Parameters
     ----------
     data : array (tiles, rows * LANES)
-        What the contacts of the list keep. Contact k is lane k % LANES of tile k //
-        LANES. It is changed in place.
+        Tiles of the numbers that the contacts keep. Contact k is lane k % LANES of tile
+        k // LANES. The array is changed in place.
     source, target : int
         Indices of the two contacts in the list.
     """

@@ -133,7 +133,7 @@ def write_face_contact(row, parts, face, geometry):
     face : array
         The row of the face in `Meshes.data`.
     geometry : array (8,)
-        Overwritten by the contact (`contact_geometry`).
+        Overwritten with the contact (`contact_geometry`).
 
     Returns
     -------
@@ -274,7 +274,7 @@ def write_edge_contact(row, parts, edge, angle, geometry):
     angle : float
         Angle of the normal from that of the first face [rad].
     geometry : array (8,)
-        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        Overwritten with the contact: normal, gap [m], effective radius [m] and arm [m]
         (`contact_geometry`).
 
     Returns
@@ -351,7 +351,7 @@ def solve_edge(row, parts, edge, geometry):
     edge : array (COLUMNS,)
         The edge: a row of `Meshes.data`, whose columns `features` names.
     geometry : array (8,)
-        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        Overwritten with the contact: normal, gap [m], effective radius [m] and arm [m]
         (`contact_geometry`).
 
     Returns
@@ -458,7 +458,7 @@ def write_vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
     nx, ny, nz : float
         Unit normal n.
     geometry : array (8,)
-        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        Overwritten with the contact: normal, gap [m], effective radius [m] and arm [m]
         (`contact_geometry`).
 
     Returns
@@ -529,7 +529,7 @@ def solve_vertex(row, parts, meshes, feature, geometry):
     meshes, feature : Meshes, int
         The features, and the number of the vertex.
     geometry : array (8,)
-        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        Overwritten with the contact: normal, gap [m], effective radius [m] and arm [m]
         (`contact_geometry`).
 
     Returns
@@ -595,7 +595,7 @@ def solve_feature(row, parts, meshes, feature, radius, geometry):
         Bounding radius of the body [m]: the distance of its farthest point from its
         centre.
     geometry : array (8,)
-        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        Overwritten with the contact: normal, gap [m], effective radius [m] and arm [m]
         (`contact_geometry`).
 
     Returns

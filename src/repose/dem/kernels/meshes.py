@@ -208,7 +208,7 @@ def add_feature_contact_if_new(
     contacts, counts : WallContacts, array
         The list of contacts with meshes, and the lengths of all lists.
     parts : int
-        Number of ellipsoids of the body; SPHERES, -1, for a sphere.
+        Number of ellipsoids in the body; SPHERES (-1) for a sphere.
     walls, meshes : Walls, Meshes
         The walls, and the features of the meshes.
     mesh, feature, i : int
@@ -260,7 +260,7 @@ def search_mesh(row, contacts, counts, parts, walls, meshes, mesh, i, radius, ge
     contacts, counts : WallContacts, array
         The list of contacts with meshes, and the lengths of all lists.
     parts : int
-        Number of ellipsoids of the body; SPHERES, -1, for a sphere.
+        Number of ellipsoids in the body; SPHERES (-1) for a sphere.
     walls, meshes : Walls, Meshes
         The walls, and the features of the meshes.
     mesh, i : int
@@ -342,7 +342,7 @@ def solve_last_feature(
     nx, ny, nz : float
         The last normal, in the frame of the mesh.
     geometry : array (8,)
-        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        Overwritten with the contact: normal, gap [m], effective radius [m] and arm [m]
         (`contact_geometry`).
 
     Returns
@@ -531,7 +531,7 @@ def follow_feature_contact(
     end_gap : float
         The contact ends if its gap exceeds this [m].
     geometry : array (8,)
-        Overwritten by the contact (`contact_geometry`), in world axes.
+        Overwritten with the contact (`contact_geometry`) in world axes.
     other_geometry : array (8,)
         Working memory for a second contact; it is overwritten.
 
@@ -601,7 +601,7 @@ def follow_mesh_contact(
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
     parts : int
-        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
+        Largest number of ellipsoids in a body; SPHERES (-1) if all bodies are spheres.
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes
@@ -613,7 +613,7 @@ def follow_mesh_contact(
     end_gap : float
         The contact ends if its gap exceeds this [m].
     geometry : array (8,)
-        Overwritten by the contact (`contact_geometry`), in world axes.
+        Overwritten with the contact (`contact_geometry`) in world axes.
     other_geometry : array (8,)
         Working memory for a second contact; it is overwritten.
     local_row : array
@@ -667,7 +667,7 @@ def refresh_mesh_contacts(
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
     parts : int
-        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
+        Largest number of ellipsoids in a body; SPHERES (-1) if all bodies are spheres.
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     meshes : Meshes
@@ -675,8 +675,7 @@ def refresh_mesh_contacts(
     contacts : WallContacts
         The list of contacts with meshes.
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     mesh, i : int
         Indices of the mesh and of the body.
     geometry, other_geometry : array (8,)
@@ -731,10 +730,9 @@ def find_body_mesh_contacts(
     meshes : Meshes
         The features of all meshes (`features.Meshes`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     parts : int
-        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
+        Largest number of ellipsoids in a body; SPHERES (-1) if all bodies are spheres.
     mesh, i : int
         Indices of the mesh and of the body.
     geometry, other_geometry : array (8,)

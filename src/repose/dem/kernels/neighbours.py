@@ -144,8 +144,7 @@ def mark_moved(grid, counts, i):
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     i : int
         Index of the body.
     """
@@ -211,8 +210,7 @@ def drop_near_pair(pairs, counts, grid, k):
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     k : int
@@ -247,8 +245,7 @@ def add_near_pair(pairs, counts, grid, i, j, limit, nx, ny, nz):
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     i, j : int
@@ -280,8 +277,7 @@ def add_contact(pairs, counts, grid, i, j, normal):
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     i, j : int
@@ -309,8 +305,7 @@ def drop_contact(pairs, counts, grid, k, ghost):
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     k : int
@@ -343,7 +338,7 @@ def solve_near_gap(bodies, pairs, grid, parts, k, normal):
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     parts : int
-        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
+        Largest number of ellipsoids in a body; SPHERES (-1) if all bodies are spheres.
     k : int
         Index of the pair in the list of near pairs.
     normal : array (3,)
@@ -378,12 +373,11 @@ def check_near_pair(bodies, pairs, counts, grid, parts, k, normal):
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     parts : int
-        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
+        Largest number of ellipsoids in a body; SPHERES (-1) if all bodies are spheres.
     k : int
         Index of the pair in the list of near pairs.
     normal : array (3,)
@@ -452,12 +446,11 @@ def update_near_pairs(bodies, pairs, counts, grid, parts, normal):
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     parts : int
-        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
+        Largest number of ellipsoids in a body; SPHERES (-1) if all bodies are spheres.
     normal : array (3,)
         Working memory for a unit normal; it is overwritten.
     """
@@ -489,8 +482,7 @@ def count_pairs_of_moved(pair_counts, grid, counts):
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     """
     n_pairs = 0
     for index in range(counts[state.N_MOVED]):
@@ -510,8 +502,7 @@ def drop_near_pairs_of_moved(pairs, counts, grid):
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     """
@@ -571,8 +562,7 @@ def chain_contacts(pairs, counts, grid):
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     """
@@ -602,12 +592,11 @@ def add_smooth_pair_if_near(bodies, pairs, counts, grid, parts, i, j, normal):
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     parts : int
-        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
+        Largest number of ellipsoids in a body; SPHERES (-1) if all bodies are spheres.
     i, j : int
         The two bodies; the pair must not be listed yet.
     normal : array (3,)
@@ -652,8 +641,7 @@ def retire_pairs(bodies, pairs, counts, grid, begin, n_ended, ghost):
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     begin, n_ended : int

@@ -168,8 +168,7 @@ def _renumber_bodies(new_index, pairs, flat, curved, meshed, counts):
     flat, curved, meshed : WallContacts
         Contacts with planes, with curved walls and with meshes.
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     """
     # arrays of indices of bodies, and where `counts` has their lengths
     index_arrays = (
@@ -200,8 +199,7 @@ def _sort_contacts(pairs, flat, counts):
     flat : WallContacts
         The contacts with planes.
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     """
     # touching pairs
     n_pairs = counts[state.N_PAIRS]
@@ -240,8 +238,7 @@ def reorder(bodies, grid, pairs, flat, curved, meshed, counts):
     flat, curved, meshed : WallContacts
         Contacts with planes, with curved walls and with meshes.
     counts : array (COUNTS,) of int
-        Lengths of all lists and other counters. `state.N_PAIRS` and so on are the
-        indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
 
     Returns
     -------

@@ -161,8 +161,7 @@ def record_group_paths(bodies, counts, grid):
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     """
@@ -196,7 +195,7 @@ def find_touching_in_block(
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     parts : int
-        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
+        Largest number of ellipsoids in a body; SPHERES (-1) if all bodies are spheres.
     begin, end : int
         First pair of the block, and its end.
     touching : array of int
@@ -243,7 +242,7 @@ def find_touching_in_share(bodies, pairs, grid, parts, begin, end, touching, nor
     bodies, pairs, grid : Bodies, Pairs, Grid
         The arrays of the simulation, see `state`.
     parts : int
-        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
+        Largest number of ellipsoids in a body; SPHERES (-1) if all bodies are spheres.
     begin, end : int
         The pairs of the share; `begin` is the first pair of a block.
     touching : array (near,)
@@ -310,8 +309,7 @@ def add_found_contacts(pairs, counts, grid, touching, n_touching, begins):
     pairs : Pairs
         The lists of touching pairs and of near pairs (`state.Pairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     touching : array of int

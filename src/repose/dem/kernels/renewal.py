@@ -39,12 +39,11 @@ def add_pair_if_near(bodies, pairs, clumps, counts, grid, parts, i, j, scratch):
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple if all bodies are smooth.
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     parts : int
-        Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
+        Largest number of ellipsoids in a body; 0 for clumps; SPHERES (-1) if all bodies
         are spheres.
     i, j : int
         The two bodies, which are not a pair of the lists yet; i is the lower index.
@@ -74,12 +73,11 @@ def list_pairs_of_body(bodies, pairs, clumps, counts, grid, parts, i, scratch):
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple if all bodies are smooth.
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     parts : int
-        Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
+        Largest number of ellipsoids in a body; 0 for clumps; SPHERES (-1) if all bodies
         are spheres.
     i : int
         Index of the body.
@@ -160,12 +158,11 @@ def renew_pairs(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple if all bodies are smooth.
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     parts : int
-        Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
+        Largest number of ellipsoids in a body; 0 for clumps; SPHERES (-1) if all bodies
         are spheres.
     scratch : array
         Working memory: a normal (3,) for smooth bodies, `Scratch.spheres` for clumps.
@@ -218,8 +215,7 @@ def drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost):
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple if all bodies are smooth.
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     ghost : int
@@ -252,8 +248,7 @@ def drop_wall_contacts_of_gone(presence, contacts, clumps, counts, length_index,
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple if all bodies are smooth.
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     length_index : int
         Index in `counts` of the length of this list, such as state.N_PLANE.
     ghost : int
@@ -293,8 +288,7 @@ def drop_contacts_of_gone(
     clumps : Clumps or ()
         The spheres of the clumps; an empty tuple if all bodies are smooth.
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     ghost : int

@@ -55,8 +55,8 @@ def move_centres(scratch, gx, gy, gz, dt):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is
-        `scratch[row + k]`, and `body_tile` names the rows.
+        Working memory of a tile of LANES bodies. A quantity of one body is
+        `scratch[row + lane]`; the module `body_tile` names the rows.
     gx, gy, gz : float
         Acceleration of gravity [m/s2].
     dt : float
@@ -91,11 +91,11 @@ def add_paths_and_count_events(
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is
-        `scratch[row + k]`, and `body_tile` names the rows.
+        Working memory of a tile of LANES bodies. A quantity of one body is
+        `scratch[row + lane]`; the module `body_tile` names the rows.
     motion : array (MOTION_ROWS * LANES,)
-        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
-        and so on. `state` names the rows.
+        Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
+        the same bodies. The module `state` names the rows.
     displacement : array (bodies,)
         `Bodies.displacement` [m]; it is updated.
     first_body : int
@@ -133,8 +133,8 @@ def longest_path(scratch):
     Parameters
     ----------
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is
-        `scratch[row + k]`, and `body_tile` names the rows.
+        Working memory of a tile of LANES bodies. A quantity of one body is
+        `scratch[row + lane]`; the module `body_tile` names the rows.
     """
     half = LANES // 2
     while half > 0:
@@ -159,11 +159,11 @@ def find_body_events(bodies, physics, scratch, motion, lane, i):
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is
-        `scratch[row + k]`, and `body_tile` names the rows.
+        Working memory of a tile of LANES bodies. A quantity of one body is
+        `scratch[row + lane]`; the module `body_tile` names the rows.
     motion : array (MOTION_ROWS * LANES,)
-        The tile of `Bodies.motion` with the same bodies: quaternion, angular momentum
-        and so on. `state` names the rows.
+        Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
+        the same bodies. The module `state` names the rows.
     lane : int
         Lane of the body in both tiles.
     i : int
@@ -195,8 +195,7 @@ def handle_events(bodies, grid, counts, begin, n_events, time):
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     begin, n_events : int
         The bodies with events are `bodies.events[begin : begin + n_events]`; their
         events are in `bodies.event`.
@@ -230,8 +229,8 @@ def sum_loads(bodies, tile_number, scratch):
     tile_number : int
         Index of the tile.
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is
-        `scratch[row + k]`, and `body_tile` names the rows.
+        Working memory of a tile of LANES bodies. A quantity of one body is
+        `scratch[row + lane]`; the module `body_tile` names the rows.
     """
     first_body = tile_number * LANES
     for index in range(state.LOAD_COLUMNS * LANES):
@@ -265,8 +264,8 @@ def move_single_load(bodies, tile_number, scratch):
     tile_number : int
         Index of the tile.
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is
-        `scratch[row + k]`, and `body_tile` names the rows.
+        Working memory of a tile of LANES bodies. A quantity of one body is
+        `scratch[row + lane]`; the module `body_tile` names the rows.
     """
     first_body = tile_number * LANES
     load = bodies.load[0]
@@ -321,8 +320,8 @@ def scatter_rows(bodies, first_body, scratch, n_columns):
     first_body : int
         Index of the tile's first body.
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is
-        `scratch[row + k]`, and `body_tile` names the rows.
+        Working memory of a tile of LANES bodies. A quantity of one body is
+        `scratch[row + lane]`; the module `body_tile` names the rows.
     n_columns : int
         Number of columns, a multiple of WIDTH.
     """
@@ -351,13 +350,12 @@ def integrate(bodies, counts, physics, scratch, begin, end):
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     physics : Physics
         Time step, gravity and constants of the laws (`state.Physics`).
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is
-        `scratch[row + k]`, and `body_tile` names the rows.
+        Working memory of a tile of LANES bodies. A quantity of one body is
+        `scratch[row + lane]`; the module `body_tile` names the rows.
     begin, end : int
         First body of the range, and its end. `begin` is the first body of a tile; `end`
         may be larger than the number of bodies.
@@ -446,11 +444,11 @@ def write_body_shape(bodies, i, parts, scratch):
     i : int
         Index of the body.
     parts : int
-        Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
+        Largest number of ellipsoids in a body; 0 for clumps; SPHERES (-1) if all bodies
         are spheres.
     scratch : array (rows * LANES,)
-        Working memory for a tile of LANES bodies. Lane k of a row is
-        `scratch[row + k]`, and `body_tile` names the rows.
+        Working memory of a tile of LANES bodies. A quantity of one body is
+        `scratch[row + lane]`; the module `body_tile` names the rows.
     """
     motion = bodies.motion[i // LANES]
     lane = i % LANES

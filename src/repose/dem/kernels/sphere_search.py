@@ -240,8 +240,7 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     clumps : Clumps
@@ -429,8 +428,7 @@ def check_watched_pairs(bodies, pairs, counts, clumps, entry, i, j):
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     entry, i, j : int
@@ -470,8 +468,7 @@ def update_near_clumps(bodies, pairs, counts, grid, clumps, scratch, ghost):
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     clumps : Clumps
@@ -518,8 +515,7 @@ def add_clump_pair_if_near(bodies, pairs, counts, grid, clumps, i, j, scratch):
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     clumps : Clumps
@@ -553,8 +549,7 @@ def retire_spheres(bodies, pairs, counts, clumps, n_ended, ghost):
     pairs : SpherePairs
         Contacts of spheres, and entries of near bodies (`clumps.SpherePairs`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     n_ended : int

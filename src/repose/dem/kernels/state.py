@@ -363,7 +363,7 @@ def new_bodies(n_bodies, parts, shares=1):
     n_bodies : int
         Number of bodies.
     parts : int
-        Largest number of ellipsoids of a body; 0 for clumps; SPHERES, -1, if all bodies
+        Largest number of ellipsoids in a body; 0 for clumps; SPHERES (-1) if all bodies
         are spheres.
     shares : int
         Number of shares of the loads, see `parallel`.
@@ -523,9 +523,9 @@ def new_pairs(n_contacts, n_near, ghost, n_state):
     n_contacts, n_near : int
         Capacity of the lists: the largest numbers of pairs.
     ghost : int
-        Index of the ghost, the absent body that fills unused contacts.
+        Index of the ghost, the absent body in unused contacts.
     n_state : int
-        Rows of a contact that the force laws keep.
+        Number of rows that the force laws keep for each contact.
 
     Returns
     -------
@@ -557,7 +557,7 @@ def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost, rows, are_clumps):
     n_walls, n_bodies : int
         Number of walls of this kind, and of bodies.
     ghost : int
-        Index of the ghost, the absent body that fills unused contacts.
+        Index of the ghost, the absent body in unused contacts.
     rows : int
         Rows of a tile.
     are_clumps : bool

@@ -173,8 +173,8 @@ def write_support_of_a(scratch, history, parts):
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
     history : array (rows * LANES,)
-        What these contacts keep from step to step, in a tile. The module `state` names
-        the rows.
+        Tile of the numbers that these contacts keep from step to step. The module
+        `state` names the rows.
     parts : int
         Number of ellipsoids of a body.
     """
@@ -202,8 +202,8 @@ def add_support_of_b(scratch, history, parts):
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
     history : array (rows * LANES,)
-        What these contacts keep from step to step, in a tile. The module `state` names
-        the rows.
+        Tile of the numbers that these contacts keep from step to step. The module
+        `state` names the rows.
     parts : int
         Number of ellipsoids of a body.
     """
@@ -262,8 +262,8 @@ def write_newton_step(scratch, history):
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
     history : array (rows * LANES,)
-        What these contacts keep from step to step, in a tile. The module `state` names
-        the rows.
+        Tile of the numbers that these contacts keep from step to step. The module
+        `state` names the rows.
     """
     for lane in range(LANES):
         nx, ny, nz = lane_vector(history, NORMAL, lane)
@@ -316,8 +316,8 @@ def write_contact_points(scratch, history):
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
     history : array (rows * LANES,)
-        What these contacts keep from step to step, in a tile. The module `state` names
-        the rows.
+        Tile of the numbers that these contacts keep from step to step. The module
+        `state` names the rows.
     """
     for lane in range(LANES):
         # the unit normal after the step
@@ -359,8 +359,8 @@ def write_supports(scratch, history, parts):
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
     history : array (rows * LANES,)
-        What these contacts keep from step to step, in a tile. The module `state` names
-        the rows.
+        Tile of the numbers that these contacts keep from step to step. The module
+        `state` names the rows.
     parts : int
         Number of ellipsoids of a body. It must be a constant in the call.
     """
@@ -381,8 +381,8 @@ def write_sphere_pair_geometry(scratch, history):
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
     history : array (rows * LANES,)
-        What these contacts keep from step to step, in a tile. The module `state` names
-        the rows.
+        Tile of the numbers that these contacts keep from step to step. The module
+        `state` names the rows.
     """
     for lane in range(LANES):
         # the normal, from the centre of A to that of B
@@ -430,10 +430,10 @@ def write_pair_geometry(scratch, history, parts):
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
     history : array (rows * LANES,)
-        What these contacts keep from step to step, in a tile. The module `state` names
-        the rows.
+        Tile of the numbers that these contacts keep from step to step. The module
+        `state` names the rows.
     parts : int
-        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
+        Largest number of ellipsoids in a body; SPHERES (-1) if all bodies are spheres.
     """
     if parts == state.SPHERES:
         write_sphere_pair_geometry(scratch, history)
@@ -463,8 +463,8 @@ def write_support_of_sphere(scratch, history):
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
     history : array (rows * LANES,)
-        What these contacts keep from step to step, in a tile. The module `state` names
-        the rows.
+        Tile of the numbers that these contacts keep from step to step. The module
+        `state` names the rows.
     """
     for lane in range(LANES):
         nx, ny, nz = lane_vector(history, NORMAL, lane)
@@ -513,7 +513,7 @@ def write_plane_geometry(scratch, history, parts):
         Tile of the contacts: the plane's normal (row NORMAL, into the wall), its OFFSET
         along the normal, and its disc (MIDDLE, SQUARED_RADIUS).
     parts : int
-        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
+        Largest number of ellipsoids in a body; SPHERES (-1) if all bodies are spheres.
     """
     # The number of parts is a constant in each call, so that the loop is vector code.
     if parts == state.SPHERES:

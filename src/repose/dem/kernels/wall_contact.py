@@ -192,7 +192,7 @@ def write_cone_contact(row, parts, cone, theta, geometry):
     theta : float
         Angle about the cone's axis at which the overlap is largest [rad].
     geometry : array (8,)
-        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        Overwritten with the contact: normal, gap [m], effective radius [m] and arm [m]
         (`contact_geometry`).
 
     Returns
@@ -353,7 +353,7 @@ def write_ring_contact(row, parts, ring, theta, nx, ny, nz, geometry):
     nx, ny, nz : float
         Unit normal n, from the body into the wall.
     geometry : array (8,)
-        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        Overwritten with the contact: normal, gap [m], effective radius [m] and arm [m]
         (`contact_geometry`).
 
     Returns
@@ -461,7 +461,7 @@ def write_sphere_cone_contact(x, y, z, radius, cone, geometry):
     cone : array (CONE_COLUMNS,)
         The cone: a row of `Walls.cones`.
     geometry : array (8,)
-        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        Overwritten with the contact: normal, gap [m], effective radius [m] and arm [m]
         (`contact_geometry`).
 
     Returns
@@ -499,7 +499,7 @@ def write_sphere_ring_contact(x, y, z, radius, ring, geometry):
     ring : array (RING_COLUMNS,)
         The ring: a row of `Walls.rings`.
     geometry : array (8,)
-        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        Overwritten with the contact: normal, gap [m], effective radius [m] and arm [m]
         (`contact_geometry`).
 
     Returns

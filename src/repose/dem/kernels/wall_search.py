@@ -55,10 +55,9 @@ def find_plane_contacts(
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     parts : int
-        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
+        Largest number of ellipsoids in a body; SPHERES (-1) if all bodies are spheres.
     wall : int
         Index of the plane.
     i : int
@@ -116,16 +115,15 @@ def find_curved_wall_contacts(
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     parts : int
-        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
+        Largest number of ellipsoids in a body; SPHERES (-1) if all bodies are spheres.
     wall : int
         Index of the wall: cones and tubes first, then rings.
     i : int
         Index of the body.
     path : float
-        Displacement of the body plus that of the walls, until now [m].
+        Displacement of the body plus that of the walls until now [m].
     scratch : Scratch
         Working memory of this thread (`state.Scratch`); it is overwritten.
 
@@ -183,17 +181,16 @@ def search_due_walls(
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     parts : int
-        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
+        Largest number of ellipsoids in a body; SPHERES (-1) if all bodies are spheres.
     i : int
         Index of the body.
     path : float
-        Displacement of the body plus that of the walls, until now [m].
+        Displacement of the body plus that of the walls until now [m].
     curved_walls_above : float
-        All curved walls lie above this height [m]. A body that was once completely
-        below it is no longer searched for contacts with them.
+        All curved walls lie above this height [m]. Once a body has been entirely below
+        it, its contacts with them are no longer searched for.
     scratch : Scratch
         Working memory of this thread (`state.Scratch`); it is overwritten.
 
@@ -278,10 +275,9 @@ def search_due_bodies(
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     parts : int
-        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
+        Largest number of ellipsoids in a body; SPHERES (-1) if all bodies are spheres.
     curved_walls_above : float
         All curved walls lie above this height [m].
     scratch : Scratch
@@ -359,13 +355,12 @@ def find_new_wall_contacts(
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     parts : int
-        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
+        Largest number of ellipsoids in a body; SPHERES (-1) if all bodies are spheres.
     curved_walls_above : float
-        All curved walls lie above this height [m]. A body that was once completely
-        below it is only searched for contacts with planes.
+        All curved walls lie above this height [m]. Once a body has been entirely below
+        it, only its contacts with planes are searched for.
     scratch : Scratch
         Working memory of this thread (`state.Scratch`); it is overwritten.
     """
@@ -431,10 +426,9 @@ def find_mesh_contacts(
     meshes : Meshes
         The features of all meshes (`features.Meshes`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     parts : int
-        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
+        Largest number of ellipsoids in a body; SPHERES (-1) if all bodies are spheres.
     mesh : int
         Index of the mesh.
     i : int
@@ -501,10 +495,9 @@ def find_new_mesh_contacts(
     meshes : Meshes
         The features of all meshes (`features.Meshes`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     parts : int
-        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
+        Largest number of ellipsoids in a body; SPHERES (-1) if all bodies are spheres.
     scratch : Scratch
         Working memory of this thread (`state.Scratch`); it is overwritten.
     """

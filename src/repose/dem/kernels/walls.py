@@ -143,8 +143,7 @@ def add_wall_contact(contacts, counts, length_index, body, wall, geometry):
     contacts : WallContacts
         The list of contacts with walls of one kind.
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     length_index : int
         Index in `counts` of the length of this list, such as state.N_PLANE.
     body, wall : int
@@ -178,8 +177,7 @@ def drop_wall_contact(contacts, counts, length_index, k, ghost):
     contacts : WallContacts
         The list of contacts with walls of one kind.
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     length_index : int
         Index in `counts` of the length of this list, such as state.N_PLANE.
     k : int
@@ -309,8 +307,7 @@ def add_contact_if_new(
     contacts : WallContacts
         The list of contacts with walls of one kind.
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     body, wall : int
@@ -555,7 +552,7 @@ def distance_from_disc_axis(row, parts, nx, ny, nz, dx, dy, dz):
     row : array
         The body: a row of `Bodies.rows`, whose columns `state` names.
     parts : int
-        Number of ellipsoids of the body; SPHERES, -1, for a sphere.
+        Number of ellipsoids in the body; SPHERES (-1) for a sphere.
     nx, ny, nz : float
         Unit normal of the disc.
     dx, dy, dz : float
@@ -584,10 +581,9 @@ def search_plane(
     plane_contacts, curved_contacts : WallContacts
         The lists of contacts with planes, and with cones and rings.
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     parts : int
-        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
+        Largest number of ellipsoids in a body; SPHERES (-1) if all bodies are spheres.
     plane : array
         The row of `Walls.planes`.
     wall : int
@@ -654,7 +650,7 @@ def row_in_wall_frame(walls, frame, row, parts, local_row):
     row : array
         The body: a row of `Bodies.rows`, whose columns `state` names.
     parts : int
-        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
+        Largest number of ellipsoids in a body; SPHERES (-1) if all bodies are spheres.
     local_row : array
         Working memory for the row in the frame; it may be overwritten.
     """
@@ -677,7 +673,7 @@ def write_sphere_contact_in_frame(x, y, z, radius, walls, wall, geometry):
     wall : int
         Index of the wall: cones and tubes first, then rings.
     geometry : array (8,)
-        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        Overwritten with the contact: normal, gap [m], effective radius [m] and arm [m]
         (`contact_geometry`).
 
     Returns
@@ -706,7 +702,7 @@ def write_sphere_body_contact(row, walls, wall, geometry):
     wall : int
         Index of the wall: cones and tubes first, then rings.
     geometry : array (8,)
-        Overwritten by the contact: normal, gap [m], effective radius [m] and arm [m]
+        Overwritten with the contact: normal, gap [m], effective radius [m] and arm [m]
         (`contact_geometry`).
     """
     x, y, z = vector_at(row, state.POSITION)
@@ -792,16 +788,15 @@ def search_curved_wall(
     walls : Walls
         Shapes, positions and motion of all walls (`state.Walls`).
     counts : array (COUNTS,) of int
-        Lengths of all lists, and other counters. The constants `state.N_PAIRS` and so
-        on are its indices.
+        Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     parts : int
-        Largest number of ellipsoids of a body; SPHERES, -1, if all bodies are spheres.
+        Largest number of ellipsoids in a body; SPHERES (-1) if all bodies are spheres.
     wall : int
         Index of the wall: cones and tubes first, then rings.
     i : int
         Index of the body.
     path : float
-        Displacement of the body plus that of the walls, until now [m].
+        Displacement of the body plus that of the walls until now [m].
     scratch : Scratch
         Working memory of this thread (`state.Scratch`); it is overwritten.
 
@@ -878,7 +873,7 @@ def follow_wall_contact(
     Parameters
     ----------
     parts : int
-        Number of ellipsoids of the body; SPHERES, -1, for a sphere.
+        Number of ellipsoids in the body; SPHERES (-1) for a sphere.
     row : array
         The body: a row of `Bodies.rows`, whose columns `state` names.
     walls, wall : Walls, int
@@ -887,7 +882,7 @@ def follow_wall_contact(
         The contact's tile of `WallContacts.data` and its lane. The azimuth in the tile
         is updated.
     geometry : array (8,)
-        Overwritten by the contact (`contact_geometry`), in world axes.
+        Overwritten with the contact (`contact_geometry`) in world axes.
     local_row : array
         Working memory for the row in the frame of the wall; it is overwritten.
 
