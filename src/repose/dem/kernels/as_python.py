@@ -9,7 +9,7 @@ WIDTH = 8
 
 
 def _lane_slice(first, stride):
-    """Return the slice of WIDTH numbers of a tile.
+    """Return the slice that selects WIDTH numbers of a tile.
 
     `first` is the index of the first number, `stride` the distance between two of them.
     """
@@ -25,7 +25,7 @@ def rows_to_lanes(table, column, index, k, tile, first, stride):
     Parameters
     ----------
     table : array (rows, columns)
-        Such as `Bodies.rows`.
+        A table such as `Bodies.rows`.
     column : int
         First of the eight columns.
     index, k : array of int, int
@@ -55,8 +55,9 @@ def lanes_to_rows(table, column, index, k, tile, first, stride):
 def add_lanes_to_rows(table, column, index, k, tile, first, stride):
     """Add eight rows of eight lanes of a tile to columns of a table.
 
-    This is `lanes_to_rows` with a sum, and has the same arguments. The lanes are added one
-    after another, because two lanes may have the same body.
+    This is `lanes_to_rows` with addition in place of assignment, and has the same
+    arguments. The lanes are added one after another, because two lanes may belong to
+    the same body.
     """
     for lane in range(WIDTH):
         numbers = tile[_lane_slice(first + lane, stride)]

@@ -1,4 +1,4 @@
-"""A barrier, at which each of several threads that run a kernel waits for the others.
+"""A barrier at which the threads that run a kernel wait for each other.
 
 The barrier is an array of BARRIER_SIZE int64 numbers. Two of them are counters: the
 number of threads that have arrived, and the number of the round. LLVM changes them by
@@ -16,7 +16,8 @@ INT32, INT64 = ir.IntType(32), ir.IntType(64)
 # Indices of the two counters, a cache line (8 numbers) apart.
 ARRIVED, ROUND = 0, 8
 BARRIER_SIZE = 16
-# A waiting thread reads the counter this often before it lets other threads run.
+# Number of times that a waiting thread reads the counter before it yields the
+# processor.
 READS_BEFORE_YIELD = 4000
 
 
@@ -81,7 +82,7 @@ def atomic_load(typingctx, array, index):
 
 @intrinsic
 def yield_processor(typingctx):
-    """Let another thread of the machine use the processor (POSIX sched_yield)."""
+    """Let any other thread use the processor (POSIX sched_yield)."""
 
     def generate(context, builder, sig, values):
         function = cgutils.get_or_insert_function(
@@ -97,8 +98,8 @@ def yield_processor(typingctx):
 def wait_for_all(counters, n_threads):
     """Wait until all threads have called this function.
 
-    Threads that arrive early wait for a new round. The last thread to arrive resets the
-    counter of arrivals and begins this round.
+    Threads that arrive early wait for the next round. The last thread to arrive resets
+    the counter of arrivals and begins this round.
 
     Parameters
     ----------
@@ -116,7 +117,7 @@ def wait_for_all(counters, n_threads):
         atomic_add(counters, ARRIVED, -n_threads)
         atomic_add(counters, ROUND, 1)
         return
-    # Wait for the next round. After many reads, let other threads of the machine run.
+    # Wait for the next round. After many reads, let other threads use the processor.
     n_reads = 0
     while atomic_load(counters, ROUND) == this_round:
         n_reads += 1

@@ -1,8 +1,8 @@
 """Rotate 32 bodies by one time step, under their torques and rolling resistance.
 
-The state of a rotation is the angular momentum in world axes. The angular velocity at
-the middle of the step follows from it. So a free rotation keeps the momentum to the bit,
-and the energy to second order in the time step.
+The state of a rotation is the angular momentum in world axes. The angular velocity in
+the middle of the step follows from it. Therefore a free rotation conserves the angular
+momentum exactly, and the energy to second order in the time step.
 
 The functions work on two tiles of 32 bodies, one body in each lane (see `rows`):
 `scratch` is the scratch tile of the time step (rows of `body_tile`), `motion` a tile of
@@ -12,9 +12,9 @@ resistance in the rows LOAD of `scratch`. They write angular momentum and quater
 to `scratch`, and add to its row PATH. Loops over the lanes have no branches that depend
 on a lane, so that they become vector code.
 
-The budget of a body is the angular momentum that rolling resistance can take away from
-it in a step. `omega` is an angular velocity [rad/s]. Vectors are in world axes; their
-components along the axes of a body are numbered 1, 2 and 3.
+The budget of a body is the angular momentum that rolling resistance can take from it in
+a step. `omega` is an angular velocity [rad/s]. Vectors are in world axes. Components
+along the axes of a body are numbered 1, 2 and 3.
 """
 
 import math
@@ -35,7 +35,7 @@ from .state import (
 )
 from .vectors import cross, squared_length
 
-BUDGET_SHARE = 1.0 - 1e-12  # of a budget, so that rounding never hides a rotation
+BUDGET_SHARE = 1.0 - 1e-12  # reduces a budget, so that rounding never hides a rotation
 LEAST_SPEED = 1e-150  # angular speed below which a rotation has no direction [rad/s]
 # Newton steps for the direction of the resistance. The length of its unit vector is then
 # wrong by 4e-8 if the moments of inertia differ sixfold, by 4e-4 for a factor of thirty.
@@ -86,9 +86,10 @@ def rotated_quaternion(qw, qx, qy, qz, omega_x, omega_y, omega_z, half_dt):
 
 @inlined
 def turn_quaternion(motion, lane, omega_x, omega_y, omega_z, half_dt, is_turning):
-    """Turn the quaternion of a lane's body by one step (`rotated_quaternion`), in place.
+    """Rotate the quaternion of a lane's body by one step, in place.
 
-    A body that does not turn keeps the bits of its quaternion.
+    The step is that of `rotated_quaternion`. The quaternion of a body that does not
+    turn stays exactly the same.
 
     Parameters
     ----------
@@ -140,7 +141,7 @@ def write_rotated_diagonal(scratch, row, motion, diagonal_row):
         d1 = motion[diagonal_row + lane]
         d2 = motion[diagonal_row + LANES + lane]
         d3 = motion[diagonal_row + 2 * LANES + lane]
-        # the rotation R; xy is the x component of the body's second axis
+        # The rotation R, in which xy is the x component of the body's second axis
         xx = 1.0 - 2.0 * (qy * qy + qz * qz)
         xy = 2.0 * (qx * qy - qw * qz)
         xz = 2.0 * (qx * qz + qw * qy)
@@ -150,7 +151,7 @@ def write_rotated_diagonal(scratch, row, motion, diagonal_row):
         zx = 2.0 * (qx * qz - qw * qy)
         zy = 2.0 * (qy * qz + qw * qx)
         zz = 1.0 - 2.0 * (qx * qx + qy * qy)
-        # R diag R': the upper triangle of the symmetric matrix
+        # The upper triangle of the symmetric matrix R diag R'
         write_matrix(
             scratch,
             row,
@@ -231,7 +232,7 @@ def rotate_into_world(motion, lane, x, y, z):
 def exceeds_budget(scratch, lane, lx, ly, lz, dt):
     """Return whether an angular momentum exceeds a lane's budget of rolling resistance.
 
-    The budget is reduced slightly, so that rounding never hides a body that may turn.
+    The budget is reduced slightly, so that no body that may turn is missed by rounding.
 
     Parameters
     ----------
@@ -251,9 +252,9 @@ def exceeds_budget(scratch, lane, lx, ly, lz, dt):
 
 @kernel
 def count_disturbed_bodies(scratch, dt):
-    """Count the bodies of a tile at rest that may begin to turn.
+    """Count the bodies that may begin to turn in a tile that is at rest.
 
-    A body may begin to turn if its torque, times the time step, exceeds its budget of
+    A body may begin to turn if its torque times the time step exceeds its budget of
     rolling resistance.
 
     Parameters
@@ -292,8 +293,8 @@ def add_torques(scratch, motion, dt):
     Returns
     -------
     int
-        Number of bodies that rolling resistance may not stop: their angular momentum
-        exceeds their budget.
+        Number of bodies whose angular momentum exceeds the budget, so that rolling
+        resistance may not stop them.
     """
     n_turning = 0
     for lane in range(LANES):
@@ -303,7 +304,7 @@ def add_torques(scratch, motion, dt):
         ly = ly + dt * torque_y
         lz = lz + dt * torque_z
         write_vector(motion, ANGULAR_MOMENTUM, lane, lx, ly, lz)
-        # rolling resistance stops the body unless its momentum exceeds the budget
+        # Rolling resistance stops the body unless its momentum exceeds the budget.
         may_turn = exceeds_budget(scratch, lane, lx, ly, lz, dt)
         n_turning += 1 if may_turn else 0
     return n_turning
@@ -332,14 +333,14 @@ def resistance_direction(l1, l2, l3, j1, j2, j3, momentum, budget):
     """Return the direction of the rolling resistance on a body that it does not stop.
 
     All components are along the principal axes of the body, and all motion is relative to
-    the frame against which rolling is resisted.
+    the frame of the rolling resistance.
 
-    The resistance leaves a rotation with the angular velocity s n, where s is the speed
-    and n the unit vector that is returned. It takes the angular momentum B n from the
-    angular momentum l, so I s n = l - B n with the inertia I. With J = 1 / I this gives
-    n = J l / d with the denominator d = s + B J along each axis, and s is the root of
-    |n(s)| = 1. The function 1 / |n(s)| is concave, so Newton's method on it converges to
-    the root from below.
+    After the resistance has acted, the angular velocity is s n, where s is the speed
+    and n the unit vector that is returned. The resistance takes the angular momentum B
+    n from the angular momentum l, so I s n = l - B n, where I is the inertia. With J =
+    1 / I, this gives n = J l / d along each axis, where d = s + B J. The speed s is the
+    root of |n(s)| = 1. The function 1 / |n(s)| is concave, so Newton's method for this
+    function converges to the root from below.
 
     Parameters
     ----------
@@ -374,8 +375,8 @@ def resistance_direction(l1, l2, l3, j1, j2, j3, momentum, budget):
         inverse_free_speed * budget * j2,
         inverse_free_speed * budget * j3,
     )
-    # Start at the larger one of two lower bounds of the root. The first takes the budget
-    # along the rotation, the second the largest moment of inertia.
+    # Start at the larger of two lower bounds of the root. The first assumes that the
+    # budget acts along the rotation, the second that all moments equal the largest one.
     speed = max(
         1.0
         - (
@@ -387,7 +388,7 @@ def resistance_direction(l1, l2, l3, j1, j2, j3, momentum, budget):
     )
     speed = max(speed, 0.0)
     for _ in range(NEWTON_STEPS):
-        # the denominators d = s + B J of the three axes
+        # The denominators d = s + B J of the three axes
         d1, d2, d3 = speed + loss1, speed + loss2, speed + loss3
         # Multiply all fractions of n by the product of the three denominators, so that a
         # step needs only one division. d23 is the product of d2 and d3.
@@ -411,11 +412,11 @@ def resistance_direction(l1, l2, l3, j1, j2, j3, momentum, budget):
 def resist_rolling(scratch, motion, dt):
     """Apply rolling resistance to each lane's body.
 
-    The budget B is the sum of mu_r F_n R over the contacts of a body, times dt. It acts
-    against the rotation that it leaves: the angular momentum l becomes
-    l' = l - B o' / |o'|, where o' is the angular velocity that belongs to l'. This
-    equation has one solution. If |l| <= B, the body stands still in any orientation. Its
-    rotation is never reversed, so a settled pile is at rest.
+    The budget B is dt times the sum of mu_r F_n R over the contacts of a body. It
+    opposes the rotation that remains: the angular momentum l becomes l' = l - B o' /
+    |o'|, where o' is the angular velocity that belongs to l'. This equation has one
+    solution. If |l| <= B, the body stops, whatever its orientation. The resistance
+    never reverses a rotation, so a settled pile is at rest.
 
     Writes the angular momentum to `motion` and the angular velocity to `scratch`.
 
@@ -440,19 +441,19 @@ def resist_rolling(scratch, motion, dt):
         lx, ly, lz = lane_vector(motion, ANGULAR_MOMENTUM, lane)
         budget = dt * scratch[BUDGET + lane]
         momentum_squared = squared_length(lx, ly, lz)
-        # The lane of an absent body may hold a torque, but has no moments of inertia.
+        # The lane of an absent body may contain a torque, but no moments of inertia.
         j1, j2, j3 = lane_vector(motion, INVERSE_MOMENTS, lane)
         is_present = j1 > 0.0
         is_turning = (momentum_squared > budget * budget) & is_present
         n_turning += 1 if is_turning else 0
-        # the momentum and the direction of the resistance, along the body's axes
+        # The momentum and the direction of the resistance, along the body's axes
         l1, l2, l3 = rotate_into_body(motion, lane, lx, ly, lz)
         n1, n2, n3 = resistance_direction(
             l1, l2, l3, j1, j2, j3, math.sqrt(momentum_squared), budget
         )
-        # For a body that stops, the direction has no meaning and is not used.
+        # For a body that stops, the direction is meaningless and is not used.
         nx, ny, nz = rotate_into_world(motion, lane, n1, n2, n3)
-        # the angular momentum that the resistance leaves, and its angular velocity
+        # The angular momentum that remains, and the angular velocity that belongs to it
         lx = lx - budget * nx if is_turning else 0.0
         ly = ly - budget * ny if is_turning else 0.0
         lz = lz - budget * nz if is_turning else 0.0
@@ -464,10 +465,11 @@ def resist_rolling(scratch, motion, dt):
 
 @kernel
 def resist_rolling_in_frame(scratch, motion, dt, frame_x, frame_y, frame_z):
-    """Apply rolling resistance to each lane's body, relative to a frame that turns.
+    """Apply rolling resistance to each lane's body, relative to a rotating frame.
 
-    The resistance is that of `resist_rolling`, but a body that it stops turns with the
-    frame. Writes the angular momentum to `motion` and the angular velocity to `scratch`.
+    The resistance is that of `resist_rolling`, but a body that it stops rotates with
+    the frame. Writes the angular momentum to `motion` and the angular velocity to
+    `scratch`.
 
     Parameters
     ----------
@@ -487,14 +489,15 @@ def resist_rolling_in_frame(scratch, motion, dt, frame_x, frame_y, frame_z):
         budget = dt * scratch[BUDGET + lane]
         j1, j2, j3 = lane_vector(motion, INVERSE_MOMENTS, lane)
         is_present = j1 > 0.0
-        # The angular momentum of a body that turns with the frame. Along the body's axes,
-        # it is the angular velocity times the moments of inertia. Absent bodies have none.
+        # Compute the angular momentum of a body that rotates with the frame. Along the
+        # body's axes, it is the angular velocity times the moments of inertia. Absent
+        # bodies have none.
         x, y, z = rotate_into_body(motion, lane, frame_x, frame_y, frame_z)
         x = x / j1 if is_present else 0.0
         y = y / j2 if is_present else 0.0
         z = z / j3 if is_present else 0.0
         rest_x, rest_y, rest_z = rotate_into_world(motion, lane, x, y, z)
-        # the momentum relative to the frame, and the direction, along the body's axes
+        # The momentum relative to the frame, and the direction, along the body's axes
         x, y, z = rotate_into_body(motion, lane, lx - rest_x, ly - rest_y, lz - rest_z)
         momentum_squared = x * x + y * y + z * z
         is_turning = (momentum_squared > budget * budget) & is_present
@@ -517,15 +520,15 @@ def resist_rolling_in_frame(scratch, motion, dt, frame_x, frame_y, frame_z):
 
 @kernel
 def advance_orientation(scratch, motion, dt):
-    """Turn each lane's body with its angular velocity at the middle of the step.
+    """Rotate each lane's body with the angular velocity in the middle of the step.
 
     The angular momentum l is constant within the step. The angular velocity is o = J l,
-    with the inverse inertia J. Because J turns with the body, o changes at the rate
-    -J (o x l).
+    where J is the inverse inertia. Because J rotates with the body, o changes at the
+    rate -J (o x l).
 
     Writes the quaternion to `motion` and the angular velocity to `scratch`. Adds the path
     of the body's farthest point to the row PATH of `scratch`. Velocities and momenta that
-    are almost zero become zero (`state.alive`).
+    are almost zero become zero (`state.flush_tiny`).
 
     Parameters
     ----------
@@ -545,7 +548,7 @@ def advance_orientation(scratch, motion, dt):
         rate_x, rate_y, rate_z = inverse_inertia_times(
             scratch, lane, cross_x, cross_y, cross_z
         )
-        # the angular velocity at the middle of the step, half a step later
+        # The angular velocity in the middle of the step, half a step later
         omega_x = flush_tiny(omega_x - 0.5 * dt * rate_x)
         omega_y = flush_tiny(omega_y - 0.5 * dt * rate_y)
         omega_z = flush_tiny(omega_z - 0.5 * dt * rate_z)
@@ -559,7 +562,7 @@ def advance_orientation(scratch, motion, dt):
         )
         write_vector(scratch, OMEGA, lane, omega_x, omega_y, omega_z)
         speed_squared = squared_length(omega_x, omega_y, omega_z)
-        # the path of the body's farthest point, at its bounding radius
+        # The path of the body's farthest point, at its bounding radius
         scratch[PATH + lane] += (
             dt * motion[state.RADIUS + lane] * math.sqrt(speed_squared)
         )
@@ -586,7 +589,7 @@ def write_inverse_inertia(scratch, motion):
 
 @kernel
 def write_shapes(scratch, motion, parts):
-    """Write inverse inertia and shape of each lane's body in its current orientation.
+    """Write inverse inertia and shape of each lane's body in its present orientation.
 
     The shape of a smooth body is a symmetric matrix for each of its ellipsoids. The shape
     of a clump is its quaternion. The loop over the ellipsoids is written out, so that
@@ -620,10 +623,10 @@ def write_shapes(scratch, motion, parts):
 
 @kernel
 def write_dashpot_shares(scratch, motion, dt, parts):
-    """Write the share of its tangential dashpots that acts on each body in the next step.
+    """Write the share of the tangential dashpots that acts on each body in a step.
 
-    With this share, all dashpots together stop at most the body's whole rotation, see
-    `laws.tangential`.
+    The share is for the next step. With this share, all dashpots together at most stop
+    the rotation of the body, see `laws.tangential`.
 
     Parameters
     ----------
@@ -643,7 +646,8 @@ def write_dashpot_shares(scratch, motion, dt, parts):
     for lane in range(LANES):
         j1, j2, j3 = lane_vector(motion, INVERSE_MOMENTS, lane)
         largest_inverse_moment = max(j1, max(j2, j3))
-        # The dashpots would take at most this share of the body's rotation in a step.
+        # Upper bound of the share of the rotation that the dashpots would take in a
+        # step
         lost_share = dt * largest_inverse_moment * scratch[DASHPOTS + lane]
         scratch[share_row + lane] = 1.0 / max(1.0, lost_share)
 
@@ -652,7 +656,8 @@ def write_dashpot_shares(scratch, motion, dt, parts):
 def rotate_bodies(scratch, motion, dt, parts, is_resting, frame_x, frame_y, frame_z):
     """Rotate the smooth bodies or clumps of a tile by one step.
 
-    If no body turned in the last step and none may begin to turn, this takes little time.
+    This takes little time if no body turned in the previous step and none may begin to
+    turn.
 
     Parameters
     ----------
@@ -667,8 +672,8 @@ def rotate_bodies(scratch, motion, dt, parts, is_resting, frame_x, frame_y, fram
     parts : int
         Largest number of ellipsoids in a body; 0 for clumps.
     is_resting : bool
-        Whether no body of the tile turned in the last step. If so, the scratch tile has
-        only the first columns of the bodies.
+        Whether no body of the tile turned in the previous step. If so, the scratch tile
+        has only the first columns of the bodies.
     frame_x, frame_y, frame_z : float
         Angular velocity of the frame against which rolling is resisted [rad/s].
 
@@ -682,7 +687,7 @@ def rotate_bodies(scratch, motion, dt, parts, is_resting, frame_x, frame_y, fram
         return False
     n_turning = add_torques(scratch, motion, dt)
     if is_resting:
-        # the scratch tile of resting bodies does not have it yet
+        # The scratch tile of resting bodies does not have it yet.
         write_inverse_inertia(scratch, motion)
     if has_frame:
         resist_rolling_in_frame(scratch, motion, dt, frame_x, frame_y, frame_z)
@@ -701,10 +706,10 @@ def rotate_bodies(scratch, motion, dt, parts, is_resting, frame_x, frame_y, fram
 def turn_spheres(scratch, motion, dt, frame_x, frame_y, frame_z):
     """Rotate the sphere of each lane by one step, against its rolling resistance.
 
-    The motion is that of `resist_rolling_in_frame` and `advance_orientation`. Angular
-    momentum and angular velocity of a sphere are parallel. So the resistance shortens
-    both, and the velocity is constant within the step. No path is added, because a sphere
-    that turns does not move its surface.
+    The motion is that of `resist_rolling_in_frame` and `advance_orientation`. The
+    angular momentum and the angular velocity of a sphere are parallel. Therefore the
+    resistance only shortens them, and the velocity is constant within the step. No path
+    is added, because the surface of a sphere stays in place when the sphere rotates.
 
     Parameters
     ----------
@@ -729,19 +734,19 @@ def turn_spheres(scratch, motion, dt, frame_x, frame_y, frame_z):
         inverse_moment = motion[INVERSE_MOMENTS + lane]
         is_present = inverse_moment > 0.0
         moment = 1.0 / (inverse_moment if is_present else 1.0)
-        # the angular momentum relative to the frame, after the torque of this step
+        # The angular momentum relative to the frame, after the torque of this step
         torque_x, torque_y, torque_z = lane_vector(scratch, TORQUE, lane)
         lx, ly, lz = lane_vector(motion, ANGULAR_MOMENTUM, lane)
         lx = lx + dt * torque_x - moment * frame_x
         ly = ly + dt * torque_y - moment * frame_y
         lz = lz + dt * torque_z - moment * frame_z
-        # the share of this momentum that the resistance leaves
+        # The share of this momentum that remains after the resistance
         budget = dt * scratch[BUDGET + lane]
         momentum = math.sqrt(squared_length(lx, ly, lz))
         may_turn = is_present & (momentum > budget)
         kept_share = 1.0 - budget / (momentum if may_turn else 1.0)
         kept_share = kept_share if may_turn else 0.0
-        # the angular momentum and velocity in the world
+        # The angular momentum and the angular velocity in the world
         lx = flush_tiny(kept_share * lx + moment * frame_x if is_present else 0.0)
         ly = flush_tiny(kept_share * ly + moment * frame_y if is_present else 0.0)
         lz = flush_tiny(kept_share * lz + moment * frame_z if is_present else 0.0)
@@ -773,7 +778,7 @@ def rotate_spheres(scratch, motion, dt, is_resting, frame_x, frame_y, frame_z):
     dt : float
         Time step [s].
     is_resting : bool
-        Whether no sphere of the tile turned in the last step.
+        Whether no sphere of the tile turned in the previous step.
     frame_x, frame_y, frame_z : float
         Angular velocity of the frame against which rolling is resisted [rad/s].
     """

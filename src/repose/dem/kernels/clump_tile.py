@@ -1,8 +1,8 @@
 """Compute the geometry of 32 contacts of spheres of clumps at a time.
 
 The geometry of two spheres, or of a sphere and a plane, has a closed form. A contact
-keeps the centres of its spheres in the axes of their bodies, and the radii. The rows of
-the bodies have positions and, in the columns of the shape, quaternions.
+keeps the radii of its spheres, and their centres in the axes of their bodies. The rows
+of the bodies contain positions and, in the columns of the shape, quaternions.
 
 `scratch` is the scratch tile (rows of `tile`), `history` the tile of numbers that the
 contacts keep. The functions read the rows of the bodies (`tile.A`, `tile.B`). They write
@@ -33,14 +33,14 @@ RADIUS = _wall.take()
 WALL_STATE = _wall.end
 # Rows of the scratch tile: vector from a body's centre to its sphere's, in world axes.
 ARM_A, ARM_B = tile.SUPPORT, tile.SUPPORT_A_TO_B
-NEAREST = 1e-30  # centres nearer than this define no normal [m]
+NEAREST = 1e-30  # if centres are nearer than this, they do not define a normal [m]
 
 
 @inlined
 def rotated_vector(w, x, y, z, px, py, pz):
     """Return a vector rotated by a unit quaternion.
 
-    The result is p + w u + q x u, with the vector part q of the quaternion and
+    The result is p + w u + q x u, where q is the vector part of the quaternion and
     u = 2 q x p.
 
     Parameters
@@ -50,7 +50,7 @@ def rotated_vector(w, x, y, z, px, py, pz):
     px, py, pz : float
         The vector p.
     """
-    # u, twice the vector product of the quaternion's vector part with p
+    # u is twice the vector product of the quaternion's vector part with p.
     ux = 2.0 * (y * pz - z * py)
     uy = 2.0 * (z * px - x * pz)
     uz = 2.0 * (x * py - y * px)
@@ -70,7 +70,8 @@ def write_arms(scratch, history, body_row, centre_row, arm_row):
     scratch : array
         Scratch tile of LANES contacts, with the quaternions of the bodies.
     history : array
-        What these contacts keep, with the centres of their spheres in body axes.
+        Tile of the numbers that these contacts keep, with the centres of their spheres
+        in body axes.
     body_row : int
         First row of the bodies in `scratch`: tile.A or tile.B.
     centre_row : int
@@ -102,12 +103,13 @@ def write_sphere_pair_geometry(scratch, history):
     scratch : array
         Scratch tile of LANES contacts with the bodies (tile.A, tile.B).
     history : array
-        What these contacts keep, with the centres and radii of their spheres.
+        Tile of the numbers that these contacts keep, with the centres and radii of
+        their spheres.
     """
     write_arms(scratch, history, tile.A, CENTRE_A, ARM_A)
     write_arms(scratch, history, tile.B, CENTRE_B, ARM_B)
     for lane in range(LANES):
-        # from the centre of body A to that of body B
+        # The vector from the centre of body A to that of body B
         body_a_x, body_a_y, body_a_z = lane_vector(scratch, tile.POSITION_A, lane)
         body_b_x, body_b_y, body_b_z = lane_vector(scratch, tile.POSITION_B, lane)
         bodies_x, bodies_y, bodies_z = (
@@ -115,13 +117,13 @@ def write_sphere_pair_geometry(scratch, history):
             body_b_y - body_a_y,
             body_b_z - body_a_z,
         )
-        # from the centre of the sphere of A to that of the sphere of B
+        # The vector from the centre of A's sphere to that of B's sphere
         arm_a_x, arm_a_y, arm_a_z = lane_vector(scratch, ARM_A, lane)
         arm_b_x, arm_b_y, arm_b_z = lane_vector(scratch, ARM_B, lane)
         spheres_x = bodies_x + arm_b_x - arm_a_x
         spheres_y = bodies_y + arm_b_y - arm_a_y
         spheres_z = bodies_z + arm_b_z - arm_a_z
-        # the unit normal along this line; zero if the centres coincide
+        # The unit normal along this vector; zero if the centres coincide
         distance = math.sqrt(squared_length(spheres_x, spheres_y, spheres_z))
         inverse = 1.0 / (distance if distance > NEAREST else NEAREST)
         nx, ny, nz = inverse * spheres_x, inverse * spheres_y, inverse * spheres_z
@@ -129,7 +131,7 @@ def write_sphere_pair_geometry(scratch, history):
         gap = distance - history[REACH + lane]
         scratch[tile.GAP + lane] = gap
         scratch[tile.RADIUS + lane] = history[CURVATURE + lane]
-        # the contact point lies midway between the two surfaces
+        # The contact point lies midway between the two surfaces.
         arm_length = history[RADIUS_A + lane] + 0.5 * gap
         rx = arm_a_x + arm_length * nx
         ry = arm_a_y + arm_length * ny
@@ -152,19 +154,20 @@ def write_sphere_plane_geometry(scratch, history):
     scratch : array
         Scratch tile of LANES contacts with their bodies (tile.A).
     history : array
-        What these contacts keep: the plane, and centre and radius of the sphere.
+        Tile of the numbers that these contacts keep: the plane, and the centre and
+        radius of the sphere.
     """
     write_arms(scratch, history, tile.A, CENTRE, ARM_A)
     for lane in range(LANES):
         nx, ny, nz = lane_vector(history, NORMAL, lane)
-        # the centre of the sphere
+        # The centre of the sphere
         body_x, body_y, body_z = lane_vector(scratch, tile.POSITION_A, lane)
         arm_x, arm_y, arm_z = lane_vector(scratch, ARM_A, lane)
         x, y, z = body_x + arm_x, body_y + arm_y, body_z + arm_z
         radius = history[RADIUS + lane]
         gap = history[OFFSET + lane] - nx * x - ny * y - nz * z - radius
         scratch[tile.RADIUS + lane] = radius
-        # the contact point lies midway between sphere and plane
+        # The contact point lies midway between sphere and plane.
         arm_length = radius + 0.5 * gap
         rx, ry, rz = (
             arm_x + arm_length * nx,

@@ -1,12 +1,12 @@
-"""Contacts of clumps with walls: contacts of their single spheres.
+"""Contacts of clumps with walls, which are contacts of their individual spheres.
 
-A sphere touches a plane, the inside of a cone or a ring edge in one point at most. So
-one bit stores whether it touches, and the contact is computed in closed form in each
-step. Contacts with meshes are followed as those of smooth bodies
-(`meshes`), with a sphere as the body.
+A sphere touches a plane, the inside of a cone or a ring edge in at most one point.
+Therefore one bit stores whether it touches, and the contact is computed in closed form
+in each step. Contacts with meshes are followed like those of smooth bodies (`meshes`),
+with a sphere as the body.
 
-As in `walls`, `WallContacts.limit` holds one number for each wall and body. It follows
-from the shortest distance of the body's spheres that do not touch.
+As in `walls`, `WallContacts.limit` holds one number for each wall and body. It is
+determined by the sphere that is nearest to the wall without touching it.
 
 Reads `Bodies.rows`, `Clumps` and the walls. Writes the lists of `WallContacts` (body,
 wall, feature, data), its `touching_bits`, `past_bits` and `limit`, `counts`,
@@ -36,7 +36,7 @@ from .walls import add_wall_contact, write_sphere_contact_in_frame
 
 @inlined
 def sphere_arm(row, tile, lane):
-    """Return the vector from a clump's centre to that of a sphere, in world axes.
+    """Return the vector from a clump's centre to the centre of a sphere, in world axes.
 
     Parameters
     ----------
@@ -74,12 +74,12 @@ def write_sphere_plane_contact(x, y, z, radius, plane, geometry):
     """
     nx, ny, nz = vector_at(plane, PLANE_NORMAL)
     point_x, point_y, point_z = vector_at(plane, PLANE_POINT)
-    # the vector from the sphere's centre to the middle of the disc, and its component
+    # The vector from the sphere's centre to the centre of the disc, and its component
     # along the normal
     dx, dy, dz = point_x - x, point_y - y, point_z - z
     height = nx * dx + ny * dy + nz * dz
     write_sphere_contact(geometry, nx, ny, nz, height - radius, radius, radius)
-    # the component in the plane, by Pythagoras
+    # The component in the plane, by Pythagoras' theorem
     squared_distance = max(dx * dx + dy * dy + dz * dz - height * height, 0.0)
     return math.sqrt(squared_distance) - plane[PLANE_RADIUS]
 
@@ -135,7 +135,7 @@ def write_sphere_contact_in_world(walls, wall, x, y, z, radius, geometry):
 def write_contact_sphere(contacts, clumps, k, i, sphere):
     """Write centre and radius of a sphere of body i to the lane of contact k.
 
-    They are those of the body's shape, in the axes of the body, times the body's scale.
+    They are in the axes of the body: those of the body's shape times the body's scale.
 
     Parameters
     ----------
@@ -185,7 +185,8 @@ def add_sphere_wall_contact(
     if k >= 0:
         contacts.feature[k] = sphere
         write_contact_sphere(contacts, clumps, k, i, sphere)
-        # the sphere touches this wall now; the slice is a view of one word of bits
+        # Record that the sphere touches this wall. The slice is a view of one word of
+        # bits.
         set_bit(contacts.touching_bits[wall, i : i + 1], sphere)
     return k
 
@@ -195,7 +196,8 @@ def forget_sphere_contact(contacts, clumps, counts, length_index, k):
     """Record that the sphere of contact k no longer touches the wall.
 
     The caller then removes the contact. For meshes, the function only copies the sphere
-    of the last contact to index k; the bits of meshes are written in every step.
+    of the last contact to index k, because the bits of meshes are rewritten in every
+    step.
 
     Parameters
     ----------
@@ -213,7 +215,7 @@ def forget_sphere_contact(contacts, clumps, counts, length_index, k):
     if length_index == state.N_MESHED:
         clumps.mesh_sphere[k] = clumps.mesh_sphere[counts[length_index] - 1]
     else:
-        # clear the bit of this sphere
+        # Clear the bit of this sphere.
         bit = np.uint64(1) << np.uint64(contacts.feature[k])
         contacts.touching_bits[contacts.wall[k], contacts.body[k]] &= ~bit
 
@@ -222,9 +224,9 @@ def forget_sphere_contact(contacts, clumps, counts, length_index, k):
 def find_free_distance(gap, distance_beyond, radius, past_bits, sphere, is_leaning):
     """Return how far a sphere may move before it touches a wall [m]; 0.0 for contact.
 
-    A sphere is past the wall if it overlaps the surface beyond the wall's end or has
-    its centre behind the surface, unless its body leans on another wall. It stays past
-    the wall until it is clear of the surface.
+    A sphere is past the wall if it overlaps the surface beyond the wall's end, or if
+    its centre is behind the surface, unless its body leans on another wall. It remains
+    past the wall until it is clear of the surface.
 
     Parameters
     ----------
@@ -235,22 +237,21 @@ def find_free_distance(gap, distance_beyond, radius, past_bits, sphere, is_leani
     radius : float
         Radius of the sphere [m].
     past_bits : array (1,)
-        The spheres of the body that are past the wall, as bits; the function updates
-        them.
+        Bits that mark the spheres of the body that are past the wall. They are updated.
     sphere : int
         Index of the sphere.
     is_leaning : bool
         Whether the body touches a wall of this kind.
     """
-    # the sphere is clear of the surface
+    # The sphere is clear of the surface.
     if gap > 0.0:
         clear_bit(past_bits, sphere)
         return gap
-    # how far the sphere is beyond the wall's end, or its centre behind the surface
+    # How far the sphere is beyond the wall's end, or its centre behind the surface
     distance_outside = max(distance_beyond, -gap - radius)
     if distance_outside > 0.0 and not is_leaning:
         set_bit(past_bits, sphere)
-    # a sphere that is past the wall has to be clear of the surface first
+    # A sphere that is past the wall must first become clear of the surface.
     return -gap if is_set(past_bits, sphere) else max(distance_outside, 0.0)
 
 
@@ -261,8 +262,8 @@ def find_touching_spheres(touching_bits, i):
     Parameters
     ----------
     touching_bits : array of uint64 (walls, bodies)
-        `WallContacts.touching_bits`: the spheres that touch, as bits, for each wall and
-        body.
+        `WallContacts.touching_bits`: bits that mark the touching spheres, for each wall
+        and body.
     i : int
         Index of the body.
     """
@@ -276,8 +277,9 @@ def find_touching_spheres(touching_bits, i):
 def record_sphere_slide_off(bodies, contacts, walls, k):
     """Record that the sphere of contact k slid over the end of a cone or ring.
 
-    The sphere may touch the next wall: it is no longer past the other walls, and these
-    are searched in the next step. The function changes `past_bits` and `limit`.
+    The sphere may touch the next wall. Therefore it is no longer marked as past the
+    other walls, and these are searched in the next step. The function changes
+    `past_bits` and `limit`.
 
     Parameters
     ----------
@@ -290,15 +292,15 @@ def record_sphere_slide_off(bodies, contacts, walls, k):
     k : int
         Index of the contact in its list.
     """
-    # each wall of this kind that the sphere was past may be the next one
+    # Each wall of this kind that the sphere was past may be the next wall.
     i = contacts.body[k]
     sphere = contacts.feature[k]
     for wall in range(contacts.limit.shape[0]):
-        # a view of one word: `clear_bit` changes a row of words
+        # The slice is a view of one word, because `clear_bit` takes a row of words.
         past_bits = contacts.past_bits[wall, i : i + 1]
         if is_set(past_bits, sphere):
             clear_bit(past_bits, sphere)
-            # the limit is the present displacement: the search is due
+            # The limit becomes the present displacement, so the search is due.
             contacts.limit[wall, i] = (
                 bodies.displacement[i] + walls.approach[state.WALL_PATH]
             )
@@ -319,7 +321,7 @@ def find_sphere_wall_contacts(
 ):
     """Find the spheres of body i that begin to touch a plane, cone or ring.
 
-    Add a contact for each of them.
+    A contact is added for each of them.
 
     Parameters
     ----------
@@ -358,8 +360,8 @@ def find_sphere_wall_contacts(
     # that wall onto this one.
     is_leaning = touching_bits != np.uint64(0)
     for sphere in range(clumps.sizes[clumps.shape[i]]):
-        # a sphere that touches the wall already has a contact
-        # (the slice is a view of one word: `is_set` reads a row of words)
+        # A sphere that touches the wall already has a contact. The slice is a view of
+        # one word, because `is_set` takes a row of words.
         if is_set(contacts.touching_bits[wall, i : i + 1], sphere):
             continue
         x, y, z = read_sphere_centre(sphere_scratch, SPHERES_A, sphere)
@@ -372,10 +374,10 @@ def find_sphere_wall_contacts(
             distance_beyond = write_sphere_plane_contact(
                 x, y, z, radius, walls.planes[wall], geometry
             )
-        # which spheres of the body are past this wall, as bits
+        # Bits that mark the spheres of the body that are past this wall
         past_bits = contacts.past_bits[wall, i : i + 1]
         if (touching_bits >> np.uint64(sphere)) & np.uint64(1) != np.uint64(0):
-            # the sphere touches another wall and may slide from it onto this wall
+            # The sphere touches another wall and may slide from it onto this wall.
             clear_bit(past_bits, sphere)
         free_distance = find_free_distance(
             geometry[contact_geometry.GAP],
@@ -391,7 +393,7 @@ def find_sphere_wall_contacts(
         k = add_sphere_wall_contact(
             contacts, counts, length_index, clumps, i, wall, sphere, geometry
         )
-        # the contact with a plane stores a copy of the plane
+        # The contact with a plane stores a copy of the plane.
         if length_index == state.N_PLANE and k >= 0:
             write_plane(contacts.data[k // LANES], k % LANES, walls.planes[wall])
     return shortest_distance
@@ -440,7 +442,7 @@ def write_sphere_as_body(walls, frame, x, y, z, radius, local_row):
     """
     x, y, z = point_in_wall_frame(walls, frame, x, y, z)
     set_vector(local_row, state.POSITION, x, y, z)
-    # the matrix of a sphere: its squared radius on the diagonal
+    # The matrix of a sphere has the squared radius on its diagonal.
     squared_radius = radius * radius
     set_vector(local_row, SHAPE, squared_radius, 0.0, 0.0)
     set_vector(local_row, SHAPE + 3, squared_radius, 0.0, squared_radius)
@@ -450,8 +452,8 @@ def write_sphere_as_body(walls, frame, x, y, z, radius, local_row):
 def contacts_by_sphere(mesh_contacts, clumps):
     """Return the contacts with meshes, with indices of spheres in place of bodies.
 
-    So a search can treat a sphere of a clump like a body. The arrays are the same, not
-    copies.
+    With these, a search can treat a sphere of a clump like a body. The arrays are not
+    copied.
 
     Parameters
     ----------
@@ -522,7 +524,7 @@ def follow_sphere_contact(
     """
     contacts = contacts_by_sphere(mesh_contacts, clumps)
     frame = mesh_frame(walls, mesh_contacts.wall[k])
-    # the sphere in the frame of the mesh
+    # The sphere in the frame of the mesh
     tile = mesh_contacts.data[k // LANES]
     lane = k % LANES
     row = bodies.rows[mesh_contacts.body[k]]
@@ -532,7 +534,7 @@ def follow_sphere_contact(
     write_sphere_as_body(
         walls, frame, x + arm_x, y + arm_y, z + arm_z, radius, local_row
     )
-    # the sphere is followed as a body of one ellipsoid
+    # The sphere is followed as a body of one ellipsoid.
     contact_continues = follow_feature_contact(
         local_row,
         radius,
@@ -547,7 +549,7 @@ def follow_sphere_contact(
         geometry,
         other_geometry,
     )
-    # the arm of the contact from the clump's centre
+    # The arm of the contact, from the clump's centre
     shift_arm(geometry, arm_x, arm_y, arm_z)
     return contact_continues
 
@@ -626,11 +628,11 @@ def find_sphere_mesh_contacts(
     for sphere in range(clumps.sizes[clumps.shape[i]]):
         x, y, z = read_sphere_centre(sphere_scratch, SPHERES_A, sphere)
         radius = read_sphere_radius(sphere_scratch, SPHERES_A, sphere)
-        # the sphere in the frame of the mesh, as a body of one ellipsoid
+        # The sphere in the frame of the mesh, as a body of one ellipsoid
         write_sphere_as_body(walls, frame, x, y, z, radius, local_row)
-        # contacts from this index on are those of this sphere
+        # Contacts from this index on belong to this sphere.
         n_before = counts[state.N_MESHED]
-        # the search needs one index of the sphere, like the index of a body
+        # The search needs a single index for the sphere, like the index of a body.
         sphere_index = MOST_SPHERES * i + sphere
         free_distance = search_mesh(
             local_row,
@@ -645,7 +647,8 @@ def find_sphere_mesh_contacts(
             geometry,
         )
         shortest_distance = min(shortest_distance, free_distance)
-        # the search wrote this index to `mesh_sphere`; write the body of new contacts
+        # The search wrote this index to `mesh_sphere`. Now write the body of the new
+        # contacts.
         for k in range(n_before, counts[state.N_MESHED]):
             mesh_contacts.body[k] = i
             write_contact_sphere(mesh_contacts, clumps, k, i, sphere)

@@ -1,10 +1,10 @@
 """The lists of pairs of clumps: entries of near bodies, and contacts of their spheres.
 
-A clump is a rigid body of spheres. A pair of clumps has an *entry* when two of its
+A clump is a rigid body of spheres. A pair of clumps has an *entry* if two of their
 spheres that do not touch are nearer than the skin. A *contact* is a pair of touching
-spheres; it stores the index of its entry. So entries keep their indices, and an element
-that becomes free is a hole, which is used again. `sphere_search` decides what is in the
-lists; the functions here keep them consistent.
+spheres. It stores the index of its entry, so entries must keep their indices. An
+element that becomes free is a hole, which is used again. `sphere_search` decides what
+is in the lists, and the functions here keep the lists consistent.
 
 Reads the shapes in `Clumps`. Writes all arrays of `SpherePairs`, `counts`, and
 `Grid.near` (the number of entries of each body).
@@ -123,7 +123,7 @@ def new_sphere_pairs(n_contacts, n_entries, most_spheres, ghost, n_state):
         The lists.
     """
     n_contacts = state.round_up_to_tiles(n_contacts)
-    # number of words with one bit for each pair of spheres, rounded up
+    # Number of words with one bit for each pair of spheres, rounded up
     n_words = -(-most_spheres * most_spheres // BITS)
     return SpherePairs(
         **state.equal_arrays("first second", n_contacts, np.uint32, ghost),
@@ -166,13 +166,13 @@ def clear_bit(words, bit):
 @inlined
 def count_set_bits(word):
     """Return the number of set bits of a 64-bit word."""
-    # count the set bits in each group of two bits, then of four and of eight bits
+    # Count the set bits in each group of two bits, then of four and of eight bits.
     word -= (word >> np.uint64(1)) & np.uint64(0x5555555555555555)
     word = (word & np.uint64(0x3333333333333333)) + (
         (word >> np.uint64(2)) & np.uint64(0x3333333333333333)
     )
     word = (word + (word >> np.uint64(4))) & np.uint64(0x0F0F0F0F0F0F0F0F)
-    # the product adds all bytes in its highest byte
+    # The highest byte of the product is the sum of all bytes.
     return np.int64((word * np.uint64(0x0101010101010101)) >> np.uint64(56))
 
 
@@ -220,12 +220,12 @@ def add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b):
     pairs.entry[k] = entry
     pairs.spheres[k, 0] = a
     pairs.spheres[k, 1] = b
-    # the entry has one more contact, and stores that the two spheres touch
+    # The entry has one more contact, and records that the two spheres touch.
     pairs.n_contacts[entry] += 1
     set_bit(pairs.touching_bits[entry], pair_bit(clumps, a, b))
-    # the normal is (0, 0, 1) until the geometry is calculated
+    # The normal is (0, 0, 1) until the geometry is computed.
     put_contact(pairs.data, k, 0.0, 0.0, 1.0)
-    # the contact stores centres and radii of its spheres
+    # The contact stores the centres and radii of its spheres.
     tile = pairs.data[k // LANES]
     lane = k % LANES
     spheres_a = clumps.spheres[clumps.shape[i]]
@@ -246,9 +246,9 @@ def add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b):
 def drop_sphere_contact(pairs, counts, clumps, k, ghost):
     """Remove contact k of two spheres from its entry and from the list.
 
-    The last contact moves to index k. The element that becomes free gets two ghosts. No
-    force acts between them: their spheres have the same centre but no radius, and the
-    rows of the force law are zero.
+    The last contact moves to index k. Two ghosts are written to the element that
+    becomes free. No force acts between them, since their spheres have the same centre
+    but no radius, and the rows of the force law are zero.
 
     Parameters
     ----------
@@ -264,13 +264,13 @@ def drop_sphere_contact(pairs, counts, clumps, k, ghost):
         Index of the ghost: a body without mass that never moves. Unused elements of the
         lists hold this index.
     """
-    # the entry has one contact fewer
+    # The entry has one contact less.
     entry = pairs.entry[k]
     pairs.n_contacts[entry] -= 1
     a = np.int64(pairs.spheres[k, 0])
     b = np.int64(pairs.spheres[k, 1])
     clear_bit(pairs.touching_bits[entry], pair_bit(clumps, a, b))
-    # the last contact moves to index k
+    # The last contact moves to index k.
     last = counts[state.N_PAIRS] - 1
     counts[state.N_PAIRS] = last
     write_pair(pairs.first, pairs.second, k, pairs.first[last], pairs.second[last])
@@ -278,7 +278,7 @@ def drop_sphere_contact(pairs, counts, clumps, k, ghost):
     pairs.spheres[k, 0] = pairs.spheres[last, 0]
     pairs.spheres[k, 1] = pairs.spheres[last, 1]
     move_contact(pairs.data, last, k)
-    # the old element of the last contact gets ghosts
+    # Ghosts are written to the old element of the last contact.
     write_pair(pairs.first, pairs.second, last, ghost, ghost)
     put_contact(pairs.data, last, 0.0, 0.0, 1.0)
 
@@ -318,7 +318,7 @@ def add_entry(pairs, counts, grid, i, j):
 
 @inlined
 def drop_entry(pairs, counts, grid, entry, ghost):
-    """Delete an entry without contacts; it becomes a hole, which is never due.
+    """Delete an entry without contacts. It becomes a hole, which is never due.
 
     Parameters
     ----------
@@ -343,11 +343,11 @@ def drop_entry(pairs, counts, grid, entry, ghost):
 
 @kernel
 def chain_entries(pairs, counts, grid, ghost):
-    """Chain the partners of each body of `Grid.moved_list`, from its entries.
+    """Make the chain of partners of each body in `Grid.moved_list` from its entries.
 
-    A chain is a linked list of the bodies with which a body has an entry, see
-    `neighbours.chain_partner`. The loop begins at the end of the list and ends when all
-    links are made.
+    The chain of a body is a linked list of the bodies with which it has an entry, see
+    `neighbours.chain_partner`. The loop runs backwards from the end of the list, and
+    ends when all links have been made.
 
     Parameters
     ----------
@@ -368,17 +368,17 @@ def chain_entries(pairs, counts, grid, ghost):
         i = pairs.near_first[np.uint64(entry)]
         j = pairs.near_second[np.uint64(entry)]
         entry -= 1
-        # skip a hole in the list
+        # Skip a hole in the list.
         if i == ghost:
             continue
-        # add a link for each of i and j that is in the list of moved bodies
+        # Add a link for each of i and j that is in the list of moved bodies.
         n_used = chain_partner(pairs, grid, n_used, i, j)
         n_used = chain_partner(pairs, grid, n_used, j, i)
 
 
 @kernel
 def drop_entries_of_gone(bodies, pairs, counts, grid, clumps, ghost):
-    """Drop the contacts and entries of the bodies that are gone.
+    """Remove the contacts and entries of the bodies that are gone.
 
     Parameters
     ----------
@@ -397,15 +397,15 @@ def drop_entries_of_gone(bodies, pairs, counts, grid, clumps, ghost):
         lists hold this index.
     """
     presence = bodies.presence
-    # begin at the end, because the last contact replaces a dropped one
+    # Begin at the end, because the last contact replaces a removed one.
     for k in range(counts[state.N_PAIRS] - 1, -1, -1):
-        # one of the two bodies is gone
+        # Remove the contact if one of the two bodies is gone.
         if (
             presence[pairs.first[k]] != state.PRESENT
             or presence[pairs.second[k]] != state.PRESENT
         ):
             drop_sphere_contact(pairs, counts, clumps, k, ghost)
-    # the dropped entries remain in the list as holes
+    # The removed entries remain in the list as holes.
     for entry in range(counts[state.N_NEAR]):
         i = pairs.near_first[entry]
         j = pairs.near_second[entry]

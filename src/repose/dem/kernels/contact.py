@@ -2,10 +2,11 @@
 
 Let d = c_B - c_A be the vector between the centres, h the support functions of the
 bodies, and f(n) = n.d - h_A(n) - h_B(-n). The maximum of f over all unit vectors n is
-the gap; a negative maximum is an overlap. Its n is the contact normal from A to B. Every
-body here is centrally symmetric, so h_B(-n) = h_B(n). The tangential gradient of f is
-P (d - x_A(n) - x_B(n)), with the support points x and the projection P onto the tangent
-plane. The Hessian is -(Q_A + Q_B + f I), with the curvature matrices Q.
+the gap; a negative maximum is an overlap. The n of the maximum is the contact normal
+from A to B. All bodies here are centrally symmetric, so h_B(-n) = h_B(n). The
+tangential gradient of f is P (d - x_A(n) - x_B(n)), where x are the support points and
+P is the projection onto the tangent plane. The Hessian is -(Q_A + Q_B + f I), where Q
+are the curvature matrices.
 
 The functions read rows of `Bodies.rows` and write only the array `normal`.
 """
@@ -20,7 +21,7 @@ from .state import POSITION, SPHERE_RADIUS, SPHERES
 # Longer steps [rad] are cut, because the quadratic model of f is wrong there.
 LONGEST_STEP = 0.4
 MOST_ITERATIONS = 60
-# A step went downhill if it made f [m] smaller by more than this, which allows for rounding.
+# A step went downhill if it reduced f [m] by more than this, which allows for rounding.
 DOWNHILL = 1e-15
 # The Hessian counts as definite when its determinant exceeds this share of the squared
 # trace of the curvature.
@@ -61,7 +62,7 @@ def newton_step(gx, gy, gz, xx, xy, xz, yy, yz, zz, f):
         sy = inverse * (gradient_factor * gy - xy * gx - yy * gy - yz * gz)
         sz = inverse * (gradient_factor * gz - xz * gx - yz * gy - zz * gz)
     else:
-        # Step uphill: the gradient divided by the trace of the curvatures.
+        # A step uphill: the gradient divided by the trace of the curvatures
         inverse = 1.0 / trace
         sx, sy, sz = inverse * gx, inverse * gy, inverse * gz
     square = sx * sx + sy * sy + sz * sz
@@ -110,9 +111,10 @@ def solve_gap(rows, parts, i, j, normal, tolerance, sufficient_gap):
     i, j : int
         The bodies A and B.
     normal : array (3,)
-        First guess of the unit normal from A to B. Overwritten with the best normal.
+        Initial guess of the unit normal from A to B. It is overwritten with the best
+        normal.
     tolerance : float
-        The iteration stops at a step shorter than this [rad].
+        The iteration stops when a step is shorter than this [rad].
     sufficient_gap : float
         The iteration also stops if the gap along a normal is larger than this [m]. A plane
         with this normal then separates the bodies.
@@ -123,12 +125,12 @@ def solve_gap(rows, parts, i, j, normal, tolerance, sufficient_gap):
     if parts == SPHERES:
         return sphere_gap(rows, i, j, dx, dy, dz, normal)
     nx, ny, nz = vector_at(normal, 0)
-    # the best normal so far, its f, and the next step from it
+    # The best normal so far, its f, and the next step from it
     best_x, best_y, best_z = nx, ny, nz
     best_f = -1e300
     sx = sy = sz = 0.0
     for _ in range(MOST_ITERATIONS):
-        # the sums of the support points and of the curvature matrices of both bodies
+        # The sums of the support points and of the curvature matrices of both bodies
         x = y = z = xx = xy = xz = yy = yz = zz = 0.0
         for part in range(parts):
             x, y, z, xx, xy, xz, yy, yz, zz = add_part(
@@ -137,11 +139,12 @@ def solve_gap(rows, parts, i, j, normal, tolerance, sufficient_gap):
             x, y, z, xx, xy, xz, yy, yz, zz = add_part(
                 rows[j], part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz
             )
-        # The vector between the two support points. Its projection on n is the gap f.
+        # The vector between the two support points, whose component along n is the gap
+        # f
         x, y, z = dx - x, dy - y, dz - z
         f = nx * x + ny * y + nz * z
         if f < best_f - DOWNHILL:
-            # went downhill: halve the step from the best normal
+            # The step went downhill. Halve the step from the best normal.
             sx, sy, sz = 0.5 * sx, 0.5 * sy, 0.5 * sz
         else:
             best_f = f
@@ -152,7 +155,7 @@ def solve_gap(rows, parts, i, j, normal, tolerance, sufficient_gap):
             sx, sy, sz = newton_step(gx, gy, gz, xx, xy, xz, yy, yz, zz, f)
         if sx * sx + sy * sy + sz * sz < tolerance * tolerance:
             break
-        # the next unit normal
+        # The next unit normal
         nx, ny, nz = best_x + sx, best_y + sy, best_z + sz
         inverse = 1.0 / math.sqrt(nx * nx + ny * ny + nz * nz)
         nx, ny, nz = inverse * nx, inverse * ny, inverse * nz

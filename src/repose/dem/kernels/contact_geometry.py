@@ -1,4 +1,4 @@
-"""Read and write a contact of a body with a wall: eight numbers in an array `geometry`.
+"""Read and write a contact of a body with a wall as eight numbers, `geometry`.
 
 The solvers of `wall_contact` and `mesh_contact` fill such an array. Each thread has two
 of them in its scratch memory (`state.Scratch`). `forces` copies the array to a lane of a
@@ -77,7 +77,7 @@ def write_sphere_contact(geometry, nx, ny, nz, gap, effective_radius, sphere_rad
     effective_radius, sphere_radius : float
         Effective radius R* of the contact, and radius of the sphere [m].
     """
-    # the contact point lies midway between the two surfaces
+    # The contact point lies midway between the two surfaces.
     distance = sphere_radius + 0.5 * gap
     set_vector(geometry, NORMAL, nx, ny, nz)
     geometry[GAP] = gap
@@ -96,8 +96,8 @@ def copy_geometry(source, target):
 def shift_arm(geometry, x, y, z):
     """Add a vector (x, y, z) to the arm of a contact, in place.
 
-    If the vector leads from a body's centre to that of its sphere, the sphere's contact
-    becomes a contact of the body.
+    If the vector leads from the centre of a clump to that of one of its spheres, the
+    contact of the sphere becomes a contact of the clump.
     """
     geometry[ARM] += x
     geometry[ARM + 1] += y

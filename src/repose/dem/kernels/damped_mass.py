@@ -5,15 +5,15 @@ velocity of this point along n by
 
     1 / m + (r x n) . J (r x n)
 
-with the body's mass m and inverse inertia J. The sum over both bodies is the inverse of
-their effective mass at the contact: there and in this direction they move like two
+where m is the body's mass and J its inverse inertia. The sum over both bodies is the
+inverse of their effective mass at the contact. There, the bodies move along n like two
 spheres with this effective mass.
 
 Two clumps may touch with several spheres at once. The stiffnesses S of N contacts at one
-point add up to N S. To have the damping ratio of a single contact, their dampings
-2 beta sqrt(S m) must add up to 2 beta sqrt(N S m), so each contact has the mass m / N.
-All contacts of two clumps share the mass in this way, wherever they touch. So do all
-spheres of a clump on one wall.
+point add up to N S. To keep the damping ratio of a single contact, their damping
+constants 2 beta sqrt(S m) must add up to 2 beta sqrt(N S m). Therefore each contact has
+the mass m / N. All contacts of two clumps share the mass in this way, wherever they
+touch, and so do all spheres of a clump on one wall.
 
 The functions read the bodies and the contact points in the tile `scratch` (rows of
 `tile`), and the normals in `history`, the tile of the numbers that contacts keep. They
@@ -21,7 +21,7 @@ write the row tile.INVERSE_MASS of `scratch`. A lane of a tile is one contact.
 
 References
 ----------
-Berry, Zhang and Haeri, Powder Technol. 416 (2023) 118209: a mass reduced locally, for
+Berry, Zhang and Haeri, Powder Technol. 416 (2023) 118209: a locally reduced mass for
 bodies of spheres.
 """
 
@@ -35,11 +35,11 @@ from .rows import LANES, lane_matrix, lane_vector
 
 @inlined
 def write_mobility(scratch, history, body_row, arm_row, parts, kept_share):
-    """Write or add the velocity that each contact point gets by a unit impulse.
+    """Write or add the velocity that a unit impulse gives to each contact point.
 
-    The impulse is along the normal n, and so is the velocity. It is
-    1 / m + (r x n) . J (r x n), with the mass m of the body, its inverse inertia J, and the
-    contact point r relative to its centre.
+    Impulse and velocity are along the normal n. The velocity is 1 / m + (r x n) . J (r
+    x n), where m is the mass of the body, J its inverse inertia, and r the contact
+    point relative to its centre.
 
     Parameters
     ----------
@@ -68,7 +68,7 @@ def write_mobility(scratch, history, body_row, arm_row, parts, kept_share):
     for lane in range(LANES):
         nx, ny, nz = lane_vector(history, tile.NORMAL, lane)
         rx, ry, rz = lane_vector(scratch, arm_row, lane)
-        # the vector product r x n
+        # The vector product r x n
         cross_x, cross_y, cross_z = (
             ry * nz - rz * ny,
             rz * nx - rx * nz,
@@ -168,16 +168,16 @@ def mark_spheres_on_meshes(meshed, mesh_sphere, n_contacts):
     meshed : WallContacts
         The contacts with meshes. The first n are read, and `known` is overwritten.
     mesh_sphere : array
-        For each contact body * MOST_SPHERES + sphere, the indices of both.
+        For each contact, body * MOST_SPHERES + sphere, where both are indices.
     n_contacts : int
         Number of contacts.
     """
-    # Clear the bits of all these bodies on these meshes. Then set a bit for each contact.
+    # Clear the bits of all these bodies and meshes. Then set a bit for each contact.
     known = meshed.touching_bits
     for contact in range(n_contacts):
         known[meshed.wall[contact], meshed.body[contact]] = np.uint64(0)
     for contact in range(n_contacts):
         body = np.int64(meshed.body[contact])
         sphere = np.int64(mesh_sphere[contact]) - state.MOST_SPHERES * body
-        # `set_bit` takes an array of words: here a view of one word
+        # `set_bit` takes an array of words, here a view of one word.
         set_bit(known[meshed.wall[contact], body : body + 1], sphere)

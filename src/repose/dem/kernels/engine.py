@@ -1,13 +1,13 @@
 """Advance a simulation by time steps: find contacts, add up forces, move bodies.
 
-`advance` runs on one thread, `parallel.advance_shared` makes the same steps on several.
+`advance` runs on one thread. `parallel.advance_shared` makes the same steps on several.
 
 The arguments are the arrays of a simulation (see `state`). Every function changes most
 of them in place. `flat`, `curved` and `meshed` are the contacts with planes, with curved
 walls and with meshes. `contact_tile` and `body_tile` are scratch tiles for contacts and
-bodies. `ghost` is the index of the absent body. `clumps` is an empty tuple in a
-simulation of smooth bodies (see `forces`), and `meshes` is one if no wall is a mesh. The
-code for an empty tuple is not compiled.
+bodies. `ghost` is the index of the absent body. `clumps` is an empty tuple if all
+bodies are smooth (see `forces`), and `meshes` is an empty tuple if no wall is a mesh.
+Code that is not needed for an empty tuple is not compiled.
 """
 
 from . import state
@@ -121,7 +121,7 @@ def process_wall_contacts(
 ):
     """Find the contacts with walls, and add their forces to the loads of the bodies.
 
-    If the user asked for the loads of the walls, the forces are added to these, too.
+    If the user requested the loads on the walls, the forces are added to these, too.
 
     Parameters
     ----------
@@ -167,11 +167,12 @@ def process_wall_contacts(
         find_new_mesh_contacts(
             bodies, meshed, clumps, walls, meshes, counts, parts, scratch
         )
-    # Prepare the tile for walls that stand still and have one material, which is the last
-    # one. If walls move or have several materials, each tile of contacts overwrites this.
+    # Prepare the tile for walls that stand still and have a single material, the last
+    # one. If walls move or have several materials, this is overwritten for each tile of
+    # contacts.
     write_still_wall(contact_tile)
     fill_law_constants(contact_tile, physics, 0, physics.law_constants.shape[0] - 1)
-    # Add the forces, one kind of walls after another.
+    # Add the forces, one kind of wall after another.
     add_plane_forces(bodies, flat, clumps, walls, counts, physics, contact_tile, ghost)
     add_curved_wall_forces(
         bodies,
@@ -206,8 +207,9 @@ def process_wall_contacts(
 def update_pair_lists(bodies, pairs, clumps, counts, grid, physics, scratch, ghost):
     """Update the lists of pairs that touch and of pairs that are near.
 
-    Near pairs whose bodies have moved enough to close their gap are checked. Those that
-    touch become contacts. Then bodies that moved by half a skin get new near pairs.
+    Near pairs are checked if their bodies have moved enough to close the gap. Those
+    that touch become contacts. Then new near pairs are found for bodies that have moved
+    by half a skin.
 
     Parameters
     ----------
@@ -231,12 +233,12 @@ def update_pair_lists(bodies, pairs, clumps, counts, grid, physics, scratch, gho
     """
     parts = physics.parts
     if len(clumps) == 0:
-        # Smooth bodies: a search for the contact normal gives the gap of a pair.
+        # Smooth bodies: the gap of a pair follows from a search for the contact normal.
         normal = scratch.normal
         update_near_pairs(bodies, pairs, counts, grid, parts, normal)
         renew_pairs(bodies, pairs, clumps, counts, grid, parts, normal, ghost)
     else:
-        # Clumps: the gap of a pair is the smallest gap between their spheres.
+        # Clumps: the gap of a pair is the smallest gap between spheres of the two.
         spheres = scratch.spheres
         update_near_clumps(bodies, pairs, counts, grid, clumps, spheres, ghost)
         renew_pairs(bodies, pairs, clumps, counts, grid, parts, spheres, ghost)
@@ -246,9 +248,9 @@ def update_pair_lists(bodies, pairs, clumps, counts, grid, physics, scratch, gho
 def apply_pair_forces(
     bodies, pairs, clumps, counts, grid, physics, contact_tile, ghost
 ):
-    """Add the forces of touching pairs to the loads, and retire pairs that parted.
+    """Add the forces of touching pairs to the loads, and retire pairs that have parted.
 
-    A pair that parted becomes a near pair again, with its current gap.
+    A pair that has parted becomes a near pair again, with its present gap.
 
     Parameters
     ----------
@@ -306,10 +308,10 @@ def advance(
     scratch_numbers,
     n_steps,
 ):
-    """Advance a simulation by some steps, or by fewer if a list is nearly full.
+    """Advance a simulation by a number of steps, or by fewer if a list is nearly full.
 
-    The caller then makes the lists longer and calls this function again for the other
-    steps.
+    In this case, the caller lengthens the lists and calls this function again for the
+    remaining steps.
 
     Parameters
     ----------
@@ -344,7 +346,7 @@ def advance(
     int
         Number of steps made.
     """
-    # The grid has a cell for each body. The body with the next index is the absent one.
+    # `grid.cell` has an entry for each body. The next index is that of the absent body.
     ghost = grid.cell.shape[0]
     scratch = state.split_scratch(scratch_numbers)
     for step in range(n_steps):
@@ -363,7 +365,7 @@ def advance(
             physics,
             ghost,
         )
-        # find the contacts, and add their forces to the loads of the bodies
+        # Find the contacts, and add their forces to the loads of the bodies.
         update_pair_lists(bodies, pairs, clumps, counts, grid, physics, scratch, ghost)
         apply_pair_forces(
             bodies, pairs, clumps, counts, grid, physics, contact_tile, ghost
@@ -382,7 +384,7 @@ def advance(
             scratch,
             ghost,
         )
-        # move the bodies under these loads
+        # Move the bodies under these loads.
         counts[state.STEPS] += 1
         n_events = integrate(
             bodies, counts, physics, body_tile, 0, counts[state.N_BODIES]
@@ -407,7 +409,7 @@ def add_wall_loads(
     scratch_numbers,
     ghost,
 ):
-    """Add the forces of the current state to `walls.loads`, without a time step.
+    """Add the forces of the present state to `walls.loads`, without a time step.
 
     The other arrays change as they do in a step.
 
