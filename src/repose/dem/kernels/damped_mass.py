@@ -37,9 +37,10 @@ from .rows import LANES, lane_matrix, lane_vector
 def write_mobility(scratch, history, body_row, arm_row, parts, kept_share):
     """Write or add the velocity that a unit impulse gives to each contact point.
 
-    Impulse and velocity are along the normal n. The velocity is 1 / m + (r x n) . J (r
-    x n), where m is the mass of the body, J its inverse inertia, and r the contact
-    point relative to its centre.
+    Impulse and velocity are along the normal n. If m is the mass of the body, J its
+    inverse inertia, and r the contact point relative to its centre, the velocity is
+
+        1 / m + (r x n) . J (r x n)
 
     Parameters
     ----------

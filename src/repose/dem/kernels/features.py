@@ -1,21 +1,21 @@
 """Faces, edges and vertices of a mesh that bodies can touch, in a grid of cells.
 
 Features are faces, convex edges and convex vertices. The mesh is *eroded* by the edge
-radius: every vertex moves inwards until it lies that deep below all its faces. The
-eroded mesh is called the core. The wall is the core dilated by the edge radius. So
-faces return to their old positions, edges become cylinders and vertices spheres,
-tangent to the faces. The normals of neighbouring features fit together without gap or
-overlap, for any mesh. Edges between coplanar triangles and concave edges bound no set
-of normals, so they are no features. An open border is a rim, rounded down to the back
-of its face.
+radius: every vertex moves inwards until it lies this deep below all its faces. The
+eroded mesh is called the core. The wall is the core dilated by the edge radius.
+Dilation returns the faces to their old positions, and turns edges into cylinders and
+vertices into spheres that are tangent to the faces. For any mesh, the normals of
+neighbouring features fit together without gaps or overlaps. Edges between coplanar
+triangles and concave edges have no set of normals of their own, so they are not
+features. An open border is called a rim. It is rounded down to the back of its face.
 
 `find_features` returns the features of one mesh as a `MeshFeatures`. `join_features`
-joins those of all meshes to a `Meshes`, which the kernels take. Only `put_in_cells` is
-compiled.
+joins those of all meshes into a `Meshes`, which is passed to the kernels. Only
+`put_in_cells` is compiled.
 
 V, F and E are the numbers of vertices, faces and edges of a mesh. A *plane* is a group
-of coplanar triangles with one outward unit normal. Each rim has one more plane, upright
-on its face.
+of coplanar triangles with a common outward unit normal. Each rim has an additional
+plane, which stands upright on its face.
 """
 
 from typing import Any, NamedTuple
@@ -28,39 +28,41 @@ FACE, EDGE, VERTEX = range(3)  # values of `Meshes.kind`
 
 # Columns of `Meshes.data`. Normals point into the wall.
 COLUMNS = 20
-# Of a face: normal (3), offset along it, and three sides of four columns each: the inward
-# normal in the plane of the face (3), offset along that. Then a flag for each side:
-# whether a point on that side belongs to the neighbour.
+# A face has its normal (3), the offset along the normal, and three sides of four
+# columns each: the inward normal in the plane of the face (3), and the offset along
+# that. Then follows a flag for each side, whether a point on this side belongs to the
+# neighbour.
 FACE_NORMAL, FACE_OFFSET = 0, 3
 SIDES, SIDE_COLUMNS = 4, 4
 STRICT = 16
-# Of an edge: start (3), unit vector along it (3), length, normal of the first face (3),
-# unit vector to which that normal turns (3), and the angle of all normals [rad].
+# An edge has its start (3), the unit vector along it (3), its length, the normal of the
+# first face (3), the unit vector towards which this normal turns (3), and the angle
+# that all normals span [rad].
 EDGE_ALONG, EDGE_LENGTH, EDGE_NORMAL, EDGE_TURN, EDGE_ANGLE = 3, 6, 7, 10, 13
 PLACE = 0  # (3), start of an edge or position of a vertex
 RADIUS_COLUMN = 19  # edge radius, of every feature
 
-# Two triangles may be coplanar when their corners are this near to each other's plane, as
-# a share of the mesh's size. A whole group of them is one plane when no corner is farther
-# from the common plane than the second share.
+# Two triangles may be coplanar if their corners are this near to each other's plane, as
+# a share of the mesh's size. A whole group of them is one plane if it is no thicker
+# than the second share.
 FLAT, FLAT_GROUP = 1e-6, 1e-5
-# Normals of one vertex that differ by less than this (singular values) do not say where
-# the vertex moves.
+# If the normals of a vertex differ by less than this (in terms of singular values),
+# they do not determine where the vertex moves.
 SAME_NORMAL = 0.01
-# A group of coplanar triangles keeps its plane when its corners lie one edge radius below
-# it, to this share of the radius.
+# A group of coplanar triangles keeps its plane if its corners lie one edge radius below
+# it, to within this share of the radius.
 SAME_DEPTH = 1e-5
-# Of faces that meet in a concave kink of less than this angle [rad], only the face of the
-# largest overlap is touched.
+# If faces meet in a concave kink of less than this angle [rad], a body touches only the
+# face with the largest overlap.
 GENTLE = 0.35
-# An edge between planes is no feature below this angle [rad].
+# An edge between planes is not a feature below this angle [rad].
 LEAST_ANGLE = 1e-9
-# A direction lies within a vertex's normals when it does by this margin (a sine).
+# Margin (a sine) by which a direction must lie within a vertex's set of normals.
 LEAST_CONE = 1e-7
-# A triangle has turned over when its area vector or a side, projected on the old one, is
+# A triangle has turned over if its area vector or a side, projected on the old one, is
 # below this share of the old one.
 LEAST_SHARE = 1e-6
-BISECTIONS = 30  # for the largest edge radius: to a billionth of the one asked for
+BISECTIONS = 30  # find the largest edge radius to a billionth of the requested one
 PERCEPTRON_STEPS = 40  # attempts to find a direction from which all edges recede
 PERCEPTRON_MARGIN = 1e-3  # how far a step goes beyond the perpendicular to a ray
 LEAST_THICKNESS = 1e-3  # of the grid of cells, as a share of its longest side
@@ -70,7 +72,7 @@ TINY = 1e-300  # divisor in place of a zero
 
 
 class Meshes(NamedTuple):
-    """The features of all meshes, as the kernels take them; F is their number.
+    """The features of all meshes in the form that the kernels use; F is their number.
 
     Each mesh is in its own frame. M is the number of meshes, C that of cells.
     """
@@ -78,10 +80,11 @@ class Meshes(NamedTuple):
     kind: Any  # (F,): FACE, EDGE or VERTEX
     data: Any  # (F, COLUMNS)
     mesh: Any  # (F,): number of the mesh
-    # (F, 2), begin and end. Of a face: its neighbours over gentle kinks, in `near`. Of a
-    # vertex: its edges, in `rays`.
+    # (F, 2): begin and end of a range. For a face, the range is that of its neighbours
+    # over gentle kinks in `near`. For a vertex, it is that of its edges in `rays`.
     span: Any
-    # (F, 2), of a vertex: begin and end of its faces' normals, in `normals`.
+    # (F, 2): for a vertex, begin and end of the range of its faces' normals in
+    # `normals`.
     corners: Any
     near: Any  # neighbours of faces, as numbers of features
     rays: Any  # (n, 3): unit vectors along the edges of vertices, away from them
@@ -130,7 +133,7 @@ def _compute_area_vectors(vertices, faces):
     vertices : ndarray (V, 3)
         Positions of the vertices [m].
     faces : ndarray (F, 3)
-        Vertices of each triangle, counterclockwise as seen from outside.
+        Vertices of each triangle, counterclockwise when viewed from outside.
 
     Returns
     -------
@@ -156,8 +159,8 @@ def find_edges(faces):
     edges : ndarray (E, 2)
         Vertices of each edge, the lower number first.
     edge_faces : ndarray (E, 2)
-        The face that runs along the edge from the lower to the higher vertex, and the
-        face that runs the other way; -1 stands for no face.
+        The face that traverses the edge from the lower to the higher vertex, and the
+        face that traverses it the other way; -1 if there is no such face.
 
     Raises
     ------
@@ -169,10 +172,10 @@ def find_edges(faces):
     side_face = np.repeat(np.arange(len(faces)), 3)
     edges, side_edge = np.unique(np.sort(sides, axis=1), axis=0, return_inverse=True)
     side_edge = side_edge.ravel()
-    # 0 where the side runs from the lower to the higher vertex, else 1
+    # 0 if the side runs from the lower to the higher vertex, otherwise 1
     direction = (sides[:, 0] > sides[:, 1]).astype(int)
 
-    # at most one face may run along an edge in each direction
+    # At most one face may traverse an edge in each direction.
     n_faces = np.zeros((len(edges), 2), int)
     np.add.at(n_faces, (side_edge, direction), 1)
     if n_faces.max() > 1:
@@ -181,7 +184,7 @@ def find_edges(faces):
             f"faces has several triangles on one side of edge {edge}; expected at most "
             "two triangles at an edge, both with their normals outwards"
         )
-    # enter the face of each side in the row of its edge
+    # Enter the face of each side in the row of its edge.
     edge_faces = np.full((len(edges), 2), -1)
     edge_faces[side_edge, direction] = side_face
     return edges, edge_faces
@@ -204,14 +207,15 @@ def _find_coplanar_pairs(vertices, faces, edges, edge_faces, face_normals):
     first, second : ndarray (n,)
         The first and the second face of each pair.
     """
-    # Edges between two faces, with one vertex of each edge.
+    # Select the edges between two faces, with one vertex of each edge.
     is_shared = (edge_faces >= 0).all(axis=1)
     first = edge_faces[is_shared, 0]
     second = edge_faces[is_shared, 1]
     edge_vertex = vertices[edges[is_shared, 0]]
 
-    # How far the corners of one face lie from the plane of the other. Of the two values
-    # the smaller one counts, because the plane of a narrow triangle is uncertain.
+    # Compute how far the corners of one face lie from the plane of the other. The
+    # smaller of the two values counts, because the plane of a narrow triangle is
+    # uncertain.
     distance = np.full(len(first), np.inf)
     for face, other_face in ((first, second), (second, first)):
         corners = vertices[faces[other_face]] - edge_vertex[:, None]
@@ -219,7 +223,7 @@ def _find_coplanar_pairs(vertices, faces, edges, edge_faces, face_normals):
         distance = np.minimum(distance, corner_distances.max(axis=1))
 
     mesh_size = np.linalg.norm(np.ptp(vertices, axis=0))
-    # The cosine is positive if both faces look to the same side.
+    # The cosine is positive if both faces are oriented to the same side.
     cosine = np.sum(face_normals[first] * face_normals[second], axis=1)
     is_coplanar = (distance < FLAT * mesh_size) & (cosine > 0.0)
     return first[is_coplanar], second[is_coplanar]
@@ -281,14 +285,14 @@ def find_planes(vertices, faces, edges, edge_faces):
         (np.ones(len(first)), (first, second)), shape=(n_faces, n_faces)
     )
     n_groups, group = csgraph.connected_components(connections, directed=False)
-    # The sum of its area vectors gives the normal of a group.
+    # The normal of a group is the direction of the sum of its area vectors.
     group_normals = np.zeros((n_groups, 3))
     np.add.at(group_normals, group, area_vectors)
     group_normals = _normalise_or_zero(group_normals)
 
-    # Each triangle may be coplanar with its neighbours while the group as a whole is
-    # curved. Such a group is dissolved: each of its triangles becomes a group of its own.
-    # The new groups are numbered from `n_groups` on.
+    # A group may be curved as a whole although each triangle is coplanar with its
+    # neighbours. Such a group is split up, and each triangle becomes a group of its
+    # own. The new groups are numbered from `n_groups` on.
     mesh_size = np.linalg.norm(np.ptp(vertices, axis=0))
     thicknesses = _measure_thicknesses(vertices, faces, group, group_normals)
     is_curved = (thicknesses > FLAT_GROUP * mesh_size)[group]
@@ -301,7 +305,7 @@ def find_planes(vertices, faces, edges, edge_faces):
 
 
 def _sort_planes_of_vertices(vertex_planes):
-    """Sort pairs (vertex, plane), drop duplicates, and count the planes of each vertex.
+    """Sort pairs (vertex, plane), drop duplicates, and number each vertex's planes.
 
     Parameters
     ----------
@@ -313,10 +317,10 @@ def _sort_planes_of_vertices(vertex_planes):
     unique_pairs : ndarray (n, 2)
         The pairs, sorted, without duplicates.
     rank : ndarray (n,)
-        Position of each pair among the pairs of its vertex, from 0 on.
+        Position of each pair among the pairs of its vertex, counted from 0.
     """
     unique_pairs = np.unique(vertex_planes, axis=0)
-    # index of the first pair of the same vertex
+    # Index of the first pair of the same vertex
     first = np.searchsorted(unique_pairs[:, 0], unique_pairs[:, 0])
     return unique_pairs, np.arange(len(unique_pairs)) - first
 
@@ -326,9 +330,9 @@ def compute_inward_displacements(
 ):
     """Compute the displacement of each vertex when the mesh is eroded by a radius of 1.
 
-    A vertex moves to a depth of 1 below all its planes. Where no point has this depth,
-    the displacement is the solution by least squares. The planes are those of the faces,
-    then those upright on the rims.
+    A vertex moves to a depth of 1 below all its planes. If no point has this depth, the
+    displacement is the least-squares solution. The planes are those of the faces,
+    followed by those that stand upright on the rims.
 
     Parameters
     ----------
@@ -348,8 +352,8 @@ def compute_inward_displacements(
     normals : ndarray (P, 3)
         Outward normals of the planes.
     """
-    # Stand a plane upright on each rim. Its normal points out of the face, across the rim.
-    # The rim's direction is reversed where its face runs the other way.
+    # Make an upright plane on each rim. Its normal points out of the face, across the
+    # rim. The direction of the rim is reversed if its face traverses it the other way.
     rim_edges = np.flatnonzero((edge_faces < 0).any(axis=1))
     rim_faces = edge_faces[rim_edges].max(axis=1)
     rim_directions = _normalise(
@@ -369,8 +373,8 @@ def compute_inward_displacements(
         np.vstack(planes_at_corners + planes_at_rims)
     )
 
-    # Solve a linear system for each vertex: the displacement along each of its normals is
-    # -1. Vertices with fewer planes than others have rows of zeros.
+    # Solve a linear system for each vertex, so that its displacement along each of its
+    # normals is -1. Vertices with fewer planes than others have rows of zeros.
     matrices = np.zeros((len(vertices), rank.max() + 1, 3))
     matrices[pairs[:, 0], rank] = normals[pairs[:, 1]]
     depths = np.any(matrices != 0.0, axis=2).astype(float)
@@ -393,8 +397,8 @@ def _compute_areas_and_sides(vertices, faces):
 def _keeps_triangles(vertices, faces, displacement):
     """Return whether all triangles keep their orientation when vertices are displaced.
 
-    A triangle has lost its orientation when its area vector or a side points the other
-    way than before, or is too short along the old vector.
+    A triangle has lost its orientation if its area vector or one of its sides has been
+    reversed, or has become too short in the old direction.
 
     Parameters
     ----------
@@ -426,7 +430,7 @@ def _find_largest_radius(vertices, faces, displacements, radius):
     float
         The largest radius [m].
     """
-    # The radius `low` turns no triangle over, the radius `high` does.
+    # The radius `low` turns no triangle over, while the radius `high` does.
     low = 0.0
     high = radius
     for _ in range(BISECTIONS):
@@ -439,7 +443,7 @@ def _find_largest_radius(vertices, faces, displacements, radius):
 
 
 def erode_mesh(vertices, faces, displacements, radius):
-    """Move the vertices of a mesh inwards by an edge radius: erode it to its core.
+    """Erode a mesh to its core, by moving its vertices inwards by an edge radius.
 
     Parameters
     ----------
@@ -458,7 +462,7 @@ def erode_mesh(vertices, faces, displacements, radius):
     Raises
     ------
     ValueError
-        If a triangle would turn over. The message tells the largest possible radius.
+        If a triangle would turn over. The message states the largest possible radius.
     """
     if not _keeps_triangles(vertices, faces, radius * displacements):
         largest = _find_largest_radius(vertices, faces, displacements, radius)
@@ -481,7 +485,7 @@ def _make_face_rows(core, faces, edges, edge_faces, face_plane, plane_normals, r
     face_plane, plane_normals : ndarray (F,), (P, 3)
         Plane of each face, and outward normal of each plane.
     radius : float
-        Edge radius [m]: the wall lies this far above the eroded faces.
+        Edge radius [m], by which the wall lies above the eroded faces.
 
     Returns
     -------
@@ -490,10 +494,10 @@ def _make_face_rows(core, faces, edges, edge_faces, face_plane, plane_normals, r
     """
     rows = np.zeros((len(faces), COLUMNS))
     outward = plane_normals[face_plane]
-    # normals in the engine point from the body into the wall
+    # Normals in the engine point from the body into the wall.
     rows[:, FACE_NORMAL : FACE_NORMAL + 3] = -outward
-    # Faces of one plane get the offset of the same face, so that their offsets are equal
-    # in spite of rounding.
+    # All faces of a plane get the offset of the same face, so that their offsets are
+    # equal despite rounding.
     plane_offsets = np.zeros(len(plane_normals))
     plane_offsets[face_plane] = -np.sum(core[faces[:, 0]] * outward, axis=1) - radius
     rows[:, FACE_OFFSET] = plane_offsets[face_plane]
@@ -514,7 +518,7 @@ def _sort_edges_by_face(edge_face):
     edge, face : ndarray (n,)
         Index of each edge, and index of its face.
     rank : ndarray (n,)
-        Position of each edge among the edges of its face, from 0 on.
+        Position of each edge among the edges of its face, counted from 0.
     """
     edge = np.flatnonzero(edge_face >= 0)
     edge = edge[np.argsort(edge_face[edge], kind="stable")]
@@ -539,21 +543,23 @@ def _write_sides(rows, core, edges, edge_faces, outward):
     """
     edge_directions = _normalise(core[edges[:, 1]] - core[edges[:, 0]])
     n_sides = np.zeros(len(rows), int)  # number of sides of each face written so far
-    # First write the sides that run along their edge, then those that run against it. The
-    # face lies to the left of the edge in the first case, to the right in the second.
+    # First write the sides that run in the direction of their edge, then those that run
+    # the other way. The face lies to the left of the edge in the first case, and to the
+    # right in the second.
     for direction, sign in ((0, 1.0), (1, -1.0)):
         edge, face, rank = _sort_edges_by_face(edge_faces[:, direction])
         side = n_sides[face] + rank
-        # a vector in the plane of the face that points to the left of the edge
+        # A vector in the plane of the face that points to the left of the edge
         left_normal = np.cross(outward[face], edge_directions[edge])
         offset = np.sum(left_normal * core[edges[edge, 0]], axis=1)
 
-        # the side's inward normal, and the offset of the side along this normal
+        # The side's inward normal, and the offset of the side along this normal
         column = SIDES + SIDE_COLUMNS * side
         for axis in range(3):
             rows[face, column + axis] = sign * left_normal[:, axis]
         rows[face, column + 3] = sign * offset
-        # a point on an edge belongs only to the face that runs along it
+        # A point on an edge belongs only to the face that traverses it in its
+        # direction.
         rows[face, STRICT + side] = float(direction)
         np.add.at(n_sides, face, 1)
 
@@ -581,8 +587,8 @@ def _make_edge_rows(core, edges, edge_faces, face_plane, plane_normals):
     length = np.linalg.norm(edge_vector, axis=1)
     direction = edge_vector / length[:, None]
 
-    # The normals of the faces on both sides, into the wall. A rim has one face, so both
-    # normals are those of this face.
+    # The normals of the faces on both sides, into the wall. On a rim, which has only
+    # one face, both normals are those of this face.
     left = edge_faces[:, 0]
     right = edge_faces[:, 1]
     is_rim = (left < 0) | (right < 0)
@@ -591,8 +597,8 @@ def _make_edge_rows(core, edges, edge_faces, face_plane, plane_normals):
     first_normal = -plane_normals[face_plane[first_face]]
     second_normal = -plane_normals[face_plane[second_face]]
 
-    # The angle between these normals. Its sine about the edge is positive where the edge is
-    # convex.
+    # Compute the angle between these normals. Its sine about the edge is positive if
+    # the edge is convex.
     normals_cross = np.cross(first_normal, second_normal)
     sine = np.sum(normals_cross * direction, axis=1)
     cosine = np.sum(first_normal * second_normal, axis=1)
@@ -601,12 +607,13 @@ def _make_edge_rows(core, edges, edge_faces, face_plane, plane_normals):
     is_convex = is_rim | (is_kink & (sine > 0.0))
     angle[is_rim] = np.pi  # rounded down to the back of the face
 
-    # The direction to which the first normal turns. It is opposite on a rim whose face is
-    # on the right.
+    # The direction towards which the first normal turns. It is reversed on a rim whose
+    # face is on the right.
     sign = np.where(left >= 0, 1.0, -1.0)
     turn_direction = _normalise(np.cross(-first_normal, direction)) * sign[:, None]
 
-    # Edges between coplanar faces and concave edges are no features: they get no row.
+    # Edges between coplanar faces and concave edges are not features, so they get no
+    # row.
     rows = np.zeros((is_convex.sum(), COLUMNS))
     rows[:, PLACE : PLACE + 3] = start[is_convex]
     rows[:, EDGE_ALONG : EDGE_ALONG + 3] = direction[is_convex]
@@ -630,7 +637,7 @@ def _find_ranges(owners, n_owners):
     Returns
     -------
     ndarray (n_owners, 2)
-        Begin and end of each range, as of a slice.
+        Begin and end of each range, as in a slice.
     """
     owner_indices = np.arange(n_owners)
     begin = np.searchsorted(owners, owner_indices, "left")
@@ -653,7 +660,7 @@ def _project_rays(directions, ray_vertex, rays):
     component : ndarray (R,)
         Component of each ray along the direction of its vertex.
     largest : ndarray (V,)
-        The largest component of each vertex; -inf for a vertex without rays.
+        The largest of these components for each vertex; -inf for a vertex without rays.
     """
     component = np.sum(directions[ray_vertex] * rays, axis=1)
     largest = np.full(len(directions), -np.inf)
@@ -682,7 +689,7 @@ def _turn_away_from_rays(directions, ray_vertex, rays):
     """
     for _ in range(PERCEPTRON_STEPS):
         component, largest = _project_rays(directions, ray_vertex, rays)
-        # the ray with the largest component at each vertex, if it does not recede
+        # The ray with the largest component at each vertex, if it does not recede
         is_worst = (component == largest[ray_vertex]) & (component > -LEAST_CONE)
         if not is_worst.any():
             break
@@ -693,7 +700,7 @@ def _turn_away_from_rays(directions, ray_vertex, rays):
 
 
 def _find_convex_vertices(core, edges, pairs, normals):
-    """Find the convex vertices: those that have a set of normals of their own.
+    """Find the convex vertices, which have a set of normals of their own.
 
     A vertex is convex if there is a direction from which all its edges recede.
 
@@ -779,9 +786,9 @@ def _find_gentle_neighbours(core, faces, face_plane, plane_normals):
 
 
 def _split_bent_planes(core, vertices, faces, face_plane, plane_normals, radius):
-    """Give each triangle of a plane that the erosion has bent a plane of its own.
+    """Split planes that the erosion has bent, so that each triangle has its own plane.
 
-    A plane is bent when its corners are not all one edge radius below it.
+    A plane is bent if its corners are not all one edge radius below it.
 
     Parameters
     ----------
@@ -797,7 +804,8 @@ def _split_bent_planes(core, vertices, faces, face_plane, plane_normals, radius)
     Returns
     -------
     face_plane, plane_normals : ndarray (F,), (Q, 3)
-        The same after the erosion, with the new planes at the end.
+        Plane of each face, and outward normal of each plane, after the erosion. The new
+        planes come last.
     """
     displacement = core - vertices
     # Each corner should have moved by minus the radius along the normal of its plane.
@@ -823,7 +831,7 @@ def find_features(vertices, faces, radius):
     vertices : ndarray (V, 3)
         Positions of the vertices [m].
     faces : ndarray (F, 3)
-        Vertices of each triangle, counterclockwise as seen from outside.
+        Vertices of each triangle, counterclockwise when viewed from outside.
     radius : float
         Edge radius [m].
 
@@ -835,7 +843,7 @@ def find_features(vertices, faces, radius):
     Raises
     ------
     ValueError
-        If the triangles are no surface, or leave no room for the edge radius.
+        If the triangles do not form a surface, or leave no room for the edge radius.
     """
     edges, edge_faces = find_edges(faces)
     face_plane, plane_normals = find_planes(vertices, faces, edges, edge_faces)
@@ -953,10 +961,10 @@ def _sort_into_cells(core, faces, kind, data, radius):
     box_lower, box_upper = _compute_boxes(core, faces, data, radius)
     lower = box_lower.min(axis=0)
     upper = box_upper.max(axis=0)
-    # a flat mesh gets a grid with some thickness
+    # A flat mesh gets a grid with some thickness.
     size = np.maximum(upper - lower, LEAST_THICKNESS * np.max(upper - lower))
     cell_size = float((size.prod() / len(kind)) ** (1.0 / 3.0))
-    # rounding must not put a corner outside the grid
+    # Rounding must not put a corner outside the grid.
     lower = lower - GRID_MARGIN * cell_size
     upper = upper + GRID_MARGIN * cell_size
     n_cells = np.maximum(np.ceil((upper - lower) / cell_size), 1).astype(np.int64)
@@ -1012,12 +1020,12 @@ def plane_misses_cell(face, lower, cell_size, i, j, k):
     nx = face[FACE_NORMAL]
     ny = face[FACE_NORMAL + 1]
     nz = face[FACE_NORMAL + 2]
-    # the middle of the cell, and its distance from the plane
+    # The centre of the cell, and its distance from the plane
     x = lower[0] + (i + 0.5) * cell_size
     y = lower[1] + (j + 0.5) * cell_size
     z = lower[2] + (k + 0.5) * cell_size
     distance = abs(nx * x + ny * y + nz * z - face[FACE_OFFSET])
-    # The farthest corner of the cell lies this far from its middle along the normal.
+    # The farthest corner of the cell lies this far from the centre along the normal.
     corner_distance = HALF_CELL * cell_size * (abs(nx) + abs(ny) + abs(nz))
     return distance > corner_distance
 
@@ -1028,8 +1036,8 @@ def put_in_cells(
 ):
     """Count the features of each cell, or write them to the lists of the cells.
 
-    With an empty `items` it counts. Call it for this first, because the counts tell where
-    the list of each cell begins.
+    If `items` is empty, the features are only counted. This has to be done first,
+    because the counts determine where the list of each cell begins.
 
     Parameters
     ----------
@@ -1041,25 +1049,26 @@ def put_in_cells(
         Lower corner of the grid [m], edge of a cell [m], and number of cells along each
         axis.
     next_item : array
-        Index in `items` of the next feature of each cell. It increases by one with each
-        feature.
+        Index in `items` of the next feature of each cell. It is increased by one for
+        each feature.
     items : array
         Overwritten with the indices of the features, unless it is empty.
     """
     for feature in range(box_lower.shape[0]):
-        # the box of the feature reaches into this block of cells
+        # The box of the feature reaches into this block of cells.
         i0, j0, k0 = find_cell(box_lower[feature], lower, cell_size)
         i1, j1, k1 = find_cell(box_upper[feature], lower, cell_size)
         is_face = kind[feature] == FACE
         for i in range(i0, min(i1 + 1, n_cells[0])):
             for j in range(j0, min(j1 + 1, n_cells[1])):
                 for k in range(k0, min(k1 + 1, n_cells[2])):
-                    # a slanted face misses most cells of its box
+                    # A slanted face misses most cells of its box.
                     if is_face and plane_misses_cell(
                         data[feature], lower, cell_size, i, j, k
                     ):
                         continue
-                    # the first call only counts, the second one lists the features
+                    # The first call only counts the features, the second one lists
+                    # them.
                     cell = (i * n_cells[1] + j) * n_cells[2] + k
                     if items.shape[0] > 0:
                         items[next_item[cell]] = feature
@@ -1077,12 +1086,12 @@ def _find_first_rows(meshes, name):
 
 
 def _join_arrays(meshes, name):
-    """Join the arrays of the field `name` of all meshes to one array."""
+    """Join the arrays in the field `name` of all meshes into one array."""
     return np.concatenate([getattr(mesh, name) for mesh in meshes])
 
 
 def _join_shifted(meshes, name, first_rows):
-    """Join arrays of row indices, which are shifted to count in the joined array.
+    """Join arrays of row indices, shifted so that they refer to the joined array.
 
     Parameters
     ----------
@@ -1091,8 +1100,8 @@ def _join_shifted(meshes, name, first_rows):
     name : str
         The field of `MeshFeatures` with these arrays.
     first_rows : ndarray
-        Row at which each mesh begins in the joined array to which the indices refer. It
-        has one number more than there are meshes: the end.
+        Row at which each mesh begins in the joined array to which the indices refer,
+        followed by the number of all rows.
 
     Returns
     -------
@@ -1106,10 +1115,10 @@ def _join_shifted(meshes, name, first_rows):
 
 
 def join_features(meshes, slide):
-    """Join the features of several meshes to the arrays that the kernels need.
+    """Join the features of several meshes into the arrays that the kernels need.
 
-    An index of a row in an array of one mesh becomes an index in the joined array: the
-    rows of the meshes before it are added.
+    An index of a row in the array of one mesh becomes an index in the joined array, by
+    adding the number of rows of the previous meshes.
 
     Parameters
     ----------
@@ -1127,7 +1136,7 @@ def join_features(meshes, slide):
     first_rays = _find_first_rows(meshes, "rays")
     first_neighbours = _find_first_rows(meshes, "near")
     first_cells = _find_first_rows(meshes, "begin")
-    # the spans of vertices are ranges of `rays`, all others ranges of `near`
+    # The spans of vertices are ranges of `rays`, and all others are ranges of `near`.
     spans = []
     for mesh_index, mesh in enumerate(meshes):
         first = np.where(

@@ -1,16 +1,16 @@
 """Contact forces of one time step, computed for tiles of 32 contacts.
 
 The same loops serve smooth bodies and clumps of spheres. A tile has LANES lanes, one
-for each contact. The kernels copy the rows of a tile's bodies into the tile `scratch`
-(gather). Then they compute the geometry, apply the force laws, and handle the contacts
-that ended. Last, they add the forces to the loads of the bodies (scatter). The kernels
-are `add_pair_forces`, and `add_plane_forces`, `add_curved_wall_forces` and
-`add_mesh_forces` for walls.
+for each contact. The kernels first copy the rows of a tile's bodies into the tile
+`scratch` (gather). They then compute the geometry, apply the force laws, and handle the
+contacts that have ended. Finally, they add the forces to the loads of the bodies
+(scatter). The kernels are `add_pair_forces` for pairs, and `add_plane_forces`,
+`add_curved_wall_forces` and `add_mesh_forces` for walls.
 
-`clumps` is an empty tuple in a simulation of smooth bodies, else a `clumps.Clumps`. The
-length of a tuple is part of its type, so numba compiles only the branch for the bodies
-of the simulation. The modules `tile`, `walls` and `meshes` compute the geometry of the
-contacts of smooth bodies, `clump_tile` and `clump_walls` that of spheres of clumps.
+`clumps` is a `clumps.Clumps`, or an empty tuple if all bodies are smooth. The length of
+a tuple is part of its type, so numba compiles only the branch for the bodies of the
+simulation. The modules `tile`, `walls` and `meshes` compute the geometry of contacts of
+smooth bodies, and `clump_tile` and `clump_walls` that of contacts of a clump's spheres.
 
 `history` is a tile of the numbers that contacts keep from step to step. `contacts` is a
 list of contacts with walls: `flat` with planes, `curved` with curved walls, `meshed`
@@ -49,7 +49,7 @@ from .walls import (
 )
 
 ON_WALL, OF_PAIR = 1, 0  # values of `on_wall`
-GAP_WITHOUT_FORCE = 1.0  # gap of a lane without a contact [m]; no law reaches so far
+GAP_WITHOUT_FORCE = 1.0  # gap of a lane without a contact [m], beyond the reach of laws
 
 
 @inlined
@@ -98,7 +98,7 @@ def gather_bodies(rows, body_indices, base, scratch, first_row):
 
 @inlined
 def mark_loads_as_nonzero(bodies, share, body_indices, base):
-    """Mark the loads of a tile's bodies as no longer zero, in `bodies.touched`.
+    """Mark in `bodies.touched` that the loads of a tile's bodies may differ from zero.
 
     Loads that are not marked are skipped when the shares are summed.
 
@@ -236,8 +236,8 @@ def first_law_row(clumps, on_wall):
 def apply_force_laws(scratch, history, physics, clumps, on_wall):
     """Compute the forces and torques on both bodies of each lane by the force laws.
 
-    Compute the geometry of the lanes before. Writes the rows TO_A and TO_B of `scratch`,
-    and the rows of the laws in `history`.
+    The geometry of the lanes must have been computed. Writes the rows TO_A and TO_B of
+    `scratch`, and the rows of the laws in `history`.
 
     Parameters
     ----------
@@ -256,11 +256,12 @@ def apply_force_laws(scratch, history, physics, clumps, on_wall):
     """
     first_row = first_law_row(clumps, on_wall)
     of_spheres = 0 if len(clumps) == 0 else 1
-    # First comes the contact law: the force on A, and the torques that follow from it.
+    # The contact law comes first. It computes the force on A, from which the torques
+    # follow.
     surfaces(physics.law, scratch, history, of_spheres, on_wall)
     contact_forces(physics.law, scratch, history, first_row, physics.dt)
     tile.write_torques(scratch)
-    # The rows of the rolling law lie after those of the contact law.
+    # The rows of the rolling law follow those of the contact law.
     rolling_resistance(
         physics.rolling,
         scratch,
@@ -349,42 +350,43 @@ def add_pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begi
     Returns
     -------
     int
-        Number of the pairs that parted. Their indices are in `pairs.ended` from `begin`
-        on, and their gaps in `pairs.gap`.
+        Number of pairs that have parted. Their indices are in `pairs.ended` from
+        `begin` on, and their gaps in `pairs.gap`.
     """
     n_pairs = min(counts[state.N_PAIRS], end)
     load = bodies.load[share]
     n_ended = 0
     fill_law_constants(scratch, physics, 0, 0)
     share_row = state.share_column(physics.parts) * LANES
-    # A large simulation has several shares and does not fit into the caches.
+    # A large simulation has several shares, and does not fit into the caches.
     is_large = bodies.load.shape[0] > 1
     for base in range(begin, n_pairs, LANES):
         history = pairs.data[base // LANES]
         n_lanes = min(LANES, n_pairs - base)
         if is_large:
             prefetch_next_pairs(pairs, load, bodies.rows, base)
-        # each lane gets the constants of its own two materials
+        # Each lane gets the constants of its own pair of materials.
         if physics.mixed_pairs:
             for lane in range(LANES):
                 k = base + lane
                 kind_a = bodies.material[pairs.first[k]]
                 kind_b = bodies.material[pairs.second[k]]
                 fill_lane_law_constants(scratch, lane, physics, kind_a, kind_b)
-        # copy both bodies into the tile; compute the geometry and the effective mass
+        # Copy both bodies into the tile, and compute the geometry and the effective
+        # mass.
         gather_bodies(bodies.rows, pairs.first, base, scratch, tile.A)
         gather_bodies(bodies.rows, pairs.second, base, scratch, tile.B)
         write_pair_geometry(scratch, history, physics.parts, clumps)
         write_mass_of_pairs(
             scratch, history, pairs, physics.parts, clumps, base, n_lanes
         )
-        # A contact has the smaller one of the two dashpot shares, see `laws.tangential`.
+        # A contact has the smaller of the two dashpot shares, see `laws.tangential`.
         for lane in range(LANES):
             scratch[tile.SHARE + lane] = min(
                 scratch[tile.A + share_row + lane], scratch[tile.B + share_row + lane]
             )
         apply_force_laws(scratch, history, physics, clumps, OF_PAIR)
-        # Few tiles have a lane with a gap, so all others skip the loop over the lanes.
+        # Few tiles have a lane with a gap. All others skip the loop over the lanes.
         if tile.count_open_lanes(scratch) > 0:
             for lane in range(n_lanes):
                 gap = scratch[tile.GAP + lane]
@@ -393,7 +395,7 @@ def add_pair_forces(bodies, pairs, clumps, counts, physics, scratch, share, begi
                     pairs.gap[base + lane] = gap
                     pairs.ended[begin + n_ended] = base + lane
                     n_ended += 1
-        # add the forces to both bodies
+        # Add the forces to both bodies.
         add_forces_to_loads(load, pairs.first, base, scratch, tile.TO_A)
         add_forces_to_loads(load, pairs.second, base, scratch, tile.TO_B)
         if is_large:
@@ -415,7 +417,8 @@ def write_still_wall(scratch):
     for lane in range(LANES):
         for column in range(state.SHAPE):
             scratch[tile.B + column * LANES + lane] = 0.0
-        # Without an arm, the velocity of the wall at the contact is that in its columns.
+        # With an arm of zero, the velocity at the contact is simply that in the wall's
+        # columns.
         for axis in range(3):
             scratch[tile.RB + axis * LANES + lane] = 0.0
 
@@ -426,8 +429,8 @@ def write_wall_laws_and_motion(
 ):
     """Write the law constants and the motion of a tile's walls to the scratch tile.
 
-    If all walls stand still and have one material, nothing is written. The tile then
-    keeps what `write_still_wall` and `fill_law_constants` wrote before.
+    If all walls stand still and have a single material, nothing is written. The tile
+    then keeps what `write_still_wall` and `fill_law_constants` have written.
 
     Parameters
     ----------
@@ -450,7 +453,8 @@ def write_wall_laws_and_motion(
         return
     for lane in range(LANES):
         k = base + lane
-        # velocity and angular velocity of the wall; zero in a lane without a contact
+        # Velocity and angular velocity of the wall, which are zero in a lane without a
+        # contact
         vx = vy = vz = omega_x = omega_y = omega_z = 0.0
         if k < n_contacts:
             wall = first_wall + contacts.wall[k]
@@ -460,7 +464,8 @@ def write_wall_laws_and_motion(
                 fill_lane_law_constants(
                     scratch, lane, physics, material, walls.material[wall]
                 )
-            # the velocity of a wall that turns depends on the position of the contact point
+            # The velocity of a rotating wall depends on the position of the contact
+            # point.
             x = scratch[tile.A + lane] + scratch[tile.RA + lane]
             y = scratch[tile.A + LANES + lane] + scratch[tile.RA + LANES + lane]
             z = scratch[tile.A + 2 * LANES + lane] + scratch[tile.RA + 2 * LANES + lane]
@@ -479,11 +484,11 @@ def write_wall_laws_and_motion(
 
 @inlined
 def schedule_wall_search(bodies, contacts, walls, k, gap):
-    """Schedule the next search of contact k's body and wall, after the contact ended.
+    """Schedule the next search for contacts between a body and a wall that have parted.
 
-    They are searched when they may have closed the gap between them. Writes the limit of
-    this wall and body in `contacts`, and lowers the displacement in `bodies.wall_check`
-    at which the body is checked.
+    The search is due when the body and the wall of contact k may have closed the gap.
+    Writes the limit of this wall and body in `contacts`, and lowers
+    `bodies.wall_check`, the displacement at which the body is checked.
 
     Parameters
     ----------
@@ -496,7 +501,8 @@ def schedule_wall_search(bodies, contacts, walls, k, gap):
     k : int
         Index of the contact in its list.
     gap : float
-        Distance of body and wall [m]. With 0 or less they are searched in the next step.
+        Distance between body and wall [m]. If it is 0 or less, the search is due in the
+        next step.
     """
     wall = contacts.wall[k]
     body = contacts.body[k]
@@ -512,8 +518,8 @@ def compute_wall_forces(
 ):
     """Compute the forces of a tile of contacts with walls, from their geometry.
 
-    Writes the forces to the rows TO_A of `scratch`, and what the contacts keep to
-    `contacts.data`.
+    Writes the forces to the rows TO_A of `scratch`, and updates the numbers that the
+    contacts keep in `contacts.data`.
 
     Parameters
     ----------
@@ -548,7 +554,8 @@ def compute_wall_forces(
         base,
         min(LANES, n_contacts - base),
     )
-    # Only the body limits the share of the dashpot that acts. A wall has none.
+    # Only the body limits the share of the dashpot that acts, since walls have no
+    # share.
     share_row = state.share_column(physics.parts) * LANES
     for lane in range(LANES):
         scratch[tile.SHARE + lane] = scratch[tile.A + share_row + lane]
@@ -588,8 +595,8 @@ def add_wall_forces_to_loads(
 def release_wall_contact(contacts, clumps, counts, length_slot, k, ghost):
     """Remove contact k with a wall from its list.
 
-    If the body is a clump, its sphere is marked as free, so that a new contact of it with
-    the wall can begin.
+    If the body is a clump, its sphere is marked as free, so that the sphere can begin a
+    new contact with the wall.
 
     Parameters
     ----------
@@ -616,8 +623,8 @@ def release_wall_contact(contacts, clumps, counts, length_slot, k, ghost):
 def drop_ended_contacts(contacts, clumps, counts, length_slot, n_ended, ghost):
     """Remove the contacts with walls that ended in this step, from the last to the first.
 
-    The last contact of the list replaces a removed one. In this order it never replaces
-    one that ended, so the indices of the others stay valid.
+    The last contact of the list replaces a removed one. In this order, the replacement
+    is never a contact that has ended, so the remaining indices stay valid.
 
     Parameters
     ----------
@@ -673,8 +680,8 @@ def add_plane_forces(bodies, flat, clumps, walls, counts, physics, scratch, ghos
     """Compute the forces of all contacts with planes and add them to the loads.
 
     Adds to `bodies.load`, and to `walls.loads` if the user requested it. Overwrites
-    `scratch`, and updates what the contacts keep (`flat.data`). A contact that ended is
-    removed. Its body is searched again when the gap may have closed.
+    `scratch`, and updates what the contacts keep (`flat.data`). Contacts that have
+    ended are removed, and searched for again when the gap may have closed.
 
     Parameters
     ----------
@@ -706,19 +713,20 @@ def add_plane_forces(bodies, flat, clumps, walls, counts, physics, scratch, ghos
         history = flat.data[base // LANES]
         if is_large and base + LANES < n_contacts:
             prefetch_bodies(bodies.rows, bodies.load[0], flat.body, base + LANES)
-        # copy the bodies into the tile; compute the geometry and the forces
+        # Copy the bodies into the tile, and compute the geometry and the forces.
         gather_bodies(bodies.rows, flat.body, base, scratch, tile.A)
         write_plane_geometry(scratch, history, physics.parts, clumps)
         compute_wall_forces(
             bodies, flat, clumps, walls, physics, 0, base, n_contacts, scratch
         )
-        # Few tiles have a lane with a gap, so all others skip the loop over the lanes.
+        # Few tiles have a lane with a gap. All others skip the loop over the lanes.
         if tile.count_open_lanes(scratch) > 0:
             for lane in range(min(LANES, n_contacts - base)):
                 gap = scratch[tile.GAP + lane]
                 if gap > separation_gap(history, physics, clumps, ON_WALL, lane):
                     clear_lane(scratch, lane)
-                    # A body beyond the edge of a disc may touch it after any motion.
+                    # A body beyond the edge of a disc may touch the disc after any
+                    # motion.
                     distance_left = gap if gap < tile.BEYOND else 0.0
                     schedule_wall_search(
                         bodies, flat, walls, base + lane, distance_left
@@ -735,8 +743,8 @@ def add_plane_forces(bodies, flat, clumps, walls, counts, physics, scratch, ghos
 def mark_past_edge(flat, clumps, k):
     """Mark the body of contact k as past its wall, after it slid over the edge of a disc.
 
-    No contact of the body with the disc begins until the body is clear of the plane, see
-    `walls`. Of a clump, only the sphere of the contact is marked.
+    The body cannot begin another contact with the disc until it is clear of the plane,
+    see `walls`. For a clump, only the sphere of the contact is marked.
 
     Parameters
     ----------
@@ -759,7 +767,7 @@ def mark_past_edge(flat, clumps, k):
 def mark_past_end(bodies, curved, clumps, walls, n_contacts, k, depth):
     """Mark the body of contact k as past its wall, after it slid over the wall's end.
 
-    Of a clump, only the sphere of the contact is marked.
+    For a clump, only the sphere of the contact is marked.
 
     Parameters
     ----------
@@ -786,8 +794,8 @@ def mark_past_end(bodies, curved, clumps, walls, n_contacts, k, depth):
 def is_duplicate(contacts, k):
     """Return whether an earlier contact of the same body and wall has the same azimuth.
 
-    A long body that lies across a curved wall touches it twice. The two contacts merge
-    when the body turns.
+    A long body that lies across a curved wall touches it twice. The two contacts may
+    merge when the body turns.
 
     Parameters
     ----------
@@ -841,8 +849,8 @@ def write_contact_to_lane(scratch, history, lane, geometry):
 def open_unused_lanes(scratch, n_lanes):
     """Write a gap to the lanes without a contact, so that they have no force.
 
-    These lanes may still hold the geometry of the tile before. `n_lanes` is the number of
-    lanes in use.
+    These lanes may still hold the geometry of the previous tile. `n_lanes` is the
+    number of lanes in use.
     """
     for lane in range(n_lanes, LANES):
         scratch[tile.GAP + lane] = GAP_WITHOUT_FORCE
@@ -908,7 +916,7 @@ def update_curved_contact(
             or not is_on_wall
             or (physics.parts != state.SPHERES and is_duplicate(curved, k))
         )
-    # Do the same for the sphere of a clump, whose centre lies at the end of its arm.
+    # Do the same for the sphere of a clump, whose centre lies at the end of the arm.
     arm_x, arm_y, arm_z = sphere_arm(row, history, lane)
     x, y, z = vector_at(row, state.POSITION)
     distance_beyond = write_sphere_contact_in_world(
@@ -936,8 +944,8 @@ def add_curved_wall_forces(
     """Compute the forces of all contacts with curved walls and add them to the loads.
 
     Adds to `bodies.load`, and to `walls.loads` if the user requested it. Overwrites
-    `scratch`, and updates what the contacts keep (`curved.data`). A contact that ended is
-    removed. Its body is searched again in the next step.
+    `scratch`, and updates what the contacts keep (`curved.data`). Contacts that have
+    ended are removed, and searched for again in the next step.
 
     Parameters
     ----------
@@ -989,7 +997,8 @@ def add_curved_wall_forces(
             ):
                 curved.ended[n_ended] = k
                 n_ended += 1
-                # A contact that ended with an overlap slid over the end of the wall.
+                # If a contact ended with an overlap, the body slid over the end of the
+                # wall.
                 if scratch[tile.GAP + lane] <= 0.0:
                     depth = -scratch[tile.GAP + lane]
                     mark_past_end(bodies, curved, clumps, walls, n_contacts, k, depth)
@@ -1005,7 +1014,7 @@ def add_curved_wall_forces(
             n_contacts,
             scratch,
         )
-        # Contacts that ended exert no force. Their bodies are searched again.
+        # Contacts that have ended exert no force, and are searched for again.
         for lane in range(n_lanes):
             if scratch[tile.GAP + lane] > separation_gap(
                 history, physics, clumps, ON_WALL, lane
@@ -1109,8 +1118,8 @@ def add_mesh_forces(
     """Compute the forces of all contacts with meshes and add them to the loads.
 
     Adds to `bodies.load`, and to `walls.loads` if the user requested it. Overwrites
-    `scratch`, and updates what the contacts keep (`meshed.data`). A contact that ended is
-    removed. Its mesh is searched again in the next step.
+    `scratch`, and updates what the contacts keep (`meshed.data`). Contacts that have
+    ended are removed, and their meshes are searched again in the next step.
 
     Parameters
     ----------
