@@ -1,9 +1,9 @@
-"""Keep bodies in spatial order: bodies that are near in the pile are near in memory.
+"""Keep bodies in spatial order, so that bodies near in space are near in memory.
 
-Large simulations do not fit into the caches. From time to time their bodies are
+Large simulations do not fit into the caches. From time to time, their bodies are
 renumbered along a Morton curve through the cells, and contacts are sorted by their
-bodies. Users keep the numbers that `Simulation.add` returned. `reorder` permutes the
-arrays of `Bodies`, `Grid`, `Pairs` and `WallContacts` in place. Only
+bodies. Users still see the numbers that `Simulation.add` returned. `reorder` permutes
+the arrays of `Bodies`, `Grid`, `Pairs` and `WallContacts` in place. Only
 `rebuild_cell_lists` is compiled.
 """
 
@@ -18,9 +18,9 @@ from .rows import LANES
 def compute_morton_codes(cells, shape):
     """Compute the positions of cells on a Morton curve.
 
-    Cells that are near on this curve are near in space. The position of a cell is an
-    integer that interleaves the bits of the cell's three indices: bit 0 of the indices
-    along x, y and z, then bit 1 of each, and so on.
+    Cells that are near each other on this curve are near each other in space. The
+    position of a cell is an integer that interleaves the bits of the cell's three
+    indices: bit 0 of the indices along x, y and z, then bit 1 of each, and so on.
 
     Parameters
     ----------
@@ -52,10 +52,10 @@ def compute_morton_codes(cells, shape):
 def rebuild_cell_lists(grid, n):
     """Rebuild the lists of bodies of all cells, after the bodies were renumbered.
 
-    `grid.cell` has the cell of each of the first n bodies, or -1. The arrays `head`,
-    `following` and `preceding` of `grid` are overwritten.
+    `grid.cell` contains the cell of each of the first n bodies, or -1. The arrays
+    `head`, `following` and `preceding` of `grid` are overwritten.
     """
-    # empty all lists, then enter each body
+    # Empty all lists, then insert each body.
     grid.head[:] = -1
     for i in range(n):
         if grid.cell[i] >= 0:
@@ -72,7 +72,7 @@ def permute(order, *arrays):
     order : ndarray (n,)
         Old index of each of the first n rows.
     *arrays : ndarray
-        Arrays with at least n rows. The rows after the first n stay.
+        Arrays with at least n rows. The rows after the first n stay in place.
     """
     for array in arrays:
         array[: len(order)] = array[: len(order)][order]
@@ -91,7 +91,7 @@ def permute_lanes(order, tiles):
         Data of bodies or contacts, one body or contact in each lane.
     """
     n_tiles = len(tiles)
-    # Permute the rows of a table with a row for each lane.
+    # Make a table with a row for each lane, and permute its rows.
     table = state.contact_rows(tiles, tiles.size)
     permute(order, table)
     # Write the table back in the layout of the tiles.
@@ -102,8 +102,8 @@ def permute_lanes(order, tiles):
 def sort_by_body(bodies, arrays, *tiles):
     """Sort a list of contacts by their bodies, in place.
 
-    The sort is stable: contacts of one body keep their order. So the result does not
-    depend on the method of sorting.
+    The sort is stable: contacts of the same body keep their order. Therefore the result
+    does not depend on the sorting algorithm.
 
     Parameters
     ----------
@@ -151,7 +151,7 @@ def _permute_bodies(order, bodies, grid, flat, curved, meshed):
     for contacts in (flat, curved, meshed):
         permute(order, contacts.limit.T, contacts.allowed_overlap.T)
     permute_lanes(order, bodies.motion)
-    # The tiles have other bodies now, so what was known about a whole tile is reset.
+    # The tiles now have other bodies, so reset what was known about whole tiles.
     bodies.resting[:] = 0
     bodies.wall_margin[:] = 0.0
 
@@ -170,7 +170,7 @@ def _renumber_bodies(new_index, pairs, flat, curved, meshed, counts):
     counts : array (COUNTS,) of int
         Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     """
-    # arrays of indices of bodies, and where `counts` has their lengths
+    # Arrays of indices of bodies, and the indices in `counts` of their lengths
     index_arrays = (
         (pairs.first, state.N_PAIRS),
         (pairs.second, state.N_PAIRS),
@@ -188,9 +188,9 @@ def _renumber_bodies(new_index, pairs, flat, curved, meshed, counts):
 def _sort_contacts(pairs, flat, counts):
     """Sort pairs, contacts with planes and near pairs by their bodies, in place.
 
-    The sort key of a pair is the lower one of its two bodies. So contacts of bodies that
-    are near in memory are near in memory, too. Contacts with curved walls and meshes are
-    few, so they are not sorted.
+    The sort key of a pair is the lower of its two body indices. As a result, contacts
+    of bodies that are near in memory are also near in memory. Contacts with curved
+    walls and meshes are few, so they are not sorted.
 
     Parameters
     ----------
@@ -201,14 +201,14 @@ def _sort_contacts(pairs, flat, counts):
     counts : array (COUNTS,) of int
         Lengths of all lists and other counters, at indices such as `state.N_PAIRS`.
     """
-    # touching pairs
+    # Touching pairs
     n_pairs = counts[state.N_PAIRS]
     lower = np.minimum(pairs.first[:n_pairs], pairs.second[:n_pairs])
     sort_by_body(lower, (pairs.first, pairs.second), pairs.data)
-    # contacts with planes
+    # Contacts with planes
     bodies = flat.body[: counts[state.N_PLANE]]
     sort_by_body(bodies, (flat.body, flat.wall, flat.feature), flat.data)
-    # near pairs
+    # Near pairs
     n_near = counts[state.N_NEAR]
     lower_near = np.minimum(pairs.near_first[:n_near], pairs.near_second[:n_near])
     near_arrays = (
@@ -218,7 +218,7 @@ def _sort_contacts(pairs, flat, counts):
         pairs.near_normal,
     )
     sort_by_body(lower_near, near_arrays)
-    # A zero tells that a block of near pairs has changed, see `parallel.CHANGED`.
+    # A zero marks a block of near pairs that has changed, see `parallel.CHANGED`.
     pairs.near_check[:] = 0.0
 
 
@@ -251,9 +251,9 @@ def reorder(bodies, grid, pairs, flat, curved, meshed, counts):
     )
     new_index = np.empty(n, np.int64)
     new_index[old_index] = np.arange(n)
-    # the arrays with a row or lane for each body
+    # The arrays with a row or lane for each body
     _permute_bodies(old_index, bodies, grid, flat, curved, meshed)
-    # the lists that hold indices of bodies
+    # The lists that hold indices of bodies
     n_moved = int(counts[state.N_MOVED])
     grid.moved_list[:n_moved] = new_index[grid.moved_list[:n_moved]]
     rebuild_cell_lists(grid, n)

@@ -1,16 +1,16 @@
-"""One large simulation on several threads, with the same result for any number of them.
+"""Run a large simulation on several threads, with the same result for any number.
 
-The work of a step is cut into SHARES, a number that does not depend on the threads.
-Each share of the contacts has loads of its own, and these are added up in a fixed
-order. So the result is the same, bit for bit, for any number of threads.
+The work of a step is divided into SHARES shares, whatever the number of threads. Each
+share of the contacts has loads of its own, and these are added up in a fixed order.
+Therefore the result is the same, bit for bit, for any number of threads.
 
 Every thread runs `advance_shared`. A barrier (`atomics`) separates the phases of a time
 step. Shares that write to different memory are distributed over the threads. Only the
 first thread changes the lists of pairs, while the others wait.
 
-Near pairs lie in blocks of `state.BLOCK`. A block whose bodies are nearly at rest is
-skipped as long as none of its pairs can be due. For that, bodies that are neighbours in
-memory form groups, whose paths are in `Grid.paths`.
+Near pairs are handled in blocks of `state.BLOCK`. A block whose bodies are nearly at
+rest is skipped as long as none of its pairs can be due. To decide this, bodies that are
+neighbours in memory form groups, whose paths are recorded in `Grid.paths`.
 
 Reads and writes most arrays of a simulation (see `state`), and `Shared`.
 """
@@ -37,14 +37,14 @@ from .rigid import handle_events, integrate
 from .rows import LANES
 
 SHARES = 8
-# Smaller simulations have one share, because threads do not make them faster.
+# Smaller simulations have a single share, because threads would not make them faster.
 FEWEST_BODIES = 4096
 REORDER_EVERY = 1000  # steps after which bodies get new indices (see `order`)
 # Whole blocks of pairs can be skipped if the paths in one step are below this fraction
 # of the skin.
 CALM_SHARE = 1e-3
-# Values of `Pairs.near_check` instead of a path: the pairs of the block have changed,
-# or the block is checked in the next step.
+# Values that `Pairs.near_check` may have instead of a path: the pairs of the block have
+# changed, or the block is checked in the next step.
 CHANGED, DUE = 0.0, -1.0
 ALL_STEPS, LAST_STEP = 0, 1  # rows of `Grid.paths`: sum of all steps, last step
 STOP = 0  # index in `Shared.flags` of the flag that ends the run
@@ -72,7 +72,7 @@ def share_range(n_items, share, group_size):
 
 @kernel
 def smallest_slack(displacement, first, second, limit, begin, end):
-    """Return how far the bodies of some pairs may move before one pair is due [m].
+    """Return how far the bodies of a range of pairs may move before a pair is due [m].
 
     Parameters
     ----------
@@ -83,11 +83,11 @@ def smallest_slack(displacement, first, second, limit, begin, end):
     limit : array (pairs,)
         Sum of the displacements of both bodies at which the pair is due [m].
     begin, end : int
-        First of these pairs, and their end.
+        First pair of the range, and its end.
     """
     smallest = math.inf
     for k in range(begin, end):
-        # unsigned, see `neighbours.find_next_due`
+        # The index is unsigned, see `neighbours.find_next_due`.
         pair = np.uint64(k)
         path = displacement[first[pair]] + displacement[second[pair]]
         smallest = min(smallest, limit[pair] - path)
@@ -109,14 +109,16 @@ def group_shift(bodies):
 
 @kernel
 def find_groups(first, second, begin, end, shift):
-    """Return the groups of all bodies of some pairs as a number with bit g for group g.
+    """Return the groups of all bodies in a range of pairs, as bits of a number.
+
+    Bit g is set if one of the bodies belongs to group g.
 
     Parameters
     ----------
     first, second : array of int (pairs,)
         The two bodies of each pair.
     begin, end : int
-        First of these pairs, and their end.
+        First pair of the range, and its end.
     shift : int
         The bit shift from a body's index to that of its group, see `group_shift`.
     """
@@ -139,7 +141,7 @@ def sum_group_paths(paths, groups):
     groups : int
         Bit g is set for each of these groups g.
     """
-    # from the lowest bit to the highest bit that is set
+    # Go from the lowest bit to the highest bit that is set.
     total = 0.0
     group = 0
     while groups >> group > 0:
@@ -153,8 +155,7 @@ def sum_group_paths(paths, groups):
 def record_group_paths(bodies, counts, grid):
     """Write the longest path of each group's bodies in this step to `Grid.paths`.
 
-    A group consists of tiles; the longest path of each tile is in
-    `Bodies.longest_path`.
+    A group consists of whole tiles, whose longest paths are in `Bodies.longest_path`.
 
     Parameters
     ----------
@@ -172,7 +173,7 @@ def record_group_paths(bodies, counts, grid):
         for tile in range(begin, min(begin + tiles_per_group, n_tiles)):
             path = max(path, bodies.longest_path[tile])
         group = begin // tiles_per_group
-        # the sum over all steps, and the path of this step
+        # The sum over all steps, and the path of this step
         grid.paths[ALL_STEPS, group] += path
         grid.paths[LAST_STEP, group] = path
 
@@ -181,10 +182,10 @@ def record_group_paths(bodies, counts, grid):
 def find_touching_in_block(
     bodies, pairs, grid, parts, begin, end, touching, first_index, normal
 ):
-    """Write the near pairs of one block that touch to an array, and count them.
+    """Find the near pairs of one block that touch, list them, and count them.
 
-    Pairs that are due are checked. Those that do not touch get new limits. The lists
-    are not changed, because other threads read them.
+    Pairs that are due are checked. Those that do not touch get new limits. The lists of
+    pairs are not changed, because other threads read them.
 
     Parameters
     ----------
@@ -217,13 +218,13 @@ def find_touching_in_block(
     n_found = 0
     pair = find_next_due(displacement, first, second, limit, begin, end)
     while pair < end:
-        # solve for the gap of a pair that is due
+        # Compute the gap of a pair that is due.
         gap = solve_near_gap(bodies, pairs, grid, parts, pair, normal)
         if gap <= 0.0:
             touching[first_index + n_found] = pair
             n_found += 1
         else:
-            # the pair cannot touch before its bodies have moved by the gap
+            # The bodies cannot touch before they have together moved by the gap.
             limit[pair] = displacement[first[pair]] + displacement[second[pair]] + gap
         pair = find_next_due(displacement, first, second, limit, pair + 1, end)
     return n_found
@@ -231,11 +232,11 @@ def find_touching_in_block(
 
 @inlined
 def find_touching_in_share(bodies, pairs, grid, parts, begin, end, touching, normal):
-    """Write the near pairs of one share that touch to an array, and count them.
+    """Find the near pairs of one share that touch, list them, and count them.
 
     A block whose bodies are nearly at rest is skipped as long as none of its pairs can
-    be due. Two bodies come nearer by at most twice the sum of the longest paths of all
-    groups with bodies in the block.
+    be due. Two bodies of a block approach each other by at most twice the sum of the
+    longest paths of the groups with bodies in this block.
 
     Parameters
     ----------
@@ -265,7 +266,7 @@ def find_touching_in_share(bodies, pairs, grid, parts, begin, end, touching, nor
         block = block_begin // state.BLOCK
         groups = pairs.near_groups[block]
         path = sum_group_paths(grid.paths[ALL_STEPS], groups)
-        # the bodies of this block have moved too little for a pair to be due
+        # The bodies of this block have moved too little for a pair to be due.
         if path < pairs.near_check[block]:
             continue
         block_end = min(block_begin + state.BLOCK, end)
@@ -280,12 +281,12 @@ def find_touching_in_share(bodies, pairs, grid, parts, begin, end, touching, nor
             begin + n_found,
             normal,
         )
-        # if the pairs of the block have changed, its groups may have changed, too
+        # If the pairs of the block have changed, its groups may have changed, too.
         if pairs.near_check[block] == CHANGED:
             groups = find_groups(first, second, block_begin, block_end, shift)
             pairs.near_groups[block] = groups
-        # The next check is in the next step. If the bodies are nearly at rest, it is
-        # when the sum of the paths has grown by half of the slack.
+        # The block is checked again in the next step or, if its bodies are nearly at
+        # rest, when the sum of the paths has grown by half of the slack.
         pairs.near_check[block] = DUE
         if 2.0 * sum_group_paths(grid.paths[LAST_STEP], groups) < calm_path:
             slack = smallest_slack(
@@ -300,9 +301,9 @@ def find_touching_in_share(bodies, pairs, grid, parts, begin, end, touching, nor
 def add_found_contacts(pairs, counts, grid, touching, n_touching, begins):
     """Turn the near pairs that touch into contacts.
 
-    The order does not depend on the number of threads. The loop drops the last pair
-    first: the last near pair of the list replaces it, so the indices of the remaining
-    ones stay valid.
+    The order does not depend on the number of threads. The loop begins with the last of
+    these pairs. The last near pair of the list replaces each removed pair, so in this
+    order the remaining indices stay valid.
 
     Parameters
     ----------
@@ -313,8 +314,8 @@ def add_found_contacts(pairs, counts, grid, touching, n_touching, begins):
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     touching : array of int
-        Indices of these pairs in the list of near pairs, in increasing order in each
-        share.
+        Indices of these pairs in the list of near pairs, in increasing order within
+        each share.
     n_touching, begins : array of int (SHARES,)
         Number of pairs that each share found, and their first index in `touching`.
     """
@@ -352,7 +353,7 @@ def advance_shared(
     thread,
     n_steps,
 ):
-    """Run one thread's part of a number of time steps; return the number of steps made.
+    """Run one thread's part of several time steps, and return the number of steps made.
 
     Parameters
     ----------
@@ -363,7 +364,7 @@ def advance_shared(
     tiles, body_tiles, scratches : array
         Working memory; row `thread` of each array belongs to this thread.
     shared : Shared
-        What the threads share.
+        The arrays that the threads share.
     thread : int
         Index of this thread. It handles the shares thread, thread + n_threads, and so
         on.
@@ -379,7 +380,7 @@ def advance_shared(
     share_begins = shared.begins
     n_found = shared.n_found
     for step in range(n_steps):
-        # Begin the step, or stop if a list may become too short in it.
+        # Begin the step, or stop if a list might become too short during this step.
         if is_first_thread:
             lists_have_room = has_room(
                 pairs, plane_contacts, curved_contacts, mesh_contacts, counts
@@ -441,8 +442,8 @@ def advance_shared(
             )
         wait_for_all(shared.counters, n_threads)
 
-        # Calculate the forces of the pairs. Then move pairs that have parted to the
-        # near pairs.
+        # Compute the forces of the pairs. Then move pairs that have parted to the near
+        # pairs.
         for share in range(thread, SHARES, n_threads):
             begin, end = share_range(counts[state.N_PAIRS], share, LANES)
             share_begins[share] = begin
@@ -490,7 +491,7 @@ def run_threads(arrays, tiles, shared, n_steps):
     tiles : sequence of ndarray
         The working memory of all threads: `tiles`, `body_tiles` and `scratches`.
     shared : Shared
-        What the threads share.
+        The arrays that the threads share.
     n_steps : int
         Number of steps.
 
@@ -500,7 +501,7 @@ def run_threads(arrays, tiles, shared, n_steps):
         Number of steps made.
     """
 
-    # every thread runs the same function, with its own index
+    # Every thread runs the same function, with its own index.
     def run(thread):
         return advance_shared(*arrays, *tiles, shared, thread, n_steps)
 

@@ -1,8 +1,9 @@
-"""Renewal of the neighbour list for bodies that have moved far or left the simulation.
+"""Renew the neighbour list for bodies that have moved far or left the simulation.
 
-Bodies that moved by half a skin are in `Grid.moved_list`; `renew_pairs` finds their
-neighbours again. `drop_contacts_of_gone` removes all contacts of bodies that left the
-simulation. `clumps` is an empty tuple in a simulation of smooth bodies, see `forces`.
+`Grid.moved_list` contains the bodies that have moved by half a skin. `renew_pairs`
+finds their neighbours again. `drop_contacts_of_gone` removes all contacts of bodies
+that have left the simulation. `clumps` is an empty tuple if all bodies are smooth, see
+`forces`.
 
 Reads `Bodies.rows` and `Bodies.presence`. Writes all arrays of `Grid`, the lists of
 pairs and of contacts with walls, `counts`, and the columns of motion of gone bodies.
@@ -23,7 +24,7 @@ from .neighbours import (
 from .rigid import stop_body
 from .sphere_search import add_clump_pair_if_near
 
-UNMARKED = -1  # value of `Grid.mark` of a body without a mark
+UNMARKED = -1  # value of `Grid.mark` for a body without a mark
 
 
 @inlined
@@ -46,7 +47,7 @@ def add_pair_if_near(bodies, pairs, clumps, counts, grid, parts, i, j, scratch):
         Largest number of ellipsoids in a body; 0 for clumps; SPHERES (-1) if all bodies
         are spheres.
     i, j : int
-        The two bodies, which are not a pair of the lists yet; i is the lower index.
+        The two bodies, which are not yet listed as a pair; i is the lower index.
     scratch : array
         Working memory: a normal (3,) for smooth bodies, `Scratch.spheres` for clumps.
     """
@@ -58,10 +59,10 @@ def add_pair_if_near(bodies, pairs, clumps, counts, grid, parts, i, j, scratch):
 
 @kernel
 def list_pairs_of_body(bodies, pairs, clumps, counts, grid, parts, i, scratch):
-    """Add the pairs of body i with near bodies in its cell and the cells around it.
+    """Add the pairs of body i with near bodies in its cell and in the cells around it.
 
-    Bodies whose `grid.mark` is i are skipped, because their pairs with i are in the
-    list. If both bodies of a pair have moved, the pair is added for the body with the
+    Bodies whose `grid.mark` is i are skipped, because their pairs with i are already
+    listed. If both bodies of a pair have moved, the pair is added with the body of the
     lower index.
 
     Parameters
@@ -84,21 +85,22 @@ def list_pairs_of_body(bodies, pairs, clumps, counts, grid, parts, i, scratch):
     scratch : array
         Working memory: a normal (3,) for smooth bodies, `Scratch.spheres` for clumps.
     """
-    # the number of cells along each axis, and the indices of the body's cell
+    # The number of cells along each axis, and the indices of the body's cell
     n_x, n_y, n_z = grid.shape[0], grid.shape[1], grid.shape[2]
     cell = grid.cell[i]
     cell_z = cell % n_z
     cell_y = (cell // n_z) % n_y
     cell_x = cell // (n_z * n_y)
-    # Visit the body's cell and those before and after it along each axis. The cells
-    # repeat, so visit each cell once if there are fewer than three.
+    # Visit the body's cell and those before and after it along each axis. Because the
+    # cells repeat, make sure to visit each cell only once if there are fewer than
+    # three.
     for offset_x in range(min(n_x, 3)):
         x = (cell_x + offset_x - 1) % n_x
         for offset_y in range(min(n_y, 3)):
             y = (cell_y + offset_y - 1) % n_y
             for offset_z in range(min(n_z, 3)):
                 z = (cell_z + offset_z - 1) % n_z
-                # loop over the linked list of the bodies of this cell
+                # Loop over the linked list of bodies in this cell.
                 j = grid.head[(x * n_y + y) * n_z + z]
                 while j >= 0:
                     is_listed_by_j = grid.moved[j] == 1 and j < i
@@ -132,8 +134,8 @@ def mark_partners(pairs, grid, i, mark):
     i : int
         Index of the body.
     mark : int
-        The value that is written to `grid.mark`: i before the search for pairs of i,
-        and UNMARKED after it.
+        The value that is written to `grid.mark`, which is i before the search for pairs
+        of body i and UNMARKED after it.
     """
     chain_link = grid.chain[i]
     while chain_link >= 0:
@@ -143,11 +145,12 @@ def mark_partners(pairs, grid, i, mark):
 
 @kernel
 def renew_pairs(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
-    """Find the pairs of the bodies of `Grid.moved_list` again, and empty this list.
+    """Find the pairs of the bodies in `Grid.moved_list` again, and empty this list.
 
-    Near pairs of smooth bodies are dropped and found again. Touching pairs stay,
-    because they have springs, and entries of clumps stay, too. The bodies of these
-    pairs are chained, so that the search does not add the pairs a second time.
+    Near pairs of smooth bodies are removed and found again. Touching pairs are kept,
+    because they have springs, and so are entries of clumps. The bodies of the kept
+    pairs are linked in chains, so that the search does not add these pairs a second
+    time.
 
     Parameters
     ----------
@@ -181,13 +184,13 @@ def renew_pairs(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
         remove_from_cell(grid, i)
         if bodies.presence[i] == state.PRESENT:
             add_to_cell(grid, bodies, i)
-    # Chain the pairs that stay.
+    # Make chains of the pairs that are kept.
     if len(clumps) == 0:
         chain_contacts(pairs, counts, grid)
     else:
         chain_entries(pairs, counts, grid, ghost)
-    # Find the other pairs. During the search for pairs of a body, its partners are
-    # marked.
+    # Find the other pairs. The partners of a body are marked during the search for its
+    # pairs.
     for index in range(n_moved):
         i = grid.moved_list[index]
         if bodies.presence[i] == state.PRESENT:
@@ -204,7 +207,7 @@ def renew_pairs(bodies, pairs, clumps, counts, grid, parts, scratch, ghost):
 
 @inlined
 def drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost):
-    """Drop the touching pairs, and the entries of clumps, of bodies that are gone.
+    """Remove the touching pairs and the entries of clumps for bodies that are gone.
 
     Parameters
     ----------
@@ -224,7 +227,7 @@ def drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost):
     """
     presence = bodies.presence
     if len(clumps) == 0:
-        # begin at the end, because the last contact replaces a dropped one
+        # Begin at the end, because the last contact replaces a removed one.
         for k in range(counts[state.N_PAIRS] - 1, -1, -1):
             if (
                 presence[pairs.first[k]] != state.PRESENT
@@ -237,12 +240,12 @@ def drop_pairs_of_gone(bodies, pairs, clumps, counts, grid, ghost):
 
 @inlined
 def drop_wall_contacts_of_gone(presence, contacts, clumps, counts, length_index, ghost):
-    """Drop the contacts of gone bodies with walls of one kind.
+    """Remove the contacts with walls of one kind for bodies that are gone.
 
     Parameters
     ----------
     presence : array (bodies,)
-        `Bodies.presence`: state.PRESENT for bodies that are not gone.
+        `Bodies.presence`, which is state.PRESENT for bodies that are not gone.
     contacts : WallContacts
         The list of contacts with walls of one kind.
     clumps : Clumps or ()
@@ -255,7 +258,7 @@ def drop_wall_contacts_of_gone(presence, contacts, clumps, counts, length_index,
         Index of the ghost: a body without mass that never moves. Unused elements of the
         lists hold this index.
     """
-    # begin at the end, because the last contact replaces a dropped one
+    # Begin at the end, because the last contact replaces a removed one.
     for k in range(counts[length_index] - 1, -1, -1):
         if presence[contacts.body[k]] != state.PRESENT:
             release_wall_contact(contacts, clumps, counts, length_index, k, ghost)
@@ -273,7 +276,7 @@ def drop_contacts_of_gone(
     grid,
     ghost,
 ):
-    """Drop all contacts of the bodies that went below the floor in the last step.
+    """Remove all contacts of bodies that fell below the floor in the previous step.
 
     These bodies are in `Grid.moved_list`. The function also stops them.
 

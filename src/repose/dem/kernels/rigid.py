@@ -1,10 +1,11 @@
-"""One time step of the bodies: translation, rotation, then the events of bodies.
+"""Make one time step of the bodies: translation, rotation, then their events.
 
-The centres move by semi-implicit Euler (`move_centres`), the rotation is in
-`body_rotation`. Bodies are handled in tiles of 32, in a scratch tile with one body in
-each lane (rows of `body_tile`): copy the columns of `Bodies.rows` and the loads into
-it, move the bodies, and copy the columns back. `scratch` is this scratch tile, `motion`
-the bodies' tile of `Bodies.motion`, `first_body` the number of the tile's first body.
+The centres move by the semi-implicit Euler method (`move_centres`). The rotation is in
+`body_rotation`. Bodies are handled in tiles of 32. Columns of `Bodies.rows` and the
+loads are copied to a scratch tile with one body in each lane (rows of `body_tile`).
+There the bodies are moved, and the columns are copied back. `scratch` is this scratch
+tile, `motion` the bodies' tile of `Bodies.motion`, and `first_body` the index of the
+tile's first body.
 
 Reads and clears `Bodies.load`. Writes `Bodies.rows`, `motion`, `displacement`,
 `resting`, `touched`, `longest_path`, `wall_margin`, `event`, `events`, `exit_time` and
@@ -31,11 +32,11 @@ from .state import (
 )
 from .vectors import squared_length
 
-# Bits of `Bodies.event`: the body fell through the exit height; it moved by half a
-# skin, so its neighbours are found again; it went below the floor.
+# Bits of `Bodies.event`: the body fell through the exit height; it has moved by half a
+# skin, so its neighbours are found again; it fell below the floor.
 FELL, MOVED_FAR, BELOW_FLOOR = 1, 2, 4
 
-# First rows of the scratch tile.
+# First rows of quantities in the scratch tile
 POSITION = ROWS + state.POSITION * LANES
 HEIGHT = POSITION + 2 * LANES
 VELOCITY = ROWS + state.VELOCITY * LANES
@@ -46,11 +47,10 @@ INVERSE_MASS = ROWS + state.INVERSE_MASS * LANES
 def move_centres(scratch, gx, gy, gz, dt):
     """Move the centres of a tile's bodies by one step under their loads and gravity.
 
-    The method is semi-implicit Euler: first the velocity changes, then the new velocity
-    moves the centre. The function writes the velocities and positions, the height
-    before the step (row HEIGHT_BEFORE)
-    and the length of the path (row PATH). Absent bodies
-    have no mass and do not move.
+    In the semi-implicit Euler method, the velocity changes first, and the new velocity
+    then moves the centre. Writes the velocities and positions, the height before the
+    step (row HEIGHT_BEFORE) and the length of the path (row PATH). Absent bodies have
+    no mass and do not move.
 
     Parameters
     ----------
@@ -73,7 +73,7 @@ def move_centres(scratch, gx, gy, gz, dt):
         vz = flush_tiny(vz + velocity_per_force * fz + is_present * dt * gz)
         write_vector(scratch, VELOCITY, lane, vx, vy, vz)
         scratch[HEIGHT_BEFORE + lane] = scratch[HEIGHT + lane]
-        # the new velocity moves the centre
+        # The new velocity moves the centre.
         add_vector(scratch, POSITION, lane, dt * vx, dt * vy, dt * vz)
         scratch[PATH + lane] = dt * math.sqrt(squared_length(vx, vy, vz))
 
@@ -85,8 +85,8 @@ def add_paths_and_count_events(
     """Add the paths of a tile's bodies to their displacements, and count events.
 
     An event is a fall through the exit height, a motion by half a skin, or a fall below
-    the floor, see `find_body_events`. The loop has no branches, so it is vector code;
-    events are rare.
+    the floor, see `find_body_events`. Events are rare, so they are only counted here,
+    in a loop without branches that becomes vector code.
 
     Parameters
     ----------
@@ -97,7 +97,7 @@ def add_paths_and_count_events(
         Tile of `Bodies.motion` with quaternions, angular momenta and other numbers of
         the same bodies. The module `state` names the rows.
     displacement : array (bodies,)
-        `Bodies.displacement` [m]; it is updated.
+        `Bodies.displacement` [m], which is updated.
     first_body : int
         Index of the tile's first body.
     exit_height, floor_height : float
@@ -113,7 +113,7 @@ def add_paths_and_count_events(
         new_displacement = displacement[first_body + lane] + scratch[PATH + lane]
         displacement[first_body + lane] = new_displacement
         z = scratch[HEIGHT + lane]
-        # the conditions of `find_body_events`, for all lanes at once
+        # The conditions of `find_body_events`, for all lanes at once
         has_fallen = (scratch[HEIGHT_BEFORE + lane] >= exit_height) & (z < exit_height)
         is_present = scratch[INVERSE_MASS + lane] > 0.0
         has_moved_far = new_displacement >= motion[RENEWAL + lane]
@@ -125,10 +125,10 @@ def add_paths_and_count_events(
 
 @inlined
 def longest_path(scratch):
-    """Return the longest path of a tile's bodies in this step [m]; overwrite the paths.
+    """Return the longest path of a tile's bodies in this step [m].
 
-    Each pass of the loop keeps the longer path of each pair. The compiler turns this
-    into vector code, which it cannot do with an ordinary maximum.
+    The paths are overwritten: each pass of the loop keeps the longer path of each pair.
+    The compiler turns this into vector code, unlike an ordinary maximum.
 
     Parameters
     ----------
@@ -150,7 +150,7 @@ def longest_path(scratch):
 def find_body_events(bodies, physics, scratch, motion, lane, i):
     """Return the events of body i as bits FELL, MOVED_FAR and BELOW_FLOOR; 0 for none.
 
-    The event FELL is in the step in which the centre passes the exit height downwards.
+    The event FELL occurs in the step in which the centre falls through the exit height.
 
     Parameters
     ----------
@@ -169,7 +169,7 @@ def find_body_events(bodies, physics, scratch, motion, lane, i):
     i : int
         Index of the body.
     """
-    # heights of the centre after and before the step
+    # Height of the centre after the step
     z = scratch[HEIGHT + lane]
     event = 0
     if scratch[HEIGHT_BEFORE + lane] >= physics.exit_height and z < physics.exit_height:
@@ -185,8 +185,9 @@ def find_body_events(bodies, physics, scratch, motion, lane, i):
 def handle_events(bodies, grid, counts, begin, n_events, time):
     """Handle the events of bodies in this step.
 
-    A body that fell gets an exit time. A body below the floor is gone. Bodies that have
-    moved far or are gone are marked, so that their neighbours are found again.
+    A body that fell through the exit height gets an exit time. A body below the floor
+    is gone. Bodies that have moved far or are gone are marked, so that their neighbours
+    are found again.
 
     Parameters
     ----------
@@ -200,7 +201,7 @@ def handle_events(bodies, grid, counts, begin, n_events, time):
         The bodies with events are `bodies.events[begin : begin + n_events]`; their
         events are in `bodies.event`.
     time : float
-        Time of the simulation [s].
+        Simulated time [s].
     """
     for index in range(begin, begin + n_events):
         i = bodies.events[index]
@@ -210,7 +211,7 @@ def handle_events(bodies, grid, counts, begin, n_events, time):
         if event & BELOW_FLOOR:
             bodies.presence[i] = state.GONE
             counts[state.N_GONE] += 1
-        # the search for neighbours also drops the pairs of a body that is gone
+        # The search for neighbours also removes the pairs of a body that is gone.
         if event & (MOVED_FAR | BELOW_FLOOR):
             mark_moved(grid, counts, i)
 
@@ -219,8 +220,8 @@ def handle_events(bodies, grid, counts, begin, n_events, time):
 def sum_loads(bodies, tile_number, scratch):
     """Write the sum of the shares of a tile's loads to the rows LOAD; clear the shares.
 
-    A share is zero and is skipped if no contact has written to it. The order of the sum
-    does not depend on the threads, so the sum always has the same bits.
+    Shares to which no contact has written are zero and are skipped. The order of the
+    sum does not depend on the threads, so the sum is always the same, bit for bit.
 
     Parameters
     ----------
@@ -239,7 +240,7 @@ def sum_loads(bodies, tile_number, scratch):
         if bodies.touched[share, tile_number]:
             bodies.touched[share, tile_number] = 0
             load = bodies.load[share]
-            # copy the share to the rows SHARE_LOAD, and add these to the sum
+            # Copy the share to the rows SHARE_LOAD, and add these to the sum.
             gather(
                 load,
                 state.LOAD_COLUMNS,
@@ -277,8 +278,8 @@ def move_single_load(bodies, tile_number, scratch):
 def prefetch_tile_ahead(bodies, tile_number):
     """Prefetch rows, loads and motion of the tile after the next one into the cache.
 
-    In a large simulation they are not in the cache. They arrive before the loop reaches
-    that tile. A cache line holds WIDTH numbers.
+    In a large simulation they are not in the cache yet. They arrive there before the
+    loop reaches that tile. A cache line holds WIDTH numbers.
 
     Parameters
     ----------
@@ -292,7 +293,7 @@ def prefetch_tile_ahead(bodies, tile_number):
         return
     is_turning = bodies.resting[next_tile] == 0
     first_body = next_tile * LANES
-    # for a tile at rest, the step reads only the first columns of the rows
+    # For a tile at rest, the step reads only the first columns of the rows.
     for i in range(first_body, first_body + LANES):
         prefetch(bodies.rows, i, 0)
         if is_turning:
@@ -302,7 +303,7 @@ def prefetch_tile_ahead(bodies, tile_number):
         if bodies.touched[share, next_tile]:
             for i in range(first_body, first_body + LANES):
                 prefetch(bodies.load[share], i, 0)
-    # for a tile at rest, the step reads only the row RENEWAL of the motion
+    # For a tile at rest, the step reads only the row RENEWAL of the motion.
     first = QUATERNION if is_turning else RENEWAL
     end = state.RADIUS + LANES if is_turning else INVERSE_MOMENTS
     for index in range(first, end, WIDTH):
@@ -401,7 +402,7 @@ def integrate(bodies, counts, physics, scratch, begin, end):
                 frame_y,
                 frame_z,
             )
-        # all columns are written if a body of the tile rotates now
+        # All columns are written if a body of the tile is rotating now.
         bodies.resting[tile] = 0 if is_turning else 1
         n_written = n_columns if is_turning else n_read
         scatter_rows(bodies, first_body, scratch, n_written)
@@ -413,7 +414,7 @@ def integrate(bodies, counts, physics, scratch, begin, end):
             physics.exit_height,
             physics.floor_height,
         )
-        # few tiles have events; the others skip the loop over the lanes
+        # Few tiles have events. All others skip the loop over the lanes.
         if n_in_tile > 0:
             for lane in range(min(LANES, end_body - first_body)):
                 event = find_body_events(
@@ -432,7 +433,7 @@ def integrate(bodies, counts, physics, scratch, begin, end):
 
 @kernel
 def write_body_shape(bodies, i, parts, scratch):
-    """Write inverse inertia and shape of body i, as it is now oriented, to its row.
+    """Write inverse inertia and shape of body i in its present orientation to its row.
 
     No body moves, and no other row changes. The function is called when a body is
     added.
@@ -456,7 +457,7 @@ def write_body_shape(bodies, i, parts, scratch):
         bodies.rows[i, state.SPHERE_RADIUS] = motion[state.RADIUS + lane]
         return
     write_shapes(scratch, motion, parts)
-    # copy the columns of the inverse inertia and then those of the shape
+    # Copy the columns of the inverse inertia, and then those of the shape.
     for column in range(state.INVERSE_INERTIA, SHAPE + max(PART * parts, 4)):
         bodies.rows[i, column] = scratch[ROWS + column * LANES + lane]
 
@@ -479,5 +480,5 @@ def stop_body(bodies, i):
     set_vector(row, state.ANGULAR_VELOCITY, 0.0, 0.0, 0.0)
     row[state.INVERSE_MASS] = 0.0
     write_vector(bodies.motion[i // LANES], ANGULAR_MOMENTUM, i % LANES, 0.0, 0.0, 0.0)
-    # the body is never due for a search of walls
+    # The body is never due for a search of walls.
     bodies.wall_check[i] = math.inf

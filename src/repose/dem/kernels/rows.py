@@ -1,7 +1,7 @@
 """Tiles: arrays that hold each quantity of 32 contacts or bodies side by side.
 
-A tile is a flat array of doubles. It consists of rows of LANES numbers. A row is one
-quantity, a lane is one contact or one body:
+A tile is a flat array of doubles that consists of rows of LANES numbers. A row is one
+quantity, and a lane is one contact or one body:
 
     tile[row + lane]               a scalar of a lane; `row` is a multiple of LANES
     tile[row + c * LANES + lane]   component c of a vector or matrix of a lane
@@ -23,7 +23,7 @@ class Rows:
     Parameters
     ----------
     first : int
-        Index of the first number that is free.
+        Index of the first free number.
     """
 
     def __init__(self, first: int = 0) -> None:
@@ -31,13 +31,13 @@ class Rows:
         self.end = first
 
     def take(self, count: int = 1) -> int:
-        """Reserve the next `count` rows; return the index of their first number."""
+        """Reserve the next `count` rows, and return the index of their first number."""
         first = self.end
         self.end += count * LANES
         return first
 
     def take_each(self, count: int) -> list[int]:
-        """Reserve the next `count` rows; return the index of the first number of each."""
+        """Reserve the next `count` rows, and return the index of each first number."""
         return [self.take() for _ in range(count)]
 
     @property
@@ -85,7 +85,7 @@ def lane_vector(tile, row, lane):
     Parameters
     ----------
     tile : array (rows * LANES,)
-        One quantity in each row of LANES numbers.
+        The tile, with one quantity in each row of LANES numbers.
     row : int
         Index of the first number of the row of x; the rows of y and z follow.
     lane : int
@@ -101,7 +101,8 @@ def write_vector(tile, row, lane, x, y, z):
     Parameters
     ----------
     tile : array (rows * LANES,)
-        One quantity in each row of LANES numbers; the vector is overwritten.
+        The tile, with one quantity in each row of LANES numbers. The vector is
+        overwritten.
     row : int
         Index of the first number of the row of x; the rows of y and z follow.
     lane : int
@@ -129,8 +130,8 @@ def add_vector(tile, row, lane, x, y, z):
 def lane_matrix(tile, row, lane):
     """Return the symmetric matrix (xx, xy, xz, yy, yz, zz) of one lane of a tile.
 
-    Its six numbers lie in six rows that follow each other; `row` is the index of the
-    first number of the row of xx.
+    Its six numbers lie in six consecutive rows. `row` is the index of the first number
+    of the row of xx.
     """
     return (
         tile[row + lane],
@@ -146,8 +147,8 @@ def lane_matrix(tile, row, lane):
 def write_matrix(tile, row, lane, xx, xy, xz, yy, yz, zz):
     """Write the symmetric matrix of one lane of a tile.
 
-    Its six numbers go to six rows that follow each other; `row` is the index of the
-    first number of the row of xx.
+    Its six numbers are written to six consecutive rows. `row` is the index of the first
+    number of the row of xx.
     """
     write_vector(tile, row, lane, xx, xy, xz)
     write_vector(tile, row + 3 * LANES, lane, yy, yz, zz)

@@ -1,15 +1,16 @@
 """Write LLVM code that numba does not generate: transpositions, prefetches, 1 / sqrt(x).
 
-Bodies lie in rows of a table (all columns of one body, then the next body). The inner
-loops need lanes (one column of 32 bodies, then the next column; see `rows`). To convert
-one layout to the other, matrices of 8 x 8 numbers are transposed. This takes 16 loads of
-half a row, 16 shuffles and 8 wide stores, instead of 64 loads and 64 stores.
+Bodies are stored in rows of a table: all columns of one body, then those of the next.
+The inner loops need lanes: one column of 32 bodies, then the next column (see `rows`).
+To convert one layout into the other, matrices of 8 x 8 numbers are transposed. This
+takes 16 loads of half a row, 16 shuffles and 8 wide stores, instead of 64 loads and 64
+stores.
 
 `rsqrt` replaces pairs of square roots and divisions, which take most of the time of a
 contact. On an AMD Zen the processor's own roots are faster and are used.
 
 The intrinsics write plain LLVM code, so they compile for any processor. Numba does not
-check them: the caller is responsible for the bounds of the arrays.
+check the bounds of arrays in them, so this is up to the caller.
 
 In the functions that write code, `builder` is LLVM's builder, which appends
 instructions to the function being compiled. Its methods return LLVM values: the results
@@ -38,10 +39,10 @@ VECTOR = ir.VectorType(DOUBLE, WIDTH)
 HALF = ir.VectorType(DOUBLE, WIDTH // 2)
 FOR_READING, TO_ALL_CACHES, DATA = 0, 3, 1  # arguments of llvm.prefetch
 PREFETCH_TYPE = ir.FunctionType(ir.VoidType(), [BYTE.as_pointer(), INT32, INT32, INT32])
-SMALLEST = 1e-300  # added under the root, so that 1 / sqrt(0) is finite
+SMALLEST = 1e-300  # added to the radicand, so that 1 / sqrt(0) is finite
 
 # The arguments of the three intrinsics that copy numbers between a table and a tile. The
-# table, the index and the tile are arrays, the other four are integers.
+# table, the index and the tile are arrays, and the other four are integers.
 COPY_ARGUMENTS = ("table", "column", "index", "k", "tile", "first", "stride")
 
 
@@ -55,7 +56,8 @@ def _shuffle(builder, first, second, positions):
     first, second : LLVM values
         Two vectors of equal length.
     positions : list of int
-        Positions of the picked numbers in `first`, and after its end in `second`.
+        Positions of the picked numbers. They count through `first` and continue in
+        `second`.
 
     Returns
     -------
@@ -74,7 +76,7 @@ def _load(builder, pointer, kind=VECTOR):
     builder : ir.IRBuilder
         LLVM's builder.
     pointer : LLVM value
-        Pointer to the first double. It is aligned to a double only, not to a vector.
+        Pointer to the first double. It is aligned only to a double, not to a vector.
     kind : ir.VectorType
         Type of the vector: VECTOR, or HALF of its length.
     """
@@ -91,7 +93,7 @@ def _store(builder, vector, pointer):
     vector : LLVM value
         The vector.
     pointer : LLVM value
-        Pointer to the first double. It is aligned to a double only, not to a vector.
+        Pointer to the first double. It is aligned only to a double, not to a vector.
     """
     builder.store(vector, builder.bitcast(pointer, VECTOR.as_pointer()), align=8)
 
@@ -99,9 +101,9 @@ def _store(builder, vector, pointer):
 def _write_transposition(builder, pointers):
     """Write code that loads a matrix of 8 x 8 numbers from memory and transposes it.
 
-    A vector is made of halves of two rows. One instruction loads the second half and
-    inserts it, without a shuffle. So 16 shuffles are enough, instead of 24 with whole
-    rows.
+    Vectors are made of halves of two rows. A single instruction loads the second half
+    and inserts it, without a shuffle. Therefore 16 shuffles are enough, instead of 24
+    for whole rows.
 
     Parameters
     ----------
@@ -152,7 +154,7 @@ class _CopyArguments:
     column, k, first, stride : LLVM values
         Integers of 64 bits.
     row_bytes : LLVM value
-        Size of a row of the table, an integer of 64 bits.
+        Size of a row of the table in bytes, an integer of 64 bits.
     """
 
     def __init__(self, context, builder, signature, values):
@@ -181,9 +183,9 @@ class _CopyArguments:
                 )
 
     def row_pointer(self, lane):
-        """Write code for the address of table[index[k + lane], column]; return it.
+        """Write code for the address of table[index[k + lane], column], and return it.
 
-        The table may be a view, so the address is computed in bytes, from its stride.
+        The table may be a view, so the address is computed in bytes from the stride.
         """
         builder = self.builder
         index_pointer = builder.gep(self.index, [builder.add(self.k, INT64(lane))])
@@ -191,7 +193,7 @@ class _CopyArguments:
         # The index may hold shorter integers. None of them is negative.
         if row_number.type != INT64:
             row_number = builder.zext(row_number, INT64)
-        # the address in bytes: start of the table + offset of the row + of the column
+        # The address in bytes is that of the table, plus the offsets of row and column.
         address = builder.ptrtoint(self.table, INT64)
         address = builder.add(address, builder.mul(row_number, self.row_bytes))
         address = builder.add(address, builder.mul(self.column, INT64(BYTES_OF_DOUBLE)))
@@ -218,8 +220,8 @@ class _CopyArguments:
 def _find_copy_signature(table, column, index, k, tile, first, stride):
     """Return the signature of an intrinsic that copies numbers.
 
-    For arguments that it cannot handle the result is None. This tells numba that there is
-    no such function.
+    If the intrinsic cannot handle the arguments, the result is None, which tells numba
+    that there is no such function.
 
     Parameters
     ----------
@@ -245,8 +247,9 @@ def _make_copy_intrinsic(write_code):
     Parameters
     ----------
     write_code : callable
-        (builder, copy) -> None. It writes the code, from LLVM's builder and the arguments
-        as `_CopyArguments`. Its name and docstring become those of the intrinsic.
+        Function (builder, copy) -> None that writes the code. `builder` is LLVM's
+        builder, and `copy` the arguments as `_CopyArguments`. The name and docstring of
+        the function become those of the intrinsic.
 
     Returns
     -------
@@ -313,8 +316,8 @@ def lanes_to_rows(builder, copy):
 def add_lanes_to_rows(builder, copy):
     """Add eight rows of eight lanes of a tile to columns of a table.
 
-    This is `lanes_to_rows` with a sum. The lanes are added one after another, because two
-    lanes may have the same body.
+    This is `lanes_to_rows` with addition in place of assignment. The lanes are added
+    one after another, because two lanes may belong to the same body.
 
     Parameters
     ----------
@@ -331,12 +334,12 @@ def add_lanes_to_rows(builder, copy):
 
 
 def _pointer_to_number(context, builder, signature, values):
-    """Write code for the address of table[row, column]; return the pointer.
+    """Write code for the address of table[row, column], and return the pointer.
 
     Parameters
     ----------
     context : numba target context
-        Knows how arrays and integers are stored.
+        Numba's target context, which knows how arrays and integers are stored.
     builder : ir.IRBuilder
         LLVM's builder, which appends instructions to the function being compiled.
     signature : numba signature
@@ -366,8 +369,8 @@ def _pointer_to_number(context, builder, signature, values):
 def prefetch(typingctx, table, row, column):
     """Fetch the cache line of table[row, column] before it is read or written.
 
-    The processor fetches it while the program continues. A useless prefetch costs time
-    but changes no result.
+    The processor fetches it while the program continues. An unnecessary prefetch costs
+    time but does not change any result.
 
     Parameters
     ----------
@@ -398,9 +401,9 @@ def prefetch(typingctx, table, row, column):
 def _rsqrt_seed(typingctx, x):
     """Return a first approximation of 1 / sqrt(x) from the bits of the number x.
 
-    Its error is 3.5 % at most. The bits of a double, read as an integer, are nearly a
-    linear function of its logarithm. So half of them belongs to the root, and a constant
-    minus this half to the inverse of the root.
+    Its relative error is at most 3.5 %. The bits of a double, read as an integer, are
+    nearly a linear function of its logarithm. Half of this integer belongs to the root,
+    and a constant minus this half belongs to the inverse of the root.
     """
 
     def generate(context, builder, sig, values):
@@ -422,13 +425,14 @@ def gather(table, n_columns, index, base, tile, first):
     n_columns : int
         Number of columns, a multiple of WIDTH.
     index : array of int
-        Row index[base + k] of the table goes to lane k of the tile.
+        Row index[base + k] of the table is copied to lane k of the tile.
     base : int
         Position in `index` of the row for lane 0.
     tile : array
         The tile. The rows from `first` on are overwritten.
     first : int
-        First number of the tile's row for column 0. The next columns go to the next rows.
+        Index of the first number of the tile's row for column 0. The other columns are
+        copied to the rows after it.
     """
     # Each call transposes a block of WIDTH lanes and WIDTH columns.
     for lane in range(0, LANES, WIDTH):
@@ -448,9 +452,9 @@ def gather(table, n_columns, index, base, tile, first):
 def rsqrt_by_steps(x):
     """Return 1 / sqrt(x), computed from a first approximation by multiplications alone.
 
-    Each of two steps improves the approximation y. With the error 1 - x y^2, the exact
-    result is y / sqrt(1 - error), and the step takes the terms of its series up to third
-    order: 1 + error / 2 + 3/8 error^2 + 5/16 error^3.
+    Each of two steps improves the approximation y. If the error is 1 - x y^2, the exact
+    result is y / sqrt(1 - error). The step multiplies y by the series of 1 / sqrt(1 -
+    error) up to third order, which is 1 + error / 2 + 3/8 error^2 + 5/16 error^3.
     """
     y = _rsqrt_seed(x)
     error = 1.0 - (x * y) * y
@@ -461,7 +465,7 @@ def rsqrt_by_steps(x):
 
 @inlined
 def rsqrt_by_processor(x):
-    """Return 1 / sqrt(x), computed by the processor's root and division."""
+    """Return 1 / sqrt(x), computed by the processor's square root and division."""
     return 1.0 / math.sqrt(x + SMALLEST)
 
 
