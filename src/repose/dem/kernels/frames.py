@@ -1,4 +1,4 @@
-"""Move walls, transform vectors to and from their frames, and sum up their loads.
+"""Move walls, transform vectors to and from their frames, and add up their loads.
 
 The module reads `Walls.motion` and `Walls.moves`. `move_walls` writes the positions of
 moving walls (`Walls.planes`, `Walls.frames`), their pivots and `Walls.approach`.
@@ -129,12 +129,12 @@ def write_row_in_frame(row, parts, frame, local_row):
     if parts == SPHERES:
         local_row[state.SPHERE_RADIUS] = row[state.SPHERE_RADIUS]
     for part in range(parts):
-        # R' S: rotate the three columns of S into the frame
+        # R' S: rotate the three columns of S into the frame.
         first = SHAPE + PART * part
         ax, ay, az = into_frame(frame, row[first], row[first + 1], row[first + 2])
         bx, by, bz = into_frame(frame, row[first + 1], row[first + 3], row[first + 4])
         cx, cy, cz = into_frame(frame, row[first + 2], row[first + 4], row[first + 5])
-        # R' S R: rotate the rows of R' S, and keep the upper triangle
+        # R' S R: rotate the rows of R' S, and keep the upper triangle.
         xx, xy, xz = into_frame(frame, ax, bx, cx)
         _yx, yy, yz = into_frame(frame, ay, by, cy)
         _zx, _zy, zz = into_frame(frame, az, bz, cz)
@@ -144,7 +144,7 @@ def write_row_in_frame(row, parts, frame, local_row):
 
 @inlined
 def surface_velocity(motion, x, y, z):
-    """Return the velocity of a moving wall at a point of it [m/s]: v + omega x r.
+    """Return the velocity v + omega x r of a moving wall at one of its points [m/s].
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ def surface_velocity(motion, x, y, z):
 
 @inlined
 def rotate_vector(angle, ux, uy, uz, x, y, z):
-    """Rotate a vector about an axis by the formula of Rodrigues, and return it.
+    """Rotate a vector about an axis by Rodrigues' formula, and return it.
 
     Parameters
     ----------
@@ -221,9 +221,9 @@ def rotate_frame(frame, angle, ux, uy, uz):
 def move_walls(walls, dt):
     """Move all moving walls by one time step.
 
-    A wall turns about its pivot, and the pivot moves. Writes the planes or frames of these
-    walls, their pivots, and the distance by which any wall may have come nearer to a body
-    (`walls.approach`).
+    A wall rotates about its pivot, and the pivot moves. Writes the planes or frames of
+    these walls, their pivots, and the distance by which any wall may have approached a
+    body (`walls.approach`).
 
     Parameters
     ----------
@@ -237,7 +237,8 @@ def move_walls(walls, dt):
     for wall in range(walls.moves.shape[0]):
         if walls.moves[wall] == 0:
             continue
-        # The wall turns by an angle about the unit vector u. Without a rotation u is zero.
+        # The wall rotates by an angle about the unit vector u. Without a rotation, u is
+        # zero.
         motion = walls.motion[wall]
         omega_x, omega_y, omega_z = vector_at(motion, state.WALL_SPIN)
         rate = math.sqrt(omega_x**2 + omega_y**2 + omega_z**2)
@@ -248,8 +249,8 @@ def move_walls(walls, dt):
             omega_z * inverse_rate,
         )
         angle = rate * dt
-        # A plane is moved itself, another wall by its frame. The first three columns of both
-        # are a point of the wall.
+        # A plane is moved itself, while another wall is moved by its frame. In both,
+        # the first three columns are a point of the wall.
         surface = planes[wall] if wall < n_planes else walls.frames[wall - n_planes]
         pivot_x, pivot_y, pivot_z = vector_at(motion, state.WALL_PIVOT)
         arm_x, arm_y, arm_z = rotate_vector(
@@ -261,13 +262,13 @@ def move_walls(walls, dt):
             surface[1] - pivot_y,
             surface[2] - pivot_z,
         )
-        # Move the pivot. The wall's point lies at the end of the rotated arm from it.
+        # Move the pivot. The wall's point is the pivot plus the rotated arm.
         for axis in range(3):
             motion[state.WALL_PIVOT + axis] += dt * motion[state.WALL_VELOCITY + axis]
         surface[0] = motion[state.WALL_PIVOT] + arm_x
         surface[1] = motion[state.WALL_PIVOT + 1] + arm_y
         surface[2] = motion[state.WALL_PIVOT + 2] + arm_z
-        # rotate the normal of a plane, or the axes of a frame
+        # Rotate the normal of a plane, or the axes of a frame.
         if wall < n_planes:
             nx, ny, nz = vector_at(surface, state.PLANE_NORMAL)
             nx, ny, nz = rotate_vector(angle, ux, uy, uz, nx, ny, nz)
@@ -300,7 +301,7 @@ def move_plane_contacts(flat, walls, n_contacts):
 
 @inlined
 def write_plane(history, lane, plane):
-    """Write a plane to the lane of a contact: normal, offset, centre, squared radius.
+    """Write normal, offset, centre and squared radius of a plane to a contact's lane.
 
     The offset is the distance of the plane from the origin along its normal.
 
@@ -328,7 +329,7 @@ def write_plane(history, lane, plane):
 
 @inlined
 def add_loads_of_walls(walls, first_wall, contacts, base, n_contacts, scratch):
-    """Add the forces of a tile of contacts to `walls.loads`, if the user asked for it.
+    """Add the forces of a tile of contacts to `walls.loads`, if the user requested it.
 
     The load of a wall is a row of `walls.loads`, six numbers: the force of all its contacts
     on it, and their torque about the origin of the world.
@@ -352,17 +353,17 @@ def add_loads_of_walls(walls, first_wall, contacts, base, n_contacts, scratch):
         return
     for lane in range(min(LANES, n_contacts - base)):
         load = walls.loads[first_wall + contacts.wall[base + lane]]
-        # the force on the wall is opposite to the force on the body
+        # The force on the wall is opposite to the force on the body.
         force_x, force_y, force_z = lane_vector(scratch, tile.TO_A, lane)
         fx, fy, fz = -force_x, -force_y, -force_z
         # The arm of a wall is zero, so its torque is only the couple of a rolling law.
         torque_row = tile.TO_B + state.TORQUE * LANES
         couple_x, couple_y, couple_z = lane_vector(scratch, torque_row, lane)
-        # the contact point: the body's centre plus the arm
+        # The contact point is the body's centre plus the arm.
         body_x, body_y, body_z = lane_vector(scratch, tile.A, lane)
         arm_x, arm_y, arm_z = lane_vector(scratch, tile.RA, lane)
         x, y, z = body_x + arm_x, body_y + arm_y, body_z + arm_z
-        # add the force, then the torque: contact point x force, plus the couple
+        # Add the force, then the torque: contact point x force, plus the couple.
         load[0] += fx
         load[1] += fy
         load[2] += fz

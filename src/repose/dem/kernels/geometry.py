@@ -2,9 +2,9 @@
 
 A body is a Minkowski sum of ellipsoids ("parts") with common axes. Its support function
 is h(n) = sum_k sqrt(n' S_k n) with S_k = R diag(a_k^2) R'. It is smooth and convex for
-any number of parts. The functions read a row of `Bodies.rows`, which has the matrices
-S_k in world axes (or in the axes of a wall, see `frames.write_row_in_frame`). They write
-nothing.
+any number of parts. The functions read a row of `Bodies.rows`, which contains the
+matrices S_k in world axes, or in the axes of a wall (see `frames.write_row_in_frame`).
+They do not write anything.
 
 Symbols used here and in the solvers:
 
@@ -26,7 +26,7 @@ from .state import PART, SHAPE, SPHERE_RADIUS, SPHERES
 def tangents(nx, ny, nz):
     """Return two unit tangents u and w that make (u, w, n) a right-handed frame.
 
-    The method of Duff et al. (2017) needs no special case for any direction.
+    The method of Duff et al. (2017) needs no special cases for certain directions.
 
     Parameters
     ----------
@@ -96,7 +96,7 @@ def multiply_by_shape(row, part, x, y, z):
 
 @inlined
 def extent(row, parts, nx, ny, nz):
-    """Return the support value h(n) of a body: how far it reaches along n [m].
+    """Return the support value h(n) of a body, its extent along n [m].
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ def extent(row, parts, nx, ny, nz):
         return row[SPHERE_RADIUS]
     h = 0.0
     for part in range(parts):
-        # the support value of an ellipsoid is sqrt(n' S n)
+        # The support value of an ellipsoid is sqrt(n' S n).
         x, y, z = multiply_by_shape(row, part, nx, ny, nz)
         h += math.sqrt(nx * x + ny * y + nz * z)
     return h
@@ -141,9 +141,9 @@ def ellipsoid_support(xx, xy, xz, yy, yz, zz, nx, ny, nz):
     """
     x, y, z = multiply_symmetric(xx, xy, xz, yy, yz, zz, nx, ny, nz)
     inverse_h = rsqrt(nx * x + ny * y + nz * z)
-    # the support point
+    # The support point
     x, y, z = inverse_h * x, inverse_h * y, inverse_h * z
-    # the curvature matrix, which overwrites S
+    # The curvature matrix, which overwrites S
     xx, xy, xz = (
         inverse_h * (xx - x * x),
         inverse_h * (xy - x * y),
@@ -183,7 +183,7 @@ def add_part(row, part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz):
     px, py, pz, pxx, pxy, pxz, pyy, pyz, pzz = ellipsoid_support(
         sxx, sxy, sxz, syy, syz, szz, nx, ny, nz
     )
-    # the sums of the support points, then those of the matrices
+    # The sums of the support points, then those of the matrices
     return (
         x + px,
         y + py,
@@ -201,8 +201,9 @@ def add_part(row, part, nx, ny, nz, x, y, z, xx, xy, xz, yy, yz, zz):
 def radii_product(xx, xy, xz, yy, yz, zz):
     """Return the product of the two principal radii of a curvature matrix [m^2].
 
-    The third eigenvalue, along the normal, is zero. So the product is the second invariant
-    of the matrix (xx, xy, xz, yy, yz, zz): the sum of its three principal minors.
+    The third eigenvalue, along the normal, is zero. Therefore the product is the second
+    invariant of the matrix (xx, xy, xz, yy, yz, zz), the sum of its three principal
+    minors.
     """
     return xx * yy - xy * xy + (xx * zz - xz * xz) + (yy * zz - yz * yz)
 
@@ -225,7 +226,7 @@ def support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz):
     Returns
     -------
     h : float
-        Support value: how far the body reaches along n [m].
+        Support value, the extent of the body along n [m].
     along_u, along_w : float
         Components of the outermost point along u and w [m].
     q_uu, q_uw, q_ww : float
@@ -241,13 +242,13 @@ def support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz):
     q_uw = 0.0
     q_ww = 0.0
     for part in range(parts):
-        # (sx, sy, sz) is the matrix S of this ellipsoid times a vector, here n
+        # (sx, sy, sz) is the matrix S of this ellipsoid times a vector, here n.
         sx, sy, sz = multiply_by_shape(row, part, nx, ny, nz)
         h_squared = nx * sx + ny * sy + nz * sz
-        # a body with fewer parts has matrices of zeros for the missing parts
+        # A body with fewer parts has matrices of zeros for the missing parts.
         if h_squared <= 0.0:
             continue
-        # the outermost point x of this part is S n / h, with h = sqrt(n' S n)
+        # The outermost point x of this part is S n / h, with h = sqrt(n' S n).
         h_part = math.sqrt(h_squared)
         inverse_h = 1.0 / h_part
         x_u = (sx * ux + sy * uy + sz * uz) * inverse_h
@@ -255,7 +256,7 @@ def support_terms(row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz):
         h += h_part
         along_u += x_u
         along_w += x_w
-        # Add Q of this part, (S - x x') / h: its components uu, uw and ww.
+        # Add the components uu, uw and ww of this part's Q, which is (S - x x') / h.
         sx, sy, sz = multiply_by_shape(row, part, ux, uy, uz)
         q_uu += (sx * ux + sy * uy + sz * uz - x_u * x_u) * inverse_h
         q_uw += (sx * wx + sy * wy + sz * wz - x_u * x_w) * inverse_h

@@ -1,13 +1,14 @@
 """The compiler settings of every kernel, and the decorators that apply them.
 
-Of the fast-math flags only `contract` (fused multiply-add) is on. It does not reorder
-sums. But if a sum has two products, LLVM chooses which one is fused. So the last bits of
-a result may change when an expression is written in another way: when a load is moved
-out of a loop, or when a function reads a vector instead of number by number. Compare the
-results of whole simulations after an edit of a kernel (tests/same_bits).
+Of the fast-math flags, only `contract` (fused multiply-add) is on. It does not reorder
+sums. However, if a sum contains two products, LLVM chooses which one is fused.
+Therefore the last bits of a result may change when an expression is written in another
+way: when a load is moved out of a loop, or when a vector is read by a function instead
+of number by number. Compare the results of whole simulations after editing a kernel
+(tests/same_bits).
 
-Kernels allocate nothing, so reference counting is off (`_nrt`). It would cost two atomic
-operations for each view of a row.
+Kernels do not allocate memory, so reference counting is off (`_nrt`). It would cost two
+atomic operations for each view of a row.
 """
 
 import math
@@ -28,9 +29,9 @@ OPTIONS: dict[str, Any] = {
     "error_model": "numpy",
     "_nrt": False,
 }
-# For kernels that Python calls: without the wrapper by which C calls them.
+# For kernels that Python calls: without the wrapper for calls from C.
 FROM_PYTHON: dict[str, Any] = {"no_cfunc_wrapper": True}
-# For kernels that other kernels call: also without the wrapper by which Python calls them.
+# For kernels that other kernels call: also without the wrapper for calls from Python.
 FROM_KERNELS: dict[str, Any] = FROM_PYTHON | {"no_cpython_wrapper": True}
 # For small functions that are always inlined into their callers.
 INLINED: dict[str, Any] = OPTIONS | FROM_KERNELS | {"forceinline": True}
@@ -39,8 +40,9 @@ INLINED: dict[str, Any] = OPTIONS | FROM_KERNELS | {"forceinline": True}
 def use_widest_vectors() -> None:
     """Use vectors of 512 bits where the processor has them.
 
-    LLVM prefers 256 bits on many processors, which is slower here. The results have the
-    same bits. A user's NUMBA_CPU_NAME or NUMBA_CPU_FEATURES has priority.
+    LLVM prefers 256 bits on many processors, which is slower here. The results are the
+    same, bit for bit. If a user has set NUMBA_CPU_NAME or NUMBA_CPU_FEATURES, that has
+    priority.
     """
     # Numba makes its settings when it is imported, so type checkers do not know them.
     config: Any = numba.config
@@ -54,8 +56,8 @@ def use_widest_vectors() -> None:
 use_widest_vectors()
 
 # With NUMBA_DISABLE_JIT=1 the kernels run as Python, for debugging or to measure coverage.
-# Roots are then numbers of numpy, so that a division by a root of 0 gives infinity, as it
-# does in compiled code.
+# Square roots are then numpy numbers, so that division by a root of 0 gives infinity,
+# as it does in compiled code.
 JIT_OFF = bool(getattr(numba.config, "DISABLE_JIT", 0))
 _MATH = SimpleNamespace(**{**vars(math), "sqrt": lambda x: np.sqrt(np.float64(x))})
 
@@ -63,8 +65,8 @@ _MATH = SimpleNamespace(**{**vars(math), "sqrt": lambda x: np.sqrt(np.float64(x)
 def _as_python(function):
     """Return a kernel as a Python function that divides by zero as compiled code does.
 
-    The name `math` in the function's module is replaced: the new `sqrt` returns a number
-    of numpy.
+    In the function's module, the name `math` is replaced by an object whose `sqrt`
+    returns numpy numbers.
     """
     function.__globals__["math"] = _MATH
     return function
@@ -73,9 +75,10 @@ def _as_python(function):
 class Kernel:
     """A compiled function, cached on disk.
 
-    There are two compiled versions, each made when it is first needed. Python calls one,
-    kernels call the other. The second version lacks the code that reads the arguments of a
-    call from Python, which takes up to a third of the time to compile.
+    There are two compiled versions, one for calls from Python and one for calls from
+    kernels. Each is compiled when it is first needed. The second version lacks the code
+    that reads the arguments of a call from Python, which takes up to a third of the
+    compile time.
 
     Attributes that this class lacks are those of the version that Python calls.
 
@@ -92,7 +95,8 @@ class Kernel:
     ) -> None:
         self.py_func = function
         self._options = options
-        # Hash the file now, as it is imported. It may change on disk later.
+        # Hash the file now, while it is being imported, because it may change on disk
+        # later.
         self._source_hash = cache.hash_file(function.__code__.co_filename)
 
     @cached_property

@@ -1,4 +1,4 @@
-"""Begin a contact in a list whose data lie in tiles, or move it within the list.
+"""Begin contacts in a list whose data are stored in tiles, and move them within it.
 
 `data` is an array (tiles, rows * LANES), see `state.Pairs` and `state.WallContacts`.
 Contact k of a list is lane k % LANES of tile k // LANES. The functions change `data` in
@@ -14,7 +14,7 @@ from .rows import LANES, write_vector
 def put_contact(data, k, nx, ny, nz):
     """Begin contact k of a list: write its normal, and set its other rows to zero.
 
-    Zeros mean a relaxed spring in every force law.
+    In every force law, zeros mean a relaxed spring.
 
     Parameters
     ----------

@@ -1,13 +1,14 @@
-"""The search for spheres of two clumps (rigid bodies of spheres) that begin to touch.
+"""Search for spheres of two clumps (rigid bodies of spheres) that begin to touch.
 
-An entry of `clumps.SpherePairs` is checked when the displacements of its two bodies
-have reached its limit, as in `neighbours`: the displacement of a body bounds the motion
-of each of its spheres. There are two kinds of check.
+As in `neighbours`, an entry of `clumps.SpherePairs` is checked when the displacements
+of its two bodies have reached its limit. The displacement of a body is an upper bound
+of the motion of each of its spheres. There are two kinds of check.
 
-* A full search computes the gaps of all pairs of spheres. After it, the entry *watches*
+* A full search computes the gaps of all pairs of spheres. Afterwards, the entry
+*watches*
   the nearest pairs that do not touch, each with a limit of its own. All other pairs
-  share the limit `unwatched_limit`: the displacements at this search plus their
-  smallest gap.
+  share the limit `unwatched_limit`, which is the sum of the displacements at this
+  search plus their smallest gap.
 * Until `unwatched_limit` is reached, a check computes the gaps of only those watched
   pairs that have reached their own limits.
 
@@ -42,14 +43,14 @@ from .neighbours import find_next_due
 from .rows import vector_at
 from .state import MOST_SPHERES, POSITION, SHAPE, bounding_radius
 
-# Number of pairs that are watched after a full search. The other slots are for contacts
-# that end.
+# Number of pairs that are watched after a full search. The other slots are left for
+# contacts that end.
 WATCHED_AFTER_SEARCH = MOST_WATCHED - 4
-# Indices in the scratch array: the spheres of A and those of B, four rows each.
+# Indices in the scratch array of the spheres of A and those of B, four rows each
 SPHERES_A = 0
 SPHERES_B = 4 * MOST_SPHERES
-# For one sphere of A and each sphere of B: the squared distance of their centres, and by
-# how much it exceeds that of two spheres whose gap is calculated.
+# For one sphere of A and each sphere of B: the squared distance of their centres, and
+# by how much it exceeds the squared distance below which the gap is computed
 SQUARED_DISTANCES = 8 * MOST_SPHERES
 EXCESS = 9 * MOST_SPHERES
 # The smallest gaps, in increasing order, and the spheres of A and B that have them.
@@ -70,17 +71,19 @@ def write_sphere_positions(
     row : array
         The clump, a row of `Bodies.rows`, with its position and quaternion.
     spheres : array (4, MOST_SPHERES)
-        Centres (rows 0 to 2) and radii (row 3) of its shape, in the axes of the body.
+        Centres (rows 0 to 2) and radii (row 3) of the spheres of its shape, in the axes
+        of the body.
     n_spheres : int
         Number of spheres.
     scale : float
-        Scale of the body: all its lengths over those of its shape.
+        Scale of the body: its lengths over those of its shape.
     origin_x, origin_y, origin_z : float
-        Origin of the written centres, in the world [m].
+        Origin relative to which the centres are written, in the world [m].
     scratch : array
         Four rows of MOST_SPHERES numbers (x, y, z, radius) are overwritten [m].
     first : int
-        Index of the first row: SPHERES_A or SPHERES_B.
+        Index in `scratch` at which the first of these rows begins: SPHERES_A or
+        SPHERES_B.
     """
     # The quaternion (qw, qx, qy, qz) rotates the spheres' centres into world axes.
     qw = row[SHAPE]
@@ -127,16 +130,15 @@ def read_sphere_radius(scratch, first, sphere):
 def count_near_spheres(scratch, a, n_spheres, limit):
     """Count the spheres of clump B whose gap to one sphere of clump A is below a limit.
 
-    The function compares squared distances, because square roots are slow. It writes
-    these to the row SQUARED_DISTANCES of `scratch`, and differences to the row EXCESS.
+    Squared distances are compared, because square roots are slow.
 
     Parameters
     ----------
     scratch : array
         The spheres of both clumps, see `write_sphere_positions`. Two rows are
-        overwritten for each sphere of B: the squared distance of the centres (row
-        SQUARED_DISTANCES), and by how much it exceeds that of two spheres with the gap
-        `limit` (row EXCESS).
+        overwritten, with a number for each sphere of B: the squared distance of the
+        centres (row SQUARED_DISTANCES), and by how much it exceeds that of two spheres
+        with the gap `limit` (row EXCESS).
     a : int
         Index of the sphere of A.
     n_spheres : int
@@ -157,7 +159,7 @@ def count_near_spheres(scratch, a, n_spheres, limit):
         dx = bx - x
         dy = by - y
         dz = bz - z
-        # the distance of two centres whose spheres have the gap `limit`
+        # The distance of two centres whose spheres have the gap `limit`
         distance = reach + read_sphere_radius(scratch, SPHERES_B, b)
         squared_distance = dx * dx + dy * dy + dz * dz
         excess = squared_distance - distance * distance
@@ -174,16 +176,16 @@ def insert_gap(scratch, gap, a, b):
     Parameters
     ----------
     scratch : array
-        The row GAPS has the WATCHED_AFTER_SEARCH + 1 smallest gaps so far, in
-        increasing order [m]. The rows GAPS_SPHERE_A and GAPS_SPHERE_B have the spheres
-        of A and B with these gaps. All three are updated.
+        The row GAPS holds the WATCHED_AFTER_SEARCH + 1 smallest gaps so far, in
+        increasing order [m]. The rows GAPS_SPHERE_A and GAPS_SPHERE_B hold the spheres
+        of A and B with these gaps. All three rows are updated.
     gap : float
-        The new gap, below the largest of them [m].
+        The new gap, below the largest of these gaps [m].
     a, b : int
         Indices of the spheres of A and B with this gap.
     """
     index = WATCHED_AFTER_SEARCH
-    # move the larger gaps up by one
+    # Move the larger gaps up by one.
     while index > 0 and scratch[GAPS + index - 1] > gap:
         scratch[GAPS + index] = scratch[GAPS + index - 1]
         scratch[GAPS_SPHERE_A + index] = scratch[GAPS_SPHERE_A + index - 1]
@@ -196,11 +198,11 @@ def insert_gap(scratch, gap, a, b):
 
 @inlined
 def watch_nearest_spheres(bodies, pairs, entry, i, j, skin, scratch):
-    """Write the pairs of spheres with the smallest gaps to an entry.
+    """Let an entry watch the pairs of spheres with the smallest gaps.
 
-    The entry watches these pairs after a full search. Each of them gets a limit: the
-    sum of both displacements at which its spheres may touch. The entry gets the
-    smallest of these limits, and one limit of all other pairs.
+    This follows a full search. Each of these pairs gets a limit, the sum of both
+    displacements at which its spheres may touch. The entry gets the smallest of these
+    limits, and a common limit for all other pairs.
 
     Parameters
     ----------
@@ -231,7 +233,7 @@ def watch_nearest_spheres(bodies, pairs, entry, i, j, skin, scratch):
 def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch):
     """Find all touching spheres of clumps i and j, and watch the nearest of the others.
 
-    Add new contacts to the entry of the two bodies.
+    New contacts are added to the entry of the two bodies.
 
     Parameters
     ----------
@@ -246,8 +248,8 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch
     clumps : Clumps
         The spheres of the clumps (`clumps.Clumps`).
     entry : int
-        Index of the entry of the two bodies; -1 if there is none. Then the function
-        adds one if two spheres touch or have a gap below the skin.
+        Index of the entry of the two bodies; -1 if there is none. In this case, an
+        entry is added if two spheres touch or have a gap below the skin.
     i, j : int
         The two bodies A and B.
     scratch : array
@@ -297,10 +299,10 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch
     for k in range(WATCHED_AFTER_SEARCH + 1):
         scratch[GAPS + k] = skin
     for a in range(n_a):
-        # only gaps below the largest of the smallest gaps so far matter
+        # Only gaps below the largest of the smallest gaps so far matter.
         limit = scratch[LARGEST_GAP]
         ax, ay, az = read_sphere_centre(scratch, SPHERES_A, a)
-        # skip a sphere of A that is far from the bounding sphere of B
+        # Skip a sphere of A that is far from the bounding sphere of B.
         dx, dy, dz = ax - bx, ay - by, az - bz
         radius_a = read_sphere_radius(scratch, SPHERES_A, a)
         reach = radius_a + radius_b + limit
@@ -310,7 +312,7 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch
         ):
             continue
         for b in range(n_b):
-            # skip spheres with larger gaps, and those that already have a contact
+            # Skip spheres with larger gaps, and those that already have a contact.
             if scratch[EXCESS + b] >= 0.0 or (
                 entry >= 0 and is_set(pairs.touching_bits[entry], a * largest_count + b)
             ):
@@ -318,7 +320,7 @@ def search_all_spheres(bodies, pairs, counts, grid, clumps, entry, i, j, scratch
             gap = math.sqrt(scratch[SQUARED_DISTANCES + b]) - (
                 radius_a + read_sphere_radius(scratch, SPHERES_B, b)
             )
-            # if the spheres do not touch, keep the gap if it is among the smallest
+            # If the spheres do not touch, keep the gap if it is among the smallest.
             if gap > 0.0:
                 if gap < scratch[LARGEST_GAP]:
                     insert_gap(scratch, gap, a, b)
@@ -412,14 +414,14 @@ def drop_watched_pair(pairs, entry, slot):
 
 @inlined
 def check_watched_pairs(bodies, pairs, counts, clumps, entry, i, j):
-    """Check the watched pairs of spheres of one entry that are due.
+    """Check those watched pairs of spheres of an entry that are due.
 
-    Pairs that touch become contacts, and the others get new limits. A pair is due when
-    the sum of the displacements of bodies i and j has reached its limit. The entry gets
-    the smallest of all limits.
+    A pair is due when the sum of the displacements of bodies i and j has reached its
+    limit. Pairs that touch become contacts, and the others get new limits. The entry
+    gets the smallest of all limits.
 
-    The function is inlined, because a call would take longer than the check: the arrays
-    are some 300 arguments.
+    The function is inlined, because a call would take longer than the check. Its arrays
+    become some 300 arguments of the compiled function.
 
     Parameters
     ----------
@@ -445,7 +447,7 @@ def check_watched_pairs(bodies, pairs, counts, clumps, entry, i, j):
             gap = sphere_gap(bodies, clumps, i, j, a, b)
             if gap <= 0.0:
                 add_sphere_contact(pairs, counts, clumps, entry, i, j, a, b)
-                # another pair has this slot now, so check this slot again
+                # Another pair now has this slot, so check the slot again.
                 drop_watched_pair(pairs, entry, slot)
                 continue
             limit = displacement_sum + gap
@@ -459,7 +461,7 @@ def check_watched_pairs(bodies, pairs, counts, clumps, entry, i, j):
 def update_near_clumps(bodies, pairs, counts, grid, clumps, scratch, ghost):
     """Check all entries of two clumps that are due.
 
-    An entry is dropped if it has no contacts and all its gaps reach the skin.
+    An entry is removed if it has no contacts and none of its gaps is below the skin.
 
     Parameters
     ----------
@@ -488,7 +490,8 @@ def update_near_clumps(bodies, pairs, counts, grid, clumps, scratch, ghost):
         i = np.int64(first[entry])
         j = np.int64(second[entry])
         displacement_sum = bodies.displacement[i] + bodies.displacement[j]
-        # before the limit of all other pairs of spheres, check only the watched pairs
+        # Until the limit of all other pairs of spheres is reached, check only watched
+        # pairs.
         if displacement_sum < pairs.unwatched_limit[entry]:
             check_watched_pairs(bodies, pairs, counts, clumps, entry, i, j)
         else:
@@ -504,7 +507,7 @@ def update_near_clumps(bodies, pairs, counts, grid, clumps, scratch, ghost):
 
 @inlined
 def add_clump_pair_if_near(bodies, pairs, counts, grid, clumps, i, j, scratch):
-    """Add an entry of two clumps that have none if they are nearer than the skin.
+    """Add an entry of two clumps that have none, if they are nearer than the skin.
 
     The function compares the bounding spheres first.
 
@@ -531,16 +534,16 @@ def add_clump_pair_if_near(bodies, pairs, counts, grid, clumps, i, j, scratch):
     radii = bounding_radius(bodies, i) + bounding_radius(bodies, j)
     reach = radii + grid.lengths[state.SKIN]
     if dx * dx + dy * dy + dz * dz < reach * reach:
-        # -1: there is no entry yet
+        # The -1 says that there is no entry yet.
         search_all_spheres(bodies, pairs, counts, grid, clumps, -1, i, j, scratch)
 
 
 @kernel
 def retire_spheres(bodies, pairs, counts, clumps, n_ended, ghost):
-    """Drop contacts of spheres that have ended; their entries watch the spheres.
+    """Remove contacts of spheres that have ended; their entries then watch the spheres.
 
-    The loop drops the last contact first: the last contact of the list replaces it, so
-    the indices of the remaining ones stay valid.
+    The loop begins with the last of these contacts. The last contact of the list
+    replaces each removed one, so in this order the remaining indices stay valid.
 
     Parameters
     ----------
@@ -562,14 +565,14 @@ def retire_spheres(bodies, pairs, counts, clumps, n_ended, ghost):
     for index in range(n_ended - 1, -1, -1):
         contact = pairs.ended[index]
         entry = pairs.entry[contact]
-        # the spheres cannot touch before the bodies have together moved by this gap
+        # The spheres cannot touch before the bodies have together moved by this gap.
         limit = (
             bodies.displacement[pairs.first[contact]]
             + bodies.displacement[pairs.second[contact]]
             + pairs.gap[contact]
         )
         pairs.near_limit[entry] = min(pairs.near_limit[entry], limit)
-        # watch the spheres; if no slot is free, let the next full search come earlier
+        # Watch the spheres. If no slot is free, let the next full search come earlier.
         slot = pairs.n_watched[entry]
         if slot < MOST_WATCHED:
             pairs.watched[entry, slot, 0] = pairs.spheres[contact, 0]

@@ -1,9 +1,9 @@
 """The arrays of a simulation, grouped as named tuples that the kernels take as arguments.
 
-The named tuples at the end of the constants say what each array holds: shape, unit,
-and who writes it. Contacts and the motion of bodies lie in tiles (see `rows`): number k
-is lane k % LANES of tile k // LANES. All quantities are in SI units, all vectors in
-world axes unless a comment says otherwise. Kernels change the arrays in place.
+The named tuples after the constants describe what each array holds. Contacts and the
+motion of bodies are stored in tiles (see `rows`): number k is lane k % LANES of tile
+k // LANES. Unless a comment says otherwise, all quantities are in SI units and all
+vectors in world axes. Kernels change the arrays in place.
 """
 
 from typing import Any, NamedTuple
@@ -17,39 +17,40 @@ CACHE_LINE = 8  # doubles in a cache line
 BLOCK = 256  # near pairs of a large simulation that are checked together
 MOST_GROUPS = 60  # groups of bodies; each group is one bit of an int64
 # Velocities and springs below this absolute value are set to zero [SI units]. The
-# square of this number is not denormal yet.
+# square of this number is not yet denormal.
 TINY = 1e-100
-# Sums of path lengths over some thousand steps are exact to this distance [m].
+# Sums of path lengths over a few thousand steps are exact to within this distance [m].
 ROUNDING = 1e-12
 
-# Indices in `Grid.lengths`: edge of a cell, largest distance of two centres whose
-# bodies may touch, skin of the neighbour list; all in m.
+# Indices in `Grid.lengths`: the edge of a cell, the largest distance of two centres
+# whose bodies may touch, and the skin of the neighbour list, all in m.
 CELL, REACH, SKIN = range(3)
 
 # ---- Columns of `Bodies.rows` -------------------------------------------------------
-# The data of a body that its contacts need. Of a body that does not turn only the first
+# The data of a body that its contacts need. If a body does not turn, only its first
 # eight columns change. The last column used is that of `share_column`.
 POSITION = 0  # (3)
 VELOCITY = 3  # (3)
 INVERSE_MASS = 6
 ANGULAR_VELOCITY = 7  # (3)
 INVERSE_INERTIA = 10  # (6): xx, xy, xz, yy, yz, zz
-# The shape. Smooth bodies: PART columns for each ellipsoid, its symmetric matrix
-# R diag(a^2, b^2, c^2) R' as xx, xy, xz, yy, yz, zz. Clumps: quaternion (w, x, y, z).
+# The shape. A smooth body has PART columns for each ellipsoid, with its symmetric
+# matrix R diag(a^2, b^2, c^2) R' as xx, xy, xz, yy, yz, zz. A clump has its quaternion
+# (w, x, y, z).
 SHAPE = 16
 PART = 6
-# Spheres have no inertia and no shape there, only their radius.
+# A sphere has neither inertia nor shape there, only its radius.
 SPHERE_RADIUS = INVERSE_INERTIA
 
-MOST_PARTS = 3  # ellipsoids of a smooth body, at most
-SPHERES = -1  # value of `Physics.parts` where every body is a sphere
-MOST_SPHERES = 64  # spheres of a clump, at most
+MOST_PARTS = 3  # largest number of ellipsoids in a smooth body
+SPHERES = -1  # value of `Physics.parts` if every body is a sphere
+MOST_SPHERES = 64  # largest number of spheres in a clump
 
 # ---- Columns of `Bodies.load` -------------------------------------------------------
 FORCE = 0  # (3)
 TORQUE = 3  # (3), about the centre of the body
 ROLL = 6  # budget of the rolling resistance: the torque that it can resist
-DASHPOTS = 7  # sum of tangential dashpots times the squares of their arms
+DASHPOTS = 7  # sum of the tangential dashpots, each times the square of its arm
 LOAD_COLUMNS = 8
 
 # ---- Rows of a tile of `Bodies.motion` ----------------------------------------------
@@ -65,16 +66,17 @@ RADIUS = _motion.take()  # bounding radius
 MOTION_ROWS = _motion.count
 
 # ---- Rows of a tile of contacts -----------------------------------------------------
-# What a contact keeps from step to step: the normal, then rows of the geometry, then
-# rows of the force laws. The law's rows begin at PAIR_STATE (pairs of smooth bodies) or
-# WALL_STATE (smooth bodies on walls); for clumps see `clump_tile`.
+# The numbers that a contact keeps from step to step: the normal, then rows of the
+# geometry, then rows of the force laws. The rows of the laws begin at PAIR_STATE for
+# pairs of smooth bodies and at WALL_STATE for smooth bodies on walls. For clumps see
+# `clump_tile`.
 _pair = Rows()
 NORMAL = _pair.take(3)  # from body A to body B, or into the wall
 PAIR_STATE = _pair.end
-# The rows of a contact with a wall have two meanings. With a plane: its offset along
-# the normal, the middle of its disc (3), and the squared radius of its disc. With a
-# cone, ring or mesh: the azimuth of the contact (for a mesh the angle about an edge),
-# the gap.
+# The rows of a contact with a wall have two meanings. With a plane, they are the offset
+# of the plane along the normal, and the centre (3) and squared radius of its disc. With
+# a cone, ring or mesh, they are the azimuth of the contact (for a mesh the angle about
+# an edge) and the gap.
 _wall = Rows(_pair.end)
 AZIMUTH = OFFSET = _wall.take()
 MIDDLE = GAP = _wall.take(3)
@@ -85,13 +87,13 @@ WALL_STATE = _wall.end
 (
     N_BODIES,
     N_PAIRS,  # touching pairs
-    N_NEAR,  # near pairs; of clumps the entries, holes included
+    N_NEAR,  # near pairs, or entries of clumps including holes
     N_PLANE,  # contacts with planes
     N_CURVED,  # contacts with cones, tubes and rings
     N_MOVED,  # bodies in `Grid.moved_list`
     STEPS,  # time steps made
     FULL,  # 1 when a list had no room for an item
-    N_GONE,  # bodies that left the simulation in the last step
+    N_GONE,  # bodies that left the simulation in the previous step
     N_MESHED,  # contacts with meshes
     N_FREE,  # holes in the list of entries of clumps
 ) = range(11)
@@ -99,14 +101,14 @@ COUNTS = 11
 
 ABSENT, PRESENT, GONE = 0, 1, 2  # values of `Bodies.presence`
 
-# Number of cells of the grid: at most this many per body, or FEWEST_CELLS.
+# The grid has at most this many cells per body, or FEWEST_CELLS if that is more.
 CELLS_PER_BODY, FEWEST_CELLS = 64, 4096
 
 # ---- Walls --------------------------------------------------------------------------
 # Walls are numbered: planes first, then cones, then rings, then meshes. Cones and rings
 # together are the curved walls. A tube is a cone.
 # Columns of `Walls.planes`.
-PLANE_POINT = 0  # (3), the middle of a disc
+PLANE_POINT = 0  # (3), the centre of a disc
 PLANE_NORMAL = 3  # (3), into the wall
 PLANE_RADIUS = 6  # of the disc; infinite for a plane without an edge
 PLANE_COLUMNS = 7
@@ -116,8 +118,9 @@ CONE_OFFSET = 2  # of the line along its normal
 CONE_START, CONE_END = 3, 4  # the wall's two ends, as distances along the line
 CONE_UP_R, CONE_UP_Z = 5, 6  # unit vector up along the line
 CONE_COLUMNS = 8
-# Columns of `Walls.rings`, in the ring's own frame. The edge is a torus; a body touches
-# only the part of it whose normal points away from neither of the two gates (r, z).
+# Columns of `Walls.rings`, in the ring's own frame. The edge is a torus. A body can
+# touch only the part of it whose normal does not point away from either of the two
+# gates (r, z).
 RING_RADIUS, RING_HEIGHT = 0, 1  # of the circle in the middle of the torus
 RING_EDGE_RADIUS = 2
 RING_GATE_A_R, RING_GATE_A_Z, RING_GATE_B_R, RING_GATE_B_Z = 3, 4, 5, 6
@@ -127,8 +130,8 @@ FRAME_ORIGIN = 0  # (3)
 FRAME_ROTATION = 3  # (9), row by row, from the frame's axes to the world's
 # Columns of `Walls.motion`.
 WALL_VELOCITY, WALL_SPIN, WALL_PIVOT = 0, 3, 6  # (3) each
-# Indices in `Walls.approach`: how far any wall may have come nearer until now [m], the
-# speed of the fastest wall [m/s], and whether any wall moves.
+# Indices in `Walls.approach`: how far any wall may have approached a body until now
+# [m], the speed of the fastest wall [m/s], and whether any wall moves.
 WALL_PATH, WALL_SPEED, WALLS_MOVE = range(3)
 
 
@@ -137,19 +140,19 @@ class Bodies(NamedTuple):
 
     rows: Any  # (N, columns), see POSITION to SHAPE
     load: Any  # (shares, N, LOAD_COLUMNS): the sum over the shares acts on a body
-    touched: Any  # (shares, T): 1 where a share of a tile's loads may differ from zero
+    touched: Any  # (shares, T): 1 if a share of a tile's loads may differ from zero
     motion: Any  # (T, MOTION_ROWS * LANES)
     displacement: Any  # (N,): how far any point of the body may have moved until now
-    wall_check: Any  # (N,): displacement of body and walls at the next check of walls
+    wall_check: Any  # (N,): displacement of body and walls at the next wall check
     presence: Any  # (N,): ABSENT, PRESENT or GONE
     below_curved_walls: Any  # (N,): 1 once the body is below the curved walls
     exit_time: Any  # (N,): when it fell through the exit height [s]; NaN before
     indices: Any  # (N,): 0, 1, 2, ...: the index with which `simd` reads a whole tile
-    resting: Any  # (T,): 1 where no body of the tile turned in the last step
+    resting: Any  # (T,): 1 if no body of the tile turned in the previous step
     material: Any  # (N,): index of the material
     event: Any  # (N,): bits of the events of a body, see `rigid`
     events: Any  # (N,): the bodies with events
-    longest_path: Any  # (T,): longest path of the tile's bodies in the last step
+    longest_path: Any  # (T,): longest path of the tile's bodies in the previous step
     wall_margin: Any  # (T,): path left until a body of the tile is due for walls
 
 
@@ -160,8 +163,8 @@ class Grid(NamedTuple):
     following: Any  # (N,): the next body in the same cell, or -1
     preceding: Any  # (N,): the body before it in the same cell, or -1
     head: Any  # (cells,): the first body of each cell, or -1
-    moved: Any  # (N,): 1 for the bodies of `moved_list`
-    moved_list: Any  # (N,): the bodies whose neighbours are found again
+    moved: Any  # (N,): 1 for the bodies in `moved_list`
+    moved_list: Any  # (N,): the bodies whose neighbours must be found again
     chain: Any  # (N,): first link of a body's partners, an index in `Pairs.link`, or -1
     mark: Any  # (N,): body i of an existing pair, during the search for pairs of i
     touching: Any  # (N,): number of touching pairs of each body
@@ -202,9 +205,9 @@ class WallContacts(NamedTuple):
     # (W, N), smooth bodies: the largest overlap with which a contact may begin. It is
     # infinite unless the body is past the wall, see `walls`.
     allowed_overlap: Any
-    # (W, N), clumps: which spheres of a body touch the wall, and which are past it, as
-    # bits. Those of meshes are written again in every step. Empty tuples for smooth
-    # bodies.
+    # (W, N), clumps: bits that mark the spheres of a body that touch the wall, and
+    # those that are past it. Bits of meshes are rewritten in every step. Both are empty
+    # tuples for smooth bodies.
     touching_bits: Any
     past_bits: Any
 
@@ -216,16 +219,16 @@ class Walls(NamedTuple):
     cones: Any  # (cones, CONE_COLUMNS)
     rings: Any  # (rings, RING_COLUMNS)
     frames: Any  # (C + M, 12): origin, then rotation from frame to world
-    displaced: Any  # (C + M,): 1 where the frame is not the world's
+    displaced: Any  # (C + M,): 1 if the frame may differ from that of the world
     motion: Any  # (walls, 9): velocity, angular velocity, pivot
-    moves: Any  # (walls,): 1 where the wall moves
+    moves: Any  # (walls,): 1 if the wall moves
     material: Any  # (walls,): index of the material, like `Bodies.material`
     approach: Any  # (3,): see WALL_PATH, WALL_SPEED, WALLS_MOVE
-    loads: Any  # (walls, 6): force and torque about the origin; (0, 6) if not asked for
+    loads: Any  # (walls, 6): force and torque about the origin; (0, 6) if not requested
 
 
 class Physics(NamedTuple):
-    """What does not change during a simulation."""
+    """Quantities that usually do not change during a simulation."""
 
     parts: (
         Any  # ellipsoids of the smooth body with the most of them; 0: clumps; SPHERES
@@ -240,19 +243,19 @@ class Physics(NamedTuple):
     mixed_walls: Any  # whether contacts with walls have several pairs of materials
     dt: Any  # time step
     rolling_frame: Any  # (3,): angular velocity against which rolling is resisted
-    exit_height: Any  # a body that falls through it has an exit time
+    exit_height: Any  # a body that falls through it gets an exit time
     curved_walls_above: Any  # bodies below it no longer touch curved walls
     floor_height: Any  # bodies below it are gone
 
 
 class Shared(NamedTuple):
-    """What the threads of a simulation share, see `parallel`."""
+    """The arrays that the threads of a simulation share, see `parallel`."""
 
     counters: Any  # (BARRIER_SIZE,): counters of the barrier
     flags: Any  # (1,): 1 when all threads have to stop
     begins: Any  # (SHARES,): first item of each share
     n_found: Any  # (SHARES,): number of items that a share found
-    touching: Any  # near pairs that touch, each share's from its begin on
+    touching: Any  # near pairs that touch, those of each share from its first item on
 
 
 class Scratch(NamedTuple):
@@ -267,8 +270,8 @@ class Scratch(NamedTuple):
 
 
 STARTS = 24  # angles about the axis of a curved wall at which a search starts
-SMALLEST_GAPS = 16  # gaps of spheres that a search of two bodies keeps, at most
-# Indices at which the views of `Scratch` begin; each begins at a cache line.
+SMALLEST_GAPS = 16  # largest number of gaps that a search of two bodies keeps
+# Indices at which the views of `Scratch` begin, each at a cache line.
 _NORMAL_BEGIN, _GEOMETRY_BEGIN, _OTHER_BEGIN, _ROW_BEGIN = 0, 8, 16, 24
 _PROFILE_BEGIN = 64
 _SPHERES_BEGIN = 96
@@ -279,7 +282,7 @@ SCRATCH = _SPHERES_BEGIN + 10 * MOST_SPHERES + 3 * SMALLEST_GAPS
 def flush_tiny(value):
     """Return a velocity, spring or path, or 0.0 if its absolute value is below TINY.
 
-    Values that decay become denormal numbers, and processors are slow with these.
+    Values that decay would become denormal numbers, with which processors are slow.
     """
     return 0.0 if abs(value) < TINY else value
 
@@ -310,13 +313,14 @@ def bounding_radius(bodies, i):
 def share_column(parts):
     """Return the column of `Bodies.rows` with a body's share of tangential dashpots.
 
-    See `body_rotation.write_dashpot_shares`. It follows the shape of the body.
+    The column follows the shape of the body. For the share see
+    `body_rotation.write_dashpot_shares`.
     """
     return SPHERE_RADIUS + 1 if parts == SPHERES else SHAPE + max(PART * parts, 4)
 
 
 def count_columns(parts):
-    """Return the number of columns of `Bodies.rows` in use; `parts` as in `Physics`."""
+    """Return the number of columns of `Bodies.rows` in use; see `Physics.parts`."""
     return share_column(parts) + 1
 
 
@@ -326,7 +330,7 @@ def aligned_zeros(*shape):
     Reading a vector that straddles two cache lines takes twice as long.
     """
     size = int(np.prod(shape))
-    # make a longer array, and skip its numbers before the first cache line
+    # Make a longer array, and skip its numbers before the first cache line.
     padded = np.zeros(size + CACHE_LINE)
     skip = -padded.ctypes.data % (8 * CACHE_LINE) // 8
     return padded[skip : skip + size].reshape(shape)
@@ -371,16 +375,16 @@ def new_bodies(n_bodies, parts, shares=1):
     Returns
     -------
     Bodies
-        The arrays have whole tiles and at least one more body. This body, with index
-        `n_bodies`, is always absent. It is the "ghost" in the unused lanes of contact
-        tiles: it has no mass, so no force moves it, and a small shape, so its geometry
-        is finite.
+        The arrays, which consist of whole tiles and have room for at least one more
+        body. This body, with the index `n_bodies`, is always absent. It is the "ghost"
+        in unused lanes of contact tiles. It has no mass, so that no force moves it, and
+        a small shape, so that its geometry is finite.
     """
     n_tiles = n_bodies // LANES + 1
     n_places = LANES * n_tiles
-    # a row fills whole cache lines
+    # A row fills whole cache lines.
     n_columns = CACHE_LINE * -(-count_columns(parts) // CACHE_LINE)
-    # all bodies have a small shape and no mass
+    # All bodies have a small shape and no mass.
     rows = aligned_zeros(n_places, n_columns)
     if parts == SPHERES:
         rows[:, SPHERE_RADIUS] = 1e-3
@@ -420,7 +424,7 @@ def copy_motion(motion, row, n_columns, n_bodies):
     row : int
         First row of the quantity in a tile, such as QUATERNION.
     n_columns : int
-        Number of its rows: its components.
+        Number of its rows, one for each component.
     n_bodies : int
         Number of bodies.
 
@@ -429,7 +433,7 @@ def copy_motion(motion, row, n_columns, n_bodies):
     ndarray (n_bodies, n_columns)
         One row for each body.
     """
-    # select the rows of the quantity from an array (tiles, rows, lanes)
+    # Select the rows of the quantity from an array (tiles, rows, lanes).
     first = row // LANES
     tiles = motion.reshape(len(motion), MOTION_ROWS, LANES)[
         :, first : first + n_columns
@@ -440,10 +444,10 @@ def copy_motion(motion, row, n_columns, n_bodies):
 def new_grid(n_bodies, lower, upper, cell):
     """Return the cells for bodies in a box, with an edge of `cell` [m].
 
-    The grid has at most CELLS_PER_BODY cells per body (or FEWEST_CELLS), so the memory
-    depends on the number of bodies and not on the box. The cells repeat in space like
-    the tiles of a floor: a point outside the grid belongs to the cell at the same
-    position of the repetition.
+    The grid has at most CELLS_PER_BODY cells per body (or FEWEST_CELLS), so that the
+    memory depends on the number of bodies and not on the box. The grid repeats in space
+    like the tiles of a floor. A point outside it belongs to the cell at the same
+    position in the repeated grid.
 
     Parameters
     ----------
@@ -458,7 +462,7 @@ def new_grid(n_bodies, lower, upper, cell):
     upper = np.asarray(upper, float)
     max_cells = max(CELLS_PER_BODY * n_bodies, FEWEST_CELLS)
     shape = np.maximum(1.0, np.ceil((upper - lower) / cell))
-    # halve the number of cells along the longest side until there are few enough
+    # Halve the number of cells along the longest side until there are few enough.
     while shape.prod() > max_cells:
         shape[shape.argmax()] = np.ceil(0.5 * shape.max())
     shape = shape.astype(np.int64)
@@ -484,7 +488,7 @@ def new_contacts(n_contacts, rows):
     n_contacts : int
         Number of contacts, a multiple of LANES.
     rows : int
-        Rows of a tile.
+        Number of rows in a tile.
 
     Returns
     -------
@@ -511,7 +515,7 @@ def contact_rows(data, n_contacts):
 
 
 def round_up_to_tiles(n_contacts):
-    """Return `n_contacts` rounded up to a multiple of LANES: to whole tiles."""
+    """Return `n_contacts`, rounded up to whole tiles (a multiple of LANES)."""
     return LANES * -(-n_contacts // LANES)
 
 
@@ -570,7 +574,7 @@ def new_wall_contacts(n_contacts, n_walls, n_bodies, ghost, rows, are_clumps):
     """
     n_contacts = round_up_to_tiles(n_contacts)
     data = new_contacts(n_contacts, rows)
-    # unused lanes lie on a plane without an edge
+    # Unused lanes lie on a plane without an edge.
     data[:, SQUARED_RADIUS : SQUARED_RADIUS + LANES] = np.inf
     if are_clumps:
         bits = equal_arrays("touching_bits past_bits", (n_walls, n_bodies), np.uint64)
