@@ -4,10 +4,10 @@ The gap of a body, or minus its overlap, is the largest value of
 
     f(n) = n.(point - centre) - h(n) - edge radius
 
-over the normals n of a feature (see `features`): one normal for a face, an arc about an
-edge, a patch of the sphere at a vertex. These sets fit together without gap or overlap.
-So do the conditions under which a feature is touched: the body's outermost point along
-n lies within the face, beyond the face's side along the arc of the edge, and so on.
+over the normals n of a feature (see `features`). A face has one normal, an edge an arc
+of normals, and a vertex a patch of the unit sphere. These sets fit together without
+gaps or overlaps, and so do the conditions under which a feature is touched. For
+example, a face is touched if the body's outermost point along n lies within the face.
 
 All vectors are in the frame of the mesh. Reads a row of a body and of `Meshes.data`;
 writes only `geometry` (see `contact_geometry`).
@@ -42,19 +42,19 @@ from .state import POSITION
 from .wall_contact import UPHILL_TURN, effective_radius, limit_turn
 
 # A contact that moves to another feature may lie this far outside the feature [m].
-# Otherwise a contact could end by rounding between two features.
+# Otherwise, rounding could end a contact between two features.
 SLACK = 1e-8
 # The curvature of an edge grows from zero at its faces' normals to its full value over
-# this angle [rad], so that R* does not jump where a body rolls from a face to an edge.
+# this angle [rad], so that R* does not jump when a body rolls from a face to an edge.
 BLEND_ANGLE = 0.2
-OUTSIDE = -1e300  # distance inside a feature that a body does not touch
+OUTSIDE = -1e300  # distance inside a feature if the body does not touch it
 EDGE_ITERATIONS = 40
 EDGE_TOLERANCE = 1e-10  # step at which the search about an edge ends [rad]
 VERTEX_ITERATIONS = 60
 VERTEX_TOLERANCE = 1e-20  # squared step at which the search at a vertex ends
 
-# The value of f at an angle about an edge, its first and second derivative, and how far
-# along the edge the body's outermost point lies [m].
+# The value of f at an angle about an edge, its first and second derivatives, and how
+# far along the edge the body's outermost point lies [m]
 EdgeValues = namedtuple("EdgeValues", "gap slope second_derivative distance_along")
 
 
@@ -62,9 +62,9 @@ EdgeValues = namedtuple("EdgeValues", "gap slope second_derivative distance_alon
 def ascent_step(gradient_u, gradient_w, q_uu, q_uw, q_ww, f):
     """Return the step of a normal towards the largest gap from a vertex [rad].
 
-    f is the gap of the body and the vertex along the normal. The step is one of
-    Newton's method on the unit sphere. It is a scaled gradient step where the Hessian
-    -(Q + f I) is not definite. A step longer than LONGEST_STEP is shortened.
+    f is the gap between the body and the vertex along the normal. The step is one of
+    Newton's method on the unit sphere, or a scaled gradient step if the Hessian -(Q + f
+    I) is not definite. A step longer than LONGEST_STEP is shortened.
 
     Parameters
     ----------
@@ -72,7 +72,7 @@ def ascent_step(gradient_u, gradient_w, q_uu, q_uw, q_ww, f):
         Gradient of f along the tangents u and w [m].
     q_uu, q_uw, q_ww : float
         Curvature matrix Q of the body in these tangents [m].
-    gap : float
+    f : float
         Value of f [m].
 
     Returns
@@ -80,7 +80,7 @@ def ascent_step(gradient_u, gradient_w, q_uu, q_uw, q_ww, f):
     step_u, step_w : float
         The step along u and w [rad].
     """
-    # the matrix A = Q + f I
+    # The matrix A = Q + f I
     a_uu = q_uu + f
     a_ww = q_ww + f
     determinant = a_uu * a_ww - q_uw * q_uw
@@ -107,8 +107,8 @@ def ascent_step(gradient_u, gradient_w, q_uu, q_uw, q_ww, f):
 def blended_curvature(angle, radius):
     """Return the curvature of a rounded edge at an angle from the face's normal.
 
-    It is 0 at the normal and 1 / radius from the angle BLEND_ANGLE on, with a smooth
-    step between, so that the stiffness of a contact does not jump there.
+    It is 0 at the normal and 1 / radius from the angle BLEND_ANGLE on. In between it
+    rises smoothly, so that the stiffness of a contact does not jump.
 
     Parameters
     ----------
@@ -143,7 +143,7 @@ def write_face_contact(row, parts, face, geometry):
     nx, ny, nz = vector_at(face, FACE_NORMAL)
     x, y, z = vector_at(row, POSITION)
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
-    # the body's extent h along n, outermost point along u and w, and curvature matrix Q
+    # The body's extent h along n, outermost point along u and w, and curvature matrix Q
     h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
@@ -158,10 +158,10 @@ def write_face_contact(row, parts, face, geometry):
     inside_distance = 1e300
     for side in range(3):
         first = SIDES + SIDE_COLUMNS * side
-        # the normal of the side, in the plane of the face and into the triangle
+        # The normal of the side, in the plane of the face and into the triangle
         side_x, side_y, side_z = vector_at(face, first)
         depth = side_x * point_x + side_y * point_y + side_z * point_z - face[first + 3]
-        # a point exactly on a side belongs to only one of the two faces
+        # A point exactly on a side belongs to only one of the two faces.
         if depth == 0.0 and face[STRICT + side] > 0.0:
             depth = -1e-300
         inside_distance = min(inside_distance, depth)
@@ -175,15 +175,16 @@ def edge_axes(edge, angle):
     Parameters
     ----------
     edge : array
-        The row of the edge in `Meshes.data`. It has the normal a of the first face and
-        the unit vector b to which that normal turns.
+        The row of the edge in `Meshes.data`. It contains the normal a of the first face
+        and the unit vector b towards which this normal turns.
     angle : float
         Angle of n from the normal of the first face [rad].
 
     Returns
     -------
     nx, ny, nz, ux, uy, uz : float
-        n = a cos + b sin, and the tangent u = b cos - a sin to which it turns.
+        The normal n = a cos(angle) + b sin(angle), and the tangent
+        u = b cos(angle) - a sin(angle) towards which it turns.
     """
     cos = math.cos(angle)
     sin = math.sin(angle)
@@ -211,23 +212,23 @@ def edge_support(row, parts, edge, nx, ny, nz, ux, uy, uz):
     Returns
     -------
     values : EdgeValues
-        The gap along n, its first and second derivative by the angle, and the
-        distance along the edge.
+        The gap along n, its first and second derivatives with respect to the angle, and
+        the distance along the edge.
     h, along_u, along_w, q_uu, q_uw, q_ww : float
         Support terms of the body, see `geometry.support_terms`; w is along the edge
         [m].
     """
     wx, wy, wz = vector_at(edge, EDGE_ALONG)
-    # the body's extent h along n, outermost point along u and w, and curvature matrix Q
+    # The body's extent h along n, outermost point along u and w, and curvature matrix Q
     h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
     start_x, start_y, start_z = vector_at(edge, PLACE)
     x, y, z = vector_at(row, POSITION)
-    # (dx, dy, dz) is the vector from the body's centre to the start of the edge
+    # (dx, dy, dz) is the vector from the body's centre to the start of the edge.
     dx, dy, dz = start_x - x, start_y - y, start_z - z
-    # the gap to the edge without its rounding, its derivative by the angle, and the
-    # distance along the edge
+    # The gap to the edge without its rounding, its derivative with respect to the
+    # angle, and the distance along the edge
     sharp_gap = nx * dx + ny * dy + nz * dz - h
     slope = ux * dx + uy * dy + uz * dz - along_u
     distance_along = along_w - (wx * dx + wy * dy + wz * dz)
@@ -239,7 +240,7 @@ def edge_support(row, parts, edge, nx, ny, nz, ux, uy, uz):
 
 @inlined
 def edge_values(row, parts, edge, angle):
-    """Return the gap of a body and an edge at an angle, and its derivatives.
+    """Return the gap between a body and an edge at an angle, with its derivatives.
 
     The result is an `EdgeValues`.
 
@@ -287,7 +288,7 @@ def write_edge_contact(row, parts, edge, angle, geometry):
     values, h, along_u, along_w, q_uu, q_uw, q_ww = edge_support(
         row, parts, edge, nx, ny, nz, ux, uy, uz
     )
-    # the curvature grows with the angle from the nearer normal of both faces
+    # The curvature grows with the angle from the normal of the nearer face.
     to_face = min(angle, edge[EDGE_ANGLE] - angle)
     edge_curvature = blended_curvature(to_face, edge[RADIUS_COLUMN])
     radius = effective_radius(q_uu, q_uw, q_ww, edge_curvature, 0.0)
@@ -315,9 +316,9 @@ def write_edge_contact(row, parts, edge, angle, geometry):
 def edge_angle_step(slope, second_derivative):
     """Return the next step of an angle about an edge towards the maximum of f [rad].
 
-    The step is one of Newton's method, or a short step uphill where f is not concave.
-    `slope` and `second_derivative` are the first and second derivative of f by the
-    angle [m].
+    The step is one of Newton's method, or a short step uphill if f is not concave.
+    `slope` and `second_derivative` are the derivatives of f with respect to the angle
+    [m].
     """
     return (
         -slope / second_derivative
@@ -341,7 +342,8 @@ def climb_edge(row, parts, edge, angle):
 def solve_edge(row, parts, edge, geometry):
     """Find the maximum of f within the arc of an edge, and fill `geometry` for it.
 
-    f is the gap of the body and the edge along the normal at an angle about the edge.
+    f is the gap between the body and the edge along the normal at an angle about the
+    edge.
 
     Parameters
     ----------
@@ -357,7 +359,7 @@ def solve_edge(row, parts, edge, geometry):
     Returns
     -------
     angle : float
-        Where the maximum is [rad].
+        Angle at which the maximum lies [rad].
     inside_distance : float
         How far inside the feature the maximum lies [m]: between the ends of the edge
         and between the normals of its two faces. OUTSIDE if the arc has no maximum.
@@ -373,8 +375,8 @@ def solve_edge(row, parts, edge, geometry):
     inside_distance = min(first.slope, -last.slope)
     if inside_distance < -SLACK:
         return 0.0, OUTSIDE, largest_gap
-    # If f rises at the first normal and falls at the last one, a maximum lies between.
-    # Otherwise it is at one of both ends.
+    # If f rises at the first normal and falls at the last one, a maximum lies in
+    # between. Otherwise it is at one of the ends.
     if first.slope > 0.0 and last.slope < 0.0:
         angle = 0.5 * high
     elif first.slope <= 0.0:
@@ -396,7 +398,7 @@ def solve_edge(row, parts, edge, geometry):
         angle += turn
         if abs(turn) < EDGE_TOLERANCE:
             break
-    # the contact at this angle has to lie between the ends of the edge
+    # The contact at this angle has to lie between the ends of the edge.
     distance_along = write_edge_contact(row, parts, edge, angle, geometry)
     inside_distance = min(
         inside_distance, min(distance_along, edge[EDGE_LENGTH] - distance_along)
@@ -406,7 +408,7 @@ def solve_edge(row, parts, edge, geometry):
 
 @inlined
 def vertex_gap_and_step(row, parts, vertex, nx, ny, nz):
-    """Return the gap of a body and a rounded vertex along n, and the next step of n.
+    """Return the gap between a body and a rounded vertex along n, and a step of n.
 
     The step is towards the normal of the largest gap.
 
@@ -428,15 +430,15 @@ def vertex_gap_and_step(row, parts, vertex, nx, ny, nz):
         The step along the two vectors of `geometry.tangents` [rad].
     """
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
-    # the body's extent h along n, outermost point along u and w, and curvature matrix Q
+    # The body's extent h along n, outermost point along u and w, and curvature matrix Q
     h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
     vertex_x, vertex_y, vertex_z = vector_at(vertex, PLACE)
     x, y, z = vector_at(row, POSITION)
-    # (dx, dy, dz) is the vector from the body's centre to the vertex
+    # (dx, dy, dz) is the vector from the body's centre to the vertex.
     dx, dy, dz = vertex_x - x, vertex_y - y, vertex_z - z
-    # the distance of the vertex from the body along n, and its gradient
+    # The distance of the vertex from the body along n, and its gradient
     sharp_gap = nx * dx + ny * dy + nz * dz - h
     gradient_u = dx * ux + dy * uy + dz * uz - along_u
     gradient_w = dx * wx + dy * wy + dz * wz - along_w
@@ -464,11 +466,11 @@ def write_vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
     Returns
     -------
     float
-        How far the normal lies inside the vertex's set of normals, as a sine. It is the
-        smallest sine over all edges, and negative outside of the set.
+        How far the normal lies inside the vertex's set of normals, as a sine. This is
+        the smallest sine over all edges. It is negative outside the set.
     """
     vertex = meshes.data[feature]
-    # Find the edge to which the normal is nearest.
+    # Find the edge that is nearest to the normal.
     smallest_sine = 1e300
     ux, uy, uz = 1.0, 0.0, 0.0
     for k in range(meshes.span[feature, 0], meshes.span[feature, 1]):
@@ -482,14 +484,15 @@ def write_vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
     for k in range(meshes.corners[feature, 0], meshes.corners[feature, 1]):
         face_x, face_y, face_z = vector_at(meshes.normals[k], 0)
         nearest_cosine = max(nearest_cosine, nx * face_x + ny * face_y + nz * face_z)
-    # The tangent u lies along the nearest edge: the curvature along it begins at zero,
-    # as on the edge itself. A lower bound avoids a division by zero where u is normal.
+    # The tangent u lies along the nearest edge. The curvature along u begins at zero,
+    # as on the edge itself. A lower bound avoids a division by zero if the edge is
+    # parallel to n.
     along_n = nx * ux + ny * uy + nz * uz
     ux, uy, uz = ux - along_n * nx, uy - along_n * ny, uz - along_n * nz
     inverse_length = 1.0 / math.sqrt(max(ux * ux + uy * uy + uz * uz, 1e-30))
     ux, uy, uz = ux * inverse_length, uy * inverse_length, uz * inverse_length
     wx, wy, wz = ny * uz - nz * uy, nz * ux - nx * uz, nx * uy - ny * ux
-    # the body's extent h along n, outermost point along u and w, and curvature matrix Q
+    # The body's extent h along n, outermost point along u and w, and curvature matrix Q
     h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
@@ -503,7 +506,7 @@ def write_vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
         - h
         - edge_radius
     )
-    # the curvatures along u and across it, by the angles from the nearest face and edge
+    # The curvatures along u and w, from the angles to the nearest face and edge
     to_face = math.acos(min(max(nearest_cosine, -1.0), 1.0))
     to_edge = math.asin(min(max(smallest_sine, 0.0), 1.0))
     wall_curvature_w = blended_curvature(to_face, edge_radius)
@@ -519,7 +522,7 @@ def write_vertex_contact(row, parts, meshes, feature, nx, ny, nz, geometry):
 def solve_vertex(row, parts, meshes, feature, geometry):
     """Find the maximum of f over the normals of a vertex, and fill `geometry` for it.
 
-    f(n) is the gap of the body and the vertex along the normal n.
+    f(n) is the gap between the body and the vertex along the normal n.
 
     Parameters
     ----------
@@ -539,11 +542,11 @@ def solve_vertex(row, parts, meshes, feature, geometry):
         `write_vertex_contact`.
     """
     vertex = meshes.data[feature]
-    # (x, y, z) is the vector from the body's centre to the vertex
+    # (x, y, z) is the vector from the body's centre to the vertex.
     vertex_x, vertex_y, vertex_z = vector_at(vertex, PLACE)
     centre_x, centre_y, centre_z = vector_at(row, POSITION)
     x, y, z = vertex_x - centre_x, vertex_y - centre_y, vertex_z - centre_z
-    # Start from the direction of the vertex, or from the face normal of the largest
+    # Start from the direction of the vertex, or from the face normal with the largest
     # gap.
     inverse_length = 1.0 / max(math.sqrt(x * x + y * y + z * z), 1e-300)
     best_x, best_y, best_z = x * inverse_length, y * inverse_length, z * inverse_length
@@ -637,6 +640,6 @@ def solve_feature(row, parts, meshes, feature, radius, geometry):
         if inside_distance == OUTSIDE:
             geometry[contact_geometry.GAP] = largest_gap
         return angle, inside_distance, largest_gap
-    # a sine times the radius is a length, like the distances inside other features
+    # The sine times the radius is a length, like the distances inside other features.
     sine = solve_vertex(row, parts, meshes, feature, geometry)
     return 0.0, sine * radius, geometry[contact_geometry.GAP]

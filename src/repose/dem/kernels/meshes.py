@@ -1,14 +1,14 @@
 """Search for contacts of bodies with triangle meshes, and follow them in time.
 
-A contact stays on one feature of the mesh (`features`) as long as it lies inside the
+A contact stays on one feature of the mesh (`features`) as long as it lies inside this
 feature. A contact that leaves its feature moves, with its spring, to the feature that
-the body touches now. `mesh_contact` has the solvers.
+the body touches now. The solvers are in `mesh_contact`.
 
-A body is a smooth body, or the sphere of a clump (see `clump_walls`). `row` is its row
-in the frame of the mesh. `contacts` is the list of contacts with meshes, `n_contacts`
-its length. Reads `Bodies.rows` and `Meshes`. Writes the lists of `WallContacts` (body,
-wall, feature, data), `counts`, and the marks `Meshes.seen` and `Meshes.stamp` of a
-search.
+A body is a smooth body or the sphere of a clump (see `clump_walls`). `row` is its row
+in the frame of the mesh. `contacts` is the list of contacts with meshes, and
+`n_contacts` its length. Reads `Bodies.rows` and `Meshes`. Writes the lists of
+`WallContacts` (body, wall, feature, data), `counts`, and the marks of a search,
+`Meshes.seen` and `Meshes.stamp`.
 """
 
 import math
@@ -40,25 +40,24 @@ from .walls import (
     row_in_wall_frame,
 )
 
-# A search reaches this far beyond the body's box (fraction of the body's radius).
+# A search extends this far beyond the body's box (as a fraction of the body's radius).
 SEARCH_MARGIN = 0.5
 # A contact that leaves its feature may move to features within this distance of the
-# contact point (fraction of the body's radius) if the cosine of the angle between both
-# normals is above the second constant.
+# contact point (as a fraction of the body's radius) if the cosine of the angle between
+# both normals is above the second constant.
 HAND_OVER_REACH = 0.05
 LEAST_NORMAL_COSINE = 0.9
 
-# The first and last cell of a block along each axis.
+# The first and last cell of a block along each axis
 CellBlock = namedtuple("CellBlock", "first_x last_x first_y last_y first_z last_z")
 
 
 @inlined
 def meet_in_gentle_kink(meshes, face, other):
-    """Return whether a feature is a face that meets another one in a gentle kink.
+    """Return whether two features are faces that meet in a gentle kink.
 
-    Such a kink is concave, with an angle below the limit in `features`.
-
-    A body touches only that one of such faces that it overlaps most.
+    Such a kink is concave, with an angle below the limit in `features`. Of two such
+    faces, a body touches only the one that it overlaps more.
 
     Parameters
     ----------
@@ -69,7 +68,7 @@ def meet_in_gentle_kink(meshes, face, other):
     """
     if meshes.kind[face] != FACE:
         return False
-    # the neighbours of a face follow each other in `Meshes.near`
+    # The neighbours of a face are consecutive in `Meshes.near`.
     is_neighbour = False
     for k in range(meshes.span[face, 0], meshes.span[face, 1]):
         is_neighbour = is_neighbour or meshes.near[k] == other
@@ -78,7 +77,7 @@ def meet_in_gentle_kink(meshes, face, other):
 
 @inlined
 def has_contact_with_feature(contacts, meshes, n_contacts, body, feature, ignored):
-    """Return whether a body already touches a feature or a neighbour at a gentle kink.
+    """Return whether a body touches a feature, or a face in a gentle kink with it.
 
     Parameters
     ----------
@@ -89,7 +88,7 @@ def has_contact_with_feature(contacts, meshes, n_contacts, body, feature, ignore
     body, feature : int
         Indices of the body and of the feature.
     ignored : int
-        Index of a contact that does not count, or -1.
+        Index of a contact that is left out, or -1.
     """
     for k in range(n_contacts):
         if contacts.body[k] == body and k != ignored:
@@ -101,7 +100,7 @@ def has_contact_with_feature(contacts, meshes, n_contacts, body, feature, ignore
 
 @inlined
 def cell_range(meshes, mesh, axis, low, high):
-    """Return the first and last cell of a mesh that an interval of one axis overlaps.
+    """Return the first and last cell of a mesh that an interval on one axis overlaps.
 
     Cells beyond the mesh's box are left out.
 
@@ -116,7 +115,7 @@ def cell_range(meshes, mesh, axis, low, high):
     """
     cell_edge = meshes.box[mesh, 6]
     lower = meshes.box[mesh, axis]
-    # cells are cubes; `Meshes.box` has the corners of the box, then the edge of a cell
+    # Cells are cubes. `Meshes.box` has the corners of the box, then the edge of a cell.
     first = math.floor((low - lower) / cell_edge)
     last = math.floor((high - lower) / cell_edge)
     return max(first, 0), min(last, meshes.cells[mesh, axis] - 1)
@@ -135,7 +134,7 @@ def cells_in_box(meshes, mesh, x, y, z, half_x, half_y, half_z):
     x, y, z : float
         The point, in the frame of the mesh [m].
     half_x, half_y, half_z : float
-        Half the lengths of the box along the axes [m].
+        Half of the lengths of the box along the axes [m].
 
     Returns
     -------
@@ -152,8 +151,8 @@ def cells_in_box(meshes, mesh, x, y, z, half_x, half_y, half_z):
 def cell_index(meshes, mesh, cell_x, cell_y, cell_z):
     """Return the index in `Meshes.begin` of cell (cell_x, cell_y, cell_z) of a mesh.
 
-    `Meshes.begin` has the index of the first feature of each cell. The cells of all
-    meshes follow each other.
+    `Meshes.begin` has the index of the first feature of each cell. It lists the cells
+    of one mesh after another.
     """
     first = meshes.cells[mesh, 3]
     return (
@@ -167,7 +166,7 @@ def cell_index(meshes, mesh, cell_x, cell_y, cell_z):
 def distance_from_box(row, parts, meshes, mesh):
     """Return a lower bound of the distance of a body from the box of a mesh [m].
 
-    It is 0.0 if the body's box and that of the mesh overlap.
+    It is 0.0 if the boxes of the body and of the mesh overlap.
 
     Parameters
     ----------
@@ -179,7 +178,7 @@ def distance_from_box(row, parts, meshes, mesh):
     """
     distance = 0.0
     for axis in range(3):
-        # half the body's length along this axis
+        # Half of the body's length along this axis
         reach = extent(
             row,
             parts,
@@ -187,7 +186,7 @@ def distance_from_box(row, parts, meshes, mesh):
             1.0 if axis == 1 else 0.0,
             1.0 if axis == 2 else 0.0,
         )
-        # the gap between the two boxes along this axis, on either side of the mesh
+        # The gap between the two boxes along this axis, on either side of the mesh
         lower = meshes.box[mesh, axis]
         upper = meshes.box[mesh, 3 + axis]
         distance = max(distance, lower - row[axis] - reach)
@@ -204,7 +203,7 @@ def add_feature_contact_if_new(
     Parameters
     ----------
     row : array
-        The body, or the sphere of one, in the frame of the mesh.
+        Row of the body, or of a clump's sphere, in the frame of the mesh.
     contacts, counts : WallContacts, array
         The list of contacts with meshes, and the lengths of all lists.
     parts : int
@@ -228,16 +227,16 @@ def add_feature_contact_if_new(
         row, parts, meshes, feature, radius, geometry
     )
     gap = geometry[contact_geometry.GAP]
-    # the body does not touch the feature
+    # The body does not touch the feature.
     if free_distance > 0.0 and gap > 0.0:
         return free_distance
-    # the body may touch another feature, but not this one
+    # The body may touch another feature, but not this one.
     if inside_distance < 0.0:
         return max(free_distance, NEXT_SEARCH_BEYOND_END * radius)
     if gap < -LARGEST_NEW_OVERLAP * radius:
-        # the body is inside the mesh, not at its surface
+        # The body is inside the mesh, not at its surface.
         return max(-gap - LARGEST_NEW_OVERLAP * radius, NEXT_SEARCH_BEYOND_END * radius)
-    # add a new contact, with a relaxed spring
+    # Add a new contact, with a relaxed spring.
     if not has_contact_with_feature(
         contacts, meshes, counts[state.N_MESHED], i, feature, -1
     ):
@@ -256,7 +255,7 @@ def search_mesh(row, contacts, counts, parts, walls, meshes, mesh, i, radius, ge
     Parameters
     ----------
     row : array
-        The body, or the sphere of one, in the frame of the mesh.
+        Row of the body, or of a clump's sphere, in the frame of the mesh.
     contacts, counts : WallContacts, array
         The list of contacts with meshes, and the lengths of all lists.
     parts : int
@@ -280,7 +279,7 @@ def search_mesh(row, contacts, counts, parts, walls, meshes, mesh, i, radius, ge
     if distance > 0.0:
         return distance
 
-    # find the cells that overlap the body's box, enlarged by SEARCH_MARGIN
+    # Find the cells that overlap the body's box, enlarged by SEARCH_MARGIN.
     free_distance = SEARCH_MARGIN * radius
     half_x = extent(row, parts, 1.0, 0.0, 0.0) + free_distance
     half_y = extent(row, parts, 0.0, 1.0, 0.0) + free_distance
@@ -288,8 +287,8 @@ def search_mesh(row, contacts, counts, parts, walls, meshes, mesh, i, radius, ge
     x, y, z = vector_at(row, state.POSITION)
     block = cells_in_box(meshes, mesh, x, y, z, half_x, half_y, half_z)
 
-    # A feature may lie in several cells. The stamp of this search marks features that
-    # the search has seen.
+    # A feature may lie in several cells. Features that this search has already met are
+    # marked with its stamp.
     meshes.stamp[0] += 1
     stamp = meshes.stamp[0]
     for cell_x in range(block.first_x, block.last_x + 1):
@@ -322,9 +321,9 @@ def search_mesh(row, contacts, counts, parts, walls, meshes, mesh, i, radius, ge
 def solve_last_feature(
     row, parts, meshes, contact_tile, lane, feature, nx, ny, nz, geometry
 ):
-    """Solve for the contact with the feature of the last step, from its last normal.
+    """Compute the contact with the feature of the previous step, from its last normal.
 
-    A fixed number of Newton steps is enough for the small motion of one time step, as
+    A fixed number of Newton steps is enough for the small motion in one time step, as
     in `walls.follow_wall_contact`.
 
     Parameters
@@ -356,17 +355,18 @@ def solve_last_feature(
     if meshes.kind[feature] == FACE:
         return write_face_contact(row, parts, data, geometry)
     if meshes.kind[feature] == EDGE:
-        # climb along the arc of normals about the edge, from the last angle
+        # Climb along the arc of normals about the edge, from the last angle.
         angle = contact_tile[state.AZIMUTH + lane]
         for _ in range(FOLLOWING_STEPS):
             angle = climb_edge(row, parts, data, angle)
         contact_tile[state.AZIMUTH + lane] = angle
         distance_along = write_edge_contact(row, parts, data, angle, geometry)
-        # inside both the arc of normals and the two ends of the edge
+        # The contact must lie within the arc of normals, and between the ends of the
+        # edge.
         inside_arc = min(angle, data[EDGE_ANGLE] - angle)
         inside_ends = min(distance_along, data[EDGE_LENGTH] - distance_along)
         return min(inside_arc, inside_ends)
-    # a vertex
+    # The feature is a vertex.
     for _ in range(FOLLOWING_STEPS):
         _gap, step_u, step_w = vertex_gap_and_step(row, parts, data, nx, ny, nz)
         nx, ny, nz = step_normal(nx, ny, nz, step_u, step_w)
@@ -388,9 +388,9 @@ def hand_over_contact(
 ):
     """Move contact k, with its spring, to the feature that the body touches now.
 
-    Among the touched features around the contact point, this is the one whose normal is
-    nearest to the last normal. The function changes `contacts.feature` and the angle in
-    `contacts.data`.
+    This is the feature whose normal is nearest to the last normal, among all touched
+    features around the contact point. The function changes `contacts.feature` and the
+    angle in `contacts.data`.
 
     Parameters
     ----------
@@ -416,7 +416,7 @@ def hand_over_contact(
     bool
         Whether there is such a feature.
     """
-    # find the cells around the contact point
+    # Find the cells around the contact point.
     mesh = contacts.wall[k]
     old_feature = contacts.feature[k]
     reach = HAND_OVER_REACH * radius
@@ -439,8 +439,8 @@ def hand_over_contact(
                         row, parts, meshes, feature, radius, other_geometry
                     )
                     gap = other_geometry[contact_geometry.GAP]
-                    # skip a contact outside this feature, one that has ended, and one
-                    # far inside the mesh
+                    # Skip a contact that lies outside this feature, that has ended, or
+                    # that lies far inside the mesh.
                     if (
                         inside_distance < -SLACK
                         or gap > end_gap
@@ -448,8 +448,8 @@ def hand_over_contact(
                     ):
                         continue
                     other_nx, other_ny, other_nz = normal_of(other_geometry)
-                    # keep the feature whose normal is nearest to the last normal,
-                    # unless another contact of the body has this feature
+                    # Keep the feature whose normal is nearest to the last normal,
+                    # unless another contact of the body has this feature.
                     cosine = nx * other_nx + ny * other_ny + nz * other_nz
                     if cosine > best_cosine and not has_contact_with_feature(
                         contacts, meshes, n_contacts, contacts.body[k], feature, k
@@ -466,8 +466,8 @@ def hand_over_contact(
 def keep_deepest_face(row, parts, meshes, contacts, k, geometry, other_geometry):
     """Move contact k to a neighbouring face if the body overlaps that face more.
 
-    The contact is with a face. The neighbours are the faces that meet this face in a
-    gentle concave kink. The function changes `contacts.feature` and `geometry`.
+    The contact must be with a face. Its neighbours are the faces that meet this face in
+    a gentle concave kink. The function changes `contacts.feature` and `geometry`.
 
     Parameters
     ----------
@@ -487,7 +487,7 @@ def keep_deepest_face(row, parts, meshes, contacts, k, geometry, other_geometry)
     for index in range(meshes.span[face, 0], meshes.span[face, 1]):
         neighbour = meshes.near[index]
         data = meshes.data[neighbour]
-        # calculate the contact that the body would have with the neighbour
+        # Compute the contact that the body would have with the neighbour.
         inside_distance = write_face_contact(row, parts, data, other_geometry)
         if (
             inside_distance >= 0.0
@@ -517,11 +517,11 @@ def follow_feature_contact(
     Parameters
     ----------
     row : array
-        The body, or the sphere of one, in the frame of the mesh.
+        Row of the body, or of a clump's sphere, in the frame of the mesh.
     radius : float
-        Its bounding radius [m].
+        Bounding radius of the body [m].
     parts : int
-        Its number of ellipsoids, or SPHERES.
+        Number of ellipsoids in the body, or SPHERES.
     walls, frame : Walls, int
         The walls, and the index of the frame of the mesh.
     meshes, contacts : Meshes, WallContacts
@@ -558,7 +558,7 @@ def follow_feature_contact(
         geometry,
     )
     has_feature = inside_distance >= 0.0
-    # a contact that has left its feature continues on another one, if there is one
+    # A contact that has left its feature continues on another one, if there is one.
     if not has_feature:
         has_feature = hand_over_contact(
             row,
@@ -572,7 +572,7 @@ def follow_feature_contact(
             geometry,
             other_geometry,
         )
-    # if faces meet in a gentle kink, only one of them has the contact
+    # If faces meet in a gentle kink, only one of them has the contact.
     is_face = meshes.kind[contacts.feature[k]] == FACE
     if has_feature and geometry[contact_geometry.GAP] < 0.0 and is_face:
         keep_deepest_face(row, parts, meshes, contacts, k, geometry, other_geometry)
@@ -660,7 +660,7 @@ def refresh_mesh_contacts(
 ):
     """Update features and normals of the contacts of body i with a mesh.
 
-    After this, a search does not find these contacts again as new ones.
+    Afterwards, a search does not take these contacts for new ones.
 
     Parameters
     ----------

@@ -1,14 +1,14 @@
 """The neighbour (Verlet) list: the pairs of bodies that touch or are near each other.
 
-Every body has a displacement: the sum over all steps of how far any of its points may
-have moved. A near pair has a limit: the gap at its last check plus both displacements
-at that time. As long as the sum of the displacements is below the limit, the bodies
-cannot touch, and the pair is not checked.
+Every body has a displacement, which is the sum over all steps of how far any of its
+points may have moved. A near pair has a limit, which is the gap at its last check plus
+both displacements at that time. As long as the sum of the displacements is below the
+limit, the bodies cannot touch, and the pair is not checked.
 
-A pair whose gap is not smaller than the skin is not listed. The pairs of a body are
-listed again when the body has moved by half a skin since the last listing; the body is
-then in `Grid.moved_list`. So the two bodies of an unlisted pair together move by less
-than the skin before the pairs of one of them are listed again.
+A pair is listed only if its gap is below the skin. The pairs of a body are listed again
+when it has moved by half a skin since the last listing, and is therefore in
+`Grid.moved_list`. Thus, the two bodies of an unlisted pair together move by less than
+the skin before the pairs of one of them are listed again.
 
 Reads `Bodies.rows` and `Bodies.displacement`. Writes all arrays of `Grid`, the lists of
 `Pairs`, `counts`, and the row RENEWAL of `Bodies.motion`. `renewal` calls most of this.
@@ -25,10 +25,10 @@ from .lists import move_contact, put_contact
 from .rows import LANES, lane_vector, set_vector, vector_at
 from .state import POSITION, bounding_radius
 
-# The solver of a gap stops early when the gap is certainly above this fraction of the
+# The solver for a gap stops early if the gap is certainly above this fraction of the
 # skin.
 SUFFICIENT_GAP_SHARE = 0.25
-NORMAL_TOLERANCE = 1e-4  # step at which the solver of a gap stops [rad]
+NORMAL_TOLERANCE = 1e-4  # step below which the solver for a gap stops [rad]
 
 
 @inlined
@@ -48,7 +48,7 @@ def find_cell(grid, x, y, z):
     cell_x = math.floor((x - grid.origin[0]) / edge)
     cell_y = math.floor((y - grid.origin[1]) / edge)
     cell_z = math.floor((z - grid.origin[2]) / edge)
-    # a point outside the grid belongs to a cell of the repeated grid
+    # A point outside the grid belongs to a cell of the repeated grid.
     cell_x, cell_y, cell_z = (
         cell_x % grid.shape[0],
         cell_y % grid.shape[1],
@@ -61,9 +61,9 @@ def find_cell(grid, x, y, z):
 def remove_from_cell(grid, i):
     """Remove body i from the list of its cell, if it is in one.
 
-    The bodies of a cell form a doubly linked list: `grid.head` has the first body of a
-    cell, and `grid.preceding` and `grid.following` have the neighbours of a body in the
-    list. -1 means that there is none.
+    The bodies of a cell form a doubly linked list. `grid.head` has the first body of
+    each cell, and `grid.preceding` and `grid.following` have the neighbours of each
+    body in the list. A value of -1 means that there is none.
 
     Parameters
     ----------
@@ -77,7 +77,7 @@ def remove_from_cell(grid, i):
         return
     previous = grid.preceding[i]
     following = grid.following[i]
-    # the body before it, or the head of the list, now points to the body after it
+    # The body before it, or the head of the list, now points to the body after it.
     if previous >= 0:
         grid.following[previous] = following
     else:
@@ -94,8 +94,8 @@ def insert_into_cell(grid, i, cell):
     Parameters
     ----------
     grid : Grid
-        Cells of the neighbour search; `grid.cell` of the body, and the list, are
-        written.
+        Cells of the neighbour search. `grid.cell` of the body and the linked list are
+        changed.
     i : int
         Index of the body, which is in no cell.
     cell : int
@@ -113,8 +113,8 @@ def insert_into_cell(grid, i, cell):
 def add_to_cell(grid, bodies, i):
     """Insert body i, which is in no cell, into the cell of its position.
 
-    Also write the displacement at which its neighbours are found again to the row
-    RENEWAL of `Bodies.motion`: half a skin more than now.
+    Also write to the row RENEWAL of `Bodies.motion` the displacement at which its
+    neighbours must be found again, which is half a skin more than now.
 
     Parameters
     ----------
@@ -135,9 +135,10 @@ def add_to_cell(grid, bodies, i):
 
 @inlined
 def mark_moved(grid, counts, i):
-    """Add body i to the bodies whose neighbours are found again at the next step.
+    """Add body i to the bodies whose neighbours are found again in the next step.
 
-    `grid.moved` is 1 for the bodies of the list, so that each is in it once.
+    `grid.moved` is 1 for the bodies in this list, so that each of them is listed only
+    once.
 
     Parameters
     ----------
@@ -182,7 +183,7 @@ def write_pair(first, second, k, i, j):
 def reserve_place(counts, length_index, capacity):
     """Reserve the next element of a list; return its index, or -1 if the list is full.
 
-    A full list sets `counts[FULL]`, and Python makes the list longer.
+    If the list is full, `counts[FULL]` is set, and Python lengthens the list.
 
     Parameters
     ----------
@@ -219,7 +220,7 @@ def drop_near_pair(pairs, counts, grid, k):
     last = counts[state.N_NEAR] - 1
     counts[state.N_NEAR] = last
     change_pair_counts(grid.near, pairs.near_first[k], pairs.near_second[k], -1)
-    # the last pair of the list moves to index k
+    # The last pair of the list moves to index k.
     write_pair(
         pairs.near_first,
         pairs.near_second,
@@ -261,7 +262,7 @@ def add_near_pair(pairs, counts, grid, i, j, limit, nx, ny, nz):
     change_pair_counts(grid.near, i, j, 1)
     write_pair(pairs.near_first, pairs.near_second, k, i, j)
     pairs.near_limit[k] = limit
-    # the block of this pair has changed, see `parallel`
+    # The block of this pair has changed, see `parallel`.
     pairs.near_check[k // state.BLOCK] = 0.0
     set_vector(pairs.near_normal[k], 0, nx, ny, nz)
 
@@ -297,7 +298,7 @@ def add_contact(pairs, counts, grid, i, j, normal):
 def drop_contact(pairs, counts, grid, k, ghost):
     """Remove touching pair k from the list and move the last pair to its index.
 
-    The element that becomes free holds two ghosts, so that a whole tile can be
+    Two ghosts are written to the element that becomes free, so that whole tiles can be
     computed.
 
     Parameters
@@ -317,7 +318,7 @@ def drop_contact(pairs, counts, grid, k, ghost):
     last = counts[state.N_PAIRS] - 1
     counts[state.N_PAIRS] = last
     change_pair_counts(grid.touching, pairs.first[k], pairs.second[k], -1)
-    # the last contact of the list moves to index k, and ghosts replace it
+    # The last contact of the list moves to index k, and ghosts take its place.
     write_pair(pairs.first, pairs.second, k, pairs.first[last], pairs.second[last])
     move_contact(pairs.data, last, k)
     write_pair(pairs.first, pairs.second, last, ghost, ghost)
@@ -325,9 +326,9 @@ def drop_contact(pairs, counts, grid, k, ghost):
 
 @inlined
 def solve_near_gap(bodies, pairs, grid, parts, k, normal):
-    """Return the gap of near pair k [m], which is solved from its last normal.
+    """Compute the gap of near pair k [m], starting from its last normal.
 
-    The new normal is written to the pair.
+    The new normal is stored with the pair.
 
     Parameters
     ----------
@@ -346,7 +347,7 @@ def solve_near_gap(bodies, pairs, grid, parts, k, normal):
     """
     for axis in range(3):
         normal[axis] = pairs.near_normal[k, axis]
-    # the solver may stop early above this gap, because the bodies are far enough apart
+    # The solver may stop early above this gap, because the bodies are far enough apart.
     sufficient_gap = SUFFICIENT_GAP_SHARE * grid.lengths[state.SKIN]
     gap = solve_gap(
         bodies.rows,
@@ -364,7 +365,7 @@ def solve_near_gap(bodies, pairs, grid, parts, k, normal):
 
 @inlined
 def check_near_pair(bodies, pairs, counts, grid, parts, k, normal):
-    """Solve for the gap of near pair k: make it a contact, or give it a new limit.
+    """Compute the gap of near pair k, and make it a contact or give it a new limit.
 
     Parameters
     ----------
@@ -386,18 +387,18 @@ def check_near_pair(bodies, pairs, counts, grid, parts, k, normal):
     Returns
     -------
     bool
-        Whether the pair stays in the list of near pairs. Otherwise another pair has
-        the index k now.
+        Whether the pair stays in the list of near pairs. If not, another pair now has
+        the index k.
     """
     i = pairs.near_first[k]
     j = pairs.near_second[k]
     gap = solve_near_gap(bodies, pairs, grid, parts, k, normal)
-    # the bodies touch: the pair moves to the list of contacts
+    # The bodies touch, so the pair moves to the list of contacts.
     if gap <= 0.0:
         drop_near_pair(pairs, counts, grid, k)
         add_contact(pairs, counts, grid, i, j, normal)
         return False
-    # the bodies cannot touch before they have moved by the gap together
+    # The bodies cannot touch before they have together moved by the gap.
     pairs.near_limit[k] = bodies.displacement[i] + bodies.displacement[j] + gap
     return True
 
@@ -422,11 +423,11 @@ def find_next_due(displacement, first, second, limit, begin, end):
     Returns
     -------
     int
-        Index of the pair, or `end` where none is due.
+        Index of the pair, or `end` if none is due.
     """
     for k in range(begin, end):
-        # an unsigned index: numba would check a signed one for negative values, which
-        # takes twice as long
+        # The index is unsigned. Numba would check a signed one for negative values,
+        # which takes twice as long.
         pair = np.uint64(k)
         if displacement[first[pair]] + displacement[second[pair]] >= limit[pair]:
             return k
@@ -437,7 +438,7 @@ def find_next_due(displacement, first, second, limit, begin, end):
 def update_near_pairs(bodies, pairs, counts, grid, parts, normal):
     """Check all near pairs of smooth bodies that are due.
 
-    Those that touch become contacts, the others get new limits.
+    Those that touch become contacts, and the others get new limits.
 
     Parameters
     ----------
@@ -461,7 +462,7 @@ def update_near_pairs(bodies, pairs, counts, grid, parts, normal):
         bodies.displacement, first, second, limit, 0, counts[state.N_NEAR]
     )
     while k < counts[state.N_NEAR]:
-        # if the pair has left the list, another one has its index now
+        # If the pair has left the list, another one now has its index.
         if check_near_pair(bodies, pairs, counts, grid, parts, k, normal):
             k += 1
         k = find_next_due(
@@ -471,7 +472,7 @@ def update_near_pairs(bodies, pairs, counts, grid, parts, normal):
 
 @inlined
 def count_pairs_of_moved(pair_counts, grid, counts):
-    """Return the number of pairs of the bodies of `Grid.moved_list`.
+    """Return the number of pairs of the bodies in `Grid.moved_list`.
 
     A pair of two such bodies counts twice.
 
@@ -492,10 +493,10 @@ def count_pairs_of_moved(pair_counts, grid, counts):
 
 @kernel
 def drop_near_pairs_of_moved(pairs, counts, grid):
-    """Drop the near pairs of the bodies of `Grid.moved_list`.
+    """Remove the near pairs of the bodies in `Grid.moved_list`.
 
-    The loop begins at the end of the list, where the newest pairs are, and ends when
-    all pairs of these bodies are dropped.
+    The loop runs backwards from the end of the list, where the newest pairs are, and
+    ends when all pairs of these bodies have been removed.
 
     Parameters
     ----------
@@ -511,7 +512,7 @@ def drop_near_pairs_of_moved(pairs, counts, grid):
     k = counts[state.N_NEAR] - 1
     while n_remaining > 0:
         pair = np.uint64(k)  # unsigned, see `find_next_due`
-        # a pair of two such bodies counts twice
+        # A pair of two such bodies counts twice.
         n_moved = is_moved[pairs.near_first[pair]] + is_moved[pairs.near_second[pair]]
         if n_moved > 0:
             n_remaining -= n_moved
@@ -523,8 +524,9 @@ def drop_near_pairs_of_moved(pairs, counts, grid):
 def chain_partner(pairs, grid, n_used, i, j):
     """Add body j to the chain of partners of body i, if i is in `Grid.moved_list`.
 
-    A chain is a linked list: link m holds a partner, `pairs.partner[m]`, and the next
-    link of the same body, `pairs.link[m]`; `grid.chain[i]` is the first link of body i.
+    A chain is a linked list. Link m consists of a partner, `pairs.partner[m]`, and the
+    next link of the same body, `pairs.link[m]`. `grid.chain[i]` is the first link of
+    body i.
 
     Parameters
     ----------
@@ -533,7 +535,7 @@ def chain_partner(pairs, grid, n_used, i, j):
     grid : Grid
         Cells of the neighbour search, and lists of bodies in them (`state.Grid`).
     n_used : int
-        Number of links in use; the next one gets this number.
+        Number of links in use, which is the index of the next link.
     i, j : int
         The two bodies of a pair.
 
@@ -552,10 +554,10 @@ def chain_partner(pairs, grid, n_used, i, j):
 
 @kernel
 def chain_contacts(pairs, counts, grid):
-    """Chain the touching partners of each body of `Grid.moved_list`.
+    """Make a chain of the bodies that each body in `Grid.moved_list` touches.
 
-    So the search for near pairs of these bodies can skip the bodies that they touch.
-    The chains (see `chain_partner`) must be empty before.
+    With these chains (see `chain_partner`), the search for near pairs of a body can
+    skip the bodies that it touches. The chains must be empty before the call.
 
     Parameters
     ----------
@@ -568,10 +570,10 @@ def chain_contacts(pairs, counts, grid):
     """
     n_links = count_pairs_of_moved(grid.touching, grid, counts)
     n_used = 0
-    # from the last pair back until all links are made
+    # Go back from the last pair until all links have been made.
     k = counts[state.N_PAIRS] - 1
     while n_used < n_links:
-        # add a link for each of i and j that is in the list of moved bodies
+        # Add a link for each of i and j that is in the list of moved bodies.
         i = pairs.first[np.uint64(k)]
         j = pairs.second[np.uint64(k)]
         n_used = chain_partner(pairs, grid, n_used, i, j)
@@ -583,7 +585,7 @@ def chain_contacts(pairs, counts, grid):
 def add_smooth_pair_if_near(bodies, pairs, counts, grid, parts, i, j, normal):
     """Add a pair of smooth bodies to the list of touching or near pairs.
 
-    A pair whose gap is not smaller than the skin is added to none.
+    A pair is added only if its gap is below the skin.
 
     Parameters
     ----------
@@ -604,7 +606,7 @@ def add_smooth_pair_if_near(bodies, pairs, counts, grid, parts, i, j, normal):
     """
     rows = bodies.rows
     skin = grid.lengths[state.SKIN]
-    # compare the bounding spheres first
+    # Compare the bounding spheres first.
     x_i, y_i, z_i = vector_at(rows[i], POSITION)
     x_j, y_j, z_j = vector_at(rows[j], POSITION)
     dx, dy, dz = x_j - x_i, y_j - y_i, z_j - z_i
@@ -612,13 +614,13 @@ def add_smooth_pair_if_near(bodies, pairs, counts, grid, parts, i, j, normal):
     reach = bounding_radius(bodies, i) + bounding_radius(bodies, j) + skin
     if squared_distance >= reach * reach:
         return
-    # the search for the normal starts from the direction between the centres
+    # The search for the normal starts from the direction between the centres.
     distance = math.sqrt(squared_distance)
     set_vector(normal, 0, dx / distance, dy / distance, dz / distance)
     gap = solve_gap(
         rows, parts, i, j, normal, NORMAL_TOLERANCE, SUFFICIENT_GAP_SHARE * skin
     )
-    # touching, near, or too far apart to be listed
+    # The pair may touch, be near, or be too far apart to be listed.
     if gap <= 0.0:
         add_contact(pairs, counts, grid, i, j, normal)
     elif gap < skin:
@@ -631,8 +633,8 @@ def add_smooth_pair_if_near(bodies, pairs, counts, grid, parts, i, j, normal):
 def retire_pairs(bodies, pairs, counts, grid, begin, n_ended, ghost):
     """Move the pairs that have parted from the touching to the near pairs.
 
-    The loop drops the last one first: the last contact of the list replaces it, so the
-    indices of the remaining ones stay valid.
+    The loop begins with the last of these pairs. The last contact of the list replaces
+    each removed one, so in this order the remaining indices stay valid.
 
     Parameters
     ----------
@@ -656,7 +658,7 @@ def retire_pairs(bodies, pairs, counts, grid, begin, n_ended, ghost):
         k = pairs.ended[index]
         i = pairs.first[k]
         j = pairs.second[k]
-        # the bodies cannot touch again before they have moved by the gap together
+        # The bodies cannot touch again before they have together moved by the gap.
         limit = bodies.displacement[i] + bodies.displacement[j] + pairs.gap[k]
         nx, ny, nz = lane_vector(pairs.data[k // LANES], state.NORMAL, k % LANES)
         add_near_pair(pairs, counts, grid, i, j, limit, nx, ny, nz)
