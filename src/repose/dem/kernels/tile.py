@@ -1,15 +1,16 @@
 """Compute the geometry of 32 contacts of smooth bodies at a time.
 
-`scratch` is the scratch tile: an array of rows of LANES doubles. Each row is a quantity,
-each lane a contact (see `rows`). The tile holds copies of the two bodies A and B, then
-the geometry, then the forces. `history` is a tile of the numbers that contacts keep from
-step to step (`state`). The functions here read and write only the normal in it (row
-NORMAL), which points from A to B. In a contact with a wall, A is the body.
+`scratch` is the scratch tile, an array of rows of LANES doubles. Each row is a
+quantity, and each lane is a contact (see `rows`). The tile holds copies of the two
+bodies A and B, followed by the geometry and the forces. `history` is a tile of the
+numbers that contacts keep from step to step (`state`). Of these, the functions here
+read and write only the normal (row NORMAL), which points from A to B. In a contact with
+a wall, A is the body.
 
-Each loop has a constant number of lanes, and reads and writes only the two tiles. It has
-no branches that depend on a lane: a choice is written as `a if condition else b`. So the
-compiler makes vector code of it. Unused lanes hold an absent body, and their results are
-not used.
+Each loop runs over a constant number of lanes, and reads and writes only the two tiles.
+It has no branches that depend on a lane, and choices are written as `a if condition
+else b`. This allows the compiler to make vector code. Unused lanes hold an absent body,
+and their results are not used.
 """
 
 import math
@@ -47,7 +48,8 @@ RB = _rows.take(3)  # contact point relative to the centre of B
 TO_A = _rows.take(LOAD_COLUMNS)
 TO_B = _rows.take(LOAD_COLUMNS)
 PUSH = _rows.take()  # normal force that limits friction and rolling
-# Radius of the contact circle, written by the contact law; 0 where nothing touches.
+# Radius of the contact circle, written by the contact law; 0 if the bodies do not
+# touch.
 CIRCLE = _rows.take()
 # The tangential dashpot [N s/m], written by the contact law, and the share of it that
 # acts (see `body_rotation.write_dashpot_shares`).
@@ -55,19 +57,21 @@ DASHPOT, SHARE = _rows.take_each(2)
 STEP = _rows.take(3)  # change of the normal in this step [rad]
 V = _rows.take(3)  # tangential velocity of A relative to B
 VN = _rows.take()  # normal velocity
-# Inverse of the mass in the damping: the mass of both bodies at the contact, along the
-# normal, divided by the number of contacts that share it (see `damped_mass`).
+# Inverse of the mass in the damping, which is the effective mass of both bodies at the
+# contact along the normal, divided by the number of contacts that share it (see
+# `damped_mass`).
 INVERSE_MASS = _rows.take()
-# Rows of the rolling law, which begin with its constants. Then those of the contact law.
+# Rows of the rolling law, which begin with its constants, and then those of the contact
+# law
 MOST_ROLLING_ROWS = 16
 ROLLING = _rows.take(MOST_ROLLING_ROWS)
 LAW = _rows.end
 LAW_ROW = _rows.count
 
-# The gap of a body beyond the edge of a disc [m]. The body is searched again as soon as it
-# has moved at all.
+# The gap of a body beyond the edge of a disc [m]. Its contacts are searched for again
+# as soon as it has moved at all.
 BEYOND = math.inf
-NEAREST = 1e-30  # centres nearer than this define no normal [m]
+NEAREST = 1e-30  # if centres are nearer than this, they do not define a normal [m]
 LARGEST_TURN = 0.2  # largest change of a contact normal in one step [rad]
 # The matrix of the Newton step counts as definite when its determinant exceeds this share
 # of the squared trace of the curvature.
@@ -84,7 +88,7 @@ def fill_constants(scratch, first_row, constants):
         Working memory of a tile of LANES contacts. A quantity of one contact is
         `scratch[row + lane]`; the module `tile` names the rows.
     first_row : int
-        First row of the law. Constant number c goes to the row c rows after it.
+        First row of the law. Constant number c is written to the row c rows after it.
     constants : array
         The constants of the law for one pair of materials.
     """
@@ -145,7 +149,7 @@ def body_support(scratch, shape_row, parts, lane, nx, ny, nz):
     xx, xy, xz, yy, yz, zz : float
         Curvature matrix [m].
     """
-    # begin with the first part, then add the others
+    # Begin with the first part, then add the others.
     x, y, z, xx, xy, xz, yy, yz, zz = lane_ellipsoid_support(
         scratch, shape_row, lane, nx, ny, nz
     )
@@ -208,14 +212,14 @@ def add_support_of_b(scratch, history, parts):
         Number of ellipsoids of a body.
     """
     for lane in range(LANES):
-        # The normal n points from A to B, so the support point of B is that along -n.
-        # Bodies are centrally symmetric: this point is minus the support point along n,
-        # and the curvature is the same.
+        # The normal n points from A to B, so the support point of B is the one along
+        # -n. Because bodies are centrally symmetric, this is minus the support point
+        # along n, and the curvature is the same.
         nx, ny, nz = lane_vector(history, NORMAL, lane)
         support_b_x, support_b_y, support_b_z, xx, xy, xz, yy, yz, zz = body_support(
             scratch, SHAPE_B, parts, lane, nx, ny, nz
         )
-        # the vector from the support point of A to that of B
+        # The vector from the support point of A to that of B
         centre_a_x, centre_a_y, centre_a_z = lane_vector(scratch, POSITION_A, lane)
         centre_b_x, centre_b_y, centre_b_z = lane_vector(scratch, POSITION_B, lane)
         support_a_x, support_a_y, support_a_z = lane_vector(scratch, SUPPORT, lane)
@@ -223,7 +227,7 @@ def add_support_of_b(scratch, history, parts):
         between_y = centre_b_y - centre_a_y - support_a_y - support_b_y
         between_z = centre_b_z - centre_a_z - support_a_z - support_b_z
         write_vector(scratch, SUPPORT_A_TO_B, lane, between_x, between_y, between_z)
-        # the product of the radii of curvature of B, and the sum of both matrices
+        # The product of the radii of curvature of B, and the sum of both matrices
         scratch[AREA_B + lane] = radii_product(xx, xy, xz, yy, yz, zz)
         axx, axy, axz, ayy, ayz, azz = lane_matrix(scratch, CURVATURE_A, lane)
         write_matrix(
@@ -243,10 +247,11 @@ def add_support_of_b(scratch, history, parts):
 def write_newton_step(scratch, history):
     """Compute the Newton step of each pair's normal, and the gap at the new normal.
 
-    The gap f along a normal n is n times the vector between the support points. The
-    contact normal is the n with the largest f, where the gradient g of f is 0. The step s
-    towards it is one step of Newton's method. Both g and s lie in the tangent plane, where
-    the sum C of the curvatures of both bodies is a 2 x 2 matrix. With T = C + f I,
+    The gap f along a normal n is the scalar product of n and the vector between the
+    support points. The contact normal is the n with the largest f, where the gradient g
+    of f is 0. The step s towards it is one step of Newton's method. Both g and s lie in
+    the tangent plane, where the sum C of the curvatures of both bodies is a 2 x 2
+    matrix. With T = C + f I,
 
         s = T^-1 g = (tr T g - T g) / det T
 
@@ -269,16 +274,17 @@ def write_newton_step(scratch, history):
         nx, ny, nz = lane_vector(history, NORMAL, lane)
         between_x, between_y, between_z = lane_vector(scratch, SUPPORT_A_TO_B, lane)
         xx, xy, xz, yy, yz, zz = lane_matrix(scratch, CURVATURE_SUM, lane)
-        # the gap f and its gradient g at the old normal
+        # The gap f and its gradient g at the old normal
         gap = dot(nx, ny, nz, between_x, between_y, between_z)
         gx, gy, gz = between_x - gap * nx, between_y - gap * ny, between_z - gap * nz
-        # the effective radius sqrt(det C_A det C_B / det(C_A + C_B))
+        # The effective radius sqrt(det C_A det C_B / det(C_A + C_B))
         curvature_determinant = radii_product(xx, xy, xz, yy, yz, zz)
         area_product = scratch[AREA_A + lane] * scratch[AREA_B + lane]
         scratch[RADIUS + lane] = area_product * rsqrt(
             area_product * curvature_determinant
         )
-        # The step. If T is not definite, the step is g / tr C, uphill along the gradient.
+        # Compute the step. If T is not definite, it is g / tr C, uphill along the
+        # gradient.
         trace = xx + yy + zz
         determinant = curvature_determinant + gap * (trace + gap)
         is_definite = (trace + 2.0 * gap > 0.0) & (
@@ -293,7 +299,7 @@ def write_newton_step(scratch, history):
         sx = gradient_factor * gx - matrix_factor * curvature_g_x
         sy = gradient_factor * gy - matrix_factor * curvature_g_y
         sz = gradient_factor * gz - matrix_factor * curvature_g_z
-        # Cut a long step, because the expansion is wrong far from the old normal.
+        # Shorten a long step, because the expansion is wrong far from the old normal.
         cut = LARGEST_TURN * rsqrt(squared_length(sx, sy, sz))
         cut = cut if cut < 1.0 else 1.0
         sx, sy, sz = cut * sx, cut * sy, cut * sz
@@ -303,7 +309,7 @@ def write_newton_step(scratch, history):
 
 @inlined
 def write_contact_points(scratch, history):
-    """Turn each normal by its step, and compute the contact point.
+    """Rotate each normal by its step, and compute the contact point.
 
     Call `write_newton_step` first. The contact point follows from an expansion at the old
     normal, to second order in the step. Writes the normal (row NORMAL of `history`), and
@@ -320,7 +326,7 @@ def write_contact_points(scratch, history):
         `state` names the rows.
     """
     for lane in range(LANES):
-        # the unit normal after the step
+        # The unit normal after the step
         sx, sy, sz = lane_vector(scratch, STEP, lane)
         nx, ny, nz = lane_vector(history, NORMAL, lane)
         nx, ny, nz = nx + sx, ny + sy, nz + sz
@@ -336,7 +342,7 @@ def write_contact_points(scratch, history):
         ry = support_y + xy * sx + yy * sy + yz * sz + half_gap * ny
         rz = support_z + xz * sx + yz * sy + zz * sz + half_gap * nz
         write_vector(scratch, RA, lane, rx, ry, rz)
-        # the same point relative to the centre of B
+        # The same point relative to the centre of B
         centre_a_x, centre_a_y, centre_a_z = lane_vector(scratch, POSITION_A, lane)
         centre_b_x, centre_b_y, centre_b_z = lane_vector(scratch, POSITION_B, lane)
         write_vector(
@@ -373,7 +379,7 @@ def write_sphere_pair_geometry(scratch, history):
     """Compute the geometry of 32 pairs of spheres, in closed form.
 
     Writes the normal (row NORMAL of `history`), and the rows GAP, RADIUS, AREA_A, AREA_B,
-    RA and RB of `scratch`. If two centres coincide, the old normal stays.
+    RA and RB of `scratch`. If two centres coincide, the old normal is kept.
 
     Parameters
     ----------
@@ -385,7 +391,7 @@ def write_sphere_pair_geometry(scratch, history):
         `state` names the rows.
     """
     for lane in range(LANES):
-        # the normal, from the centre of A to that of B
+        # The normal, from the centre of A to that of B
         centre_a_x, centre_a_y, centre_a_z = lane_vector(scratch, POSITION_A, lane)
         centre_b_x, centre_b_y, centre_b_z = lane_vector(scratch, POSITION_B, lane)
         dx, dy, dz = (
@@ -401,7 +407,7 @@ def write_sphere_pair_geometry(scratch, history):
         ny = inverse_distance * dy if is_apart else ny
         nz = inverse_distance * dz if is_apart else nz
         write_vector(history, NORMAL, lane, nx, ny, nz)
-        # gap and radii; the distance of the centres is 1 / inverse_distance
+        # The gap and the radii. The distance of the centres is 1 / inverse_distance.
         radius_a = scratch[SPHERE_RADIUS_A + lane]
         radius_b = scratch[SPHERE_RADIUS_B + lane]
         gap = inverse_distance * distance_squared - radius_a - radius_b
@@ -409,7 +415,7 @@ def write_sphere_pair_geometry(scratch, history):
         scratch[RADIUS + lane] = radius_a * radius_b / (radius_a + radius_b)
         scratch[AREA_A + lane] = radius_a * radius_a
         scratch[AREA_B + lane] = radius_b * radius_b
-        # the contact point lies midway between the two surfaces
+        # The contact point lies midway between the two surfaces.
         arm_a = radius_a + 0.5 * gap
         write_vector(scratch, RA, lane, arm_a * nx, arm_a * ny, arm_a * nz)
         arm_b = -(radius_b + 0.5 * gap)
@@ -421,8 +427,8 @@ def write_pair_geometry(scratch, history, parts):
     """Compute gap, effective radius and contact point of each pair of smooth bodies.
 
     One Newton step from the last normal is enough, because bodies move little in a step.
-    Several short loops are faster than a single one, because the processor overlaps more
-    lanes of a short loop.
+    Several short loops are faster than a single one, because the processor can overlap
+    more iterations of a short loop.
 
     Parameters
     ----------
@@ -475,13 +481,14 @@ def write_support_of_sphere(scratch, history):
 
 @inlined
 def is_on_disc(history, lane, x, y, z, nx, ny, nz):
-    """Return whether a point is within a disc, seen along the normal of its plane.
+    """Return whether a point, projected onto the plane of a disc, lies on the disc.
 
     Parameters
     ----------
     history : array
-        Tile of contacts with planes. Its rows MIDDLE and SQUARED_RADIUS are the disc's centre [m]
-        and squared radius [m2], which is infinite for a plane without an edge.
+        Tile of contacts with planes. Its rows MIDDLE and SQUARED_RADIUS are the disc's
+        centre [m] and squared radius [m2]. The latter is infinite for a plane without
+        an edge.
     lane : int
         Lane of the contact in its tile, 0 to LANES - 1.
     x, y, z : float
@@ -492,7 +499,7 @@ def is_on_disc(history, lane, x, y, z, nx, ny, nz):
     middle_x, middle_y, middle_z = lane_vector(history, state.MIDDLE, lane)
     dx, dy, dz = x - middle_x, y - middle_y, z - middle_z
     height = dot(dx, dy, dz, nx, ny, nz)
-    # the squared distance from the middle in the plane, by Pythagoras
+    # The squared distance from the centre in the plane, by Pythagoras' theorem
     square = squared_length(dx, dy, dz) - height * height
     return square <= history[state.SQUARED_RADIUS + lane]
 
@@ -527,7 +534,7 @@ def write_plane_geometry(scratch, history, parts):
     for lane in range(LANES):
         nx, ny, nz = lane_vector(history, NORMAL, lane)
         centre_x, centre_y, centre_z = lane_vector(scratch, POSITION_A, lane)
-        # the body's deepest point in the wall, relative to the centre of the body
+        # The body's deepest point in the wall, relative to the centre of the body
         rx, ry, rz = lane_vector(scratch, SUPPORT, lane)
         gap = (
             history[OFFSET + lane]
@@ -535,7 +542,7 @@ def write_plane_geometry(scratch, history, parts):
             - ny * (centre_y + ry)
             - nz * (centre_z + rz)
         )
-        # the contact point lies midway between body and plane
+        # The contact point lies midway between body and plane.
         rx, ry, rz = rx + 0.5 * gap * nx, ry + 0.5 * gap * ny, rz + 0.5 * gap * nz
         write_vector(scratch, RA, lane, rx, ry, rz)
         scratch[RADIUS + lane] = math.sqrt(scratch[AREA_A + lane])
@@ -566,14 +573,14 @@ def write_torques(scratch):
     for lane in range(LANES):
         fx, fy, fz = lane_vector(scratch, TO_A, lane)
         dashpot = scratch[DASHPOT + lane]
-        # body A: the torque is arm x force
+        # Body A: the torque is arm x force.
         arm_a_x, arm_a_y, arm_a_z = lane_vector(scratch, RA, lane)
         torque_x, torque_y, torque_z = cross(arm_a_x, arm_a_y, arm_a_z, fx, fy, fz)
         write_vector(scratch, TO_A + torque_row, lane, torque_x, torque_y, torque_z)
         scratch[TO_A + dashpots_row + lane] = dashpot * squared_length(
             arm_a_x, arm_a_y, arm_a_z
         )
-        # body B: the opposite force, so the torque is force x arm
+        # Body B: the force is opposite, so the torque is force x arm.
         arm_b_x, arm_b_y, arm_b_z = lane_vector(scratch, RB, lane)
         write_vector(scratch, TO_B, lane, -fx, -fy, -fz)
         torque_x, torque_y, torque_z = cross(fx, fy, fz, arm_b_x, arm_b_y, arm_b_z)

@@ -1,4 +1,4 @@
-"""Compute products of vectors. In kernels a vector is three separate numbers."""
+"""Compute products of vectors, each given as three separate numbers."""
 
 from .jit import inlined
 

@@ -1,19 +1,22 @@
 """Contact of a body with a curved wall: the inside of a cone or tube, or a ring edge.
 
-Cones. The inside of a cone or tube is convex: an intersection of half-spaces whose
-normals m(theta) turn about the axis. So the overlap of a body is the maximum of
+Cones. The inside of a cone or tube is convex, since it is an intersection of
+half-spaces whose normals m(theta) are rotated about the axis. Therefore the overlap of
+a body is the maximum of
 
     phi(theta) = m.c + h(m) - k
 
-over one angle, with the centre c and the support value h. A long body in a narrow tube
-has two maxima and two contacts.
+over the angle theta, where c is the centre of the body, h its support value, and k the
+offset of the cone's line. A long body in a narrow tube has two maxima and two contacts.
 
-Rings. The edge at the end of a cone is a torus with a small radius, tangent to the
-cone. The overlap follows from the point of the circle in its middle that is nearest to
-the body: a search over the angle theta of that point and the normal n.
+Rings. The edge at the end of a cone is a torus with a small radius that is tangent to
+the cone. The overlap follows from the point on the torus's central circle that is
+nearest to the body. It is found by a search over the angle theta of this point and the
+normal n.
 
-The projection of the contact point onto the wall decides which of the two a body
-touches, so force and overlap are continuous there and no gap is left between them.
+The projection of the contact point onto the wall decides whether a body touches the
+cone or the ring. Therefore force and overlap are continuous, and no gap is left between
+the two.
 
 Everything here is in the frame of the wall, whose z axis is the wall's axis (`frames`).
 Reads a row of a body and a row of `Walls.cones` or `Walls.rings`; writes only
@@ -45,21 +48,21 @@ from .state import (
     RING_RADIUS,
 )
 
-# Where a concave wall is nearly as curved as the body, the relative curvature is at
+# If a concave wall is nearly as curved as the body, the relative curvature is set to at
 # least this fraction of the body's curvature, so that R* stays finite.
 LEAST_RELATIVE_CURVATURE = 0.1
-LEAST_DISTANCE = 1e-30  # two points nearer than this have no direction [m]
+LEAST_DISTANCE = 1e-30  # points nearer than this do not define a direction [m]
 # Smallest radius of a cone's circle at a contact [m]. It avoids the infinite curvature
 # at the tip.
 SMALLEST_CIRCLE = 1e-6
-# Steps of theta [rad]: the longest one, and the step uphill that is made where the
-# function is not concave and Newton's method would go to a minimum.
+# Steps of theta [rad]: the longest one, and the step uphill that is made if the
+# function is not concave, so that Newton's method would go to a minimum.
 LONGEST_TURN = 0.2
 UPHILL_TURN = 0.05
-# Second derivatives below this size are too uncertain for Newton's method [m].
+# Second derivatives below this value are too uncertain for Newton's method [m].
 LEAST_SECOND_DERIVATIVE = 1e-7
 MOST_ITERATIONS = 40
-STEP_TOLERANCE = 1e-9  # step at which a search ends [rad]
+STEP_TOLERANCE = 1e-9  # step below which a search ends [rad]
 
 
 @inlined
@@ -71,8 +74,8 @@ def effective_radius(q_uu, q_uw, q_ww, wall_curvature_u, wall_curvature_w):
     q_uu, q_uw, q_ww : float
         Curvature matrix Q of the body in the tangents u and w [m].
     wall_curvature_u, wall_curvature_w : float
-        Principal curvatures of the wall along u and w, the diagonal of K [1/m];
-        negative where the wall is concave.
+        Principal curvatures of the wall along u and w, the diagonal of K [1/m]. They
+        are negative if the wall is concave.
     """
     determinant = q_uu * q_ww - q_uw * q_uw
     relative = (
@@ -92,10 +95,10 @@ def limit_turn(turn):
 
 @inlined
 def cone_axes(cone, theta):
-    """Return cos(theta), sin(theta) and the unit vectors n, u and w of a cone there.
+    """Return cos(theta), sin(theta) and the unit vectors n, u and w of a cone at theta.
 
-    The normal n points into the wall, the tangent u along the circle about the axis (it
-    has no z component), and the tangent w along the line of the cone.
+    The normal n points into the wall, the tangent u along the circle about the axis,
+    and the tangent w along the line of the cone. The z component of u is zero.
 
     Parameters
     ----------
@@ -118,7 +121,7 @@ def cone_axes(cone, theta):
 
 @inlined
 def cone_derivatives(row, parts, cone, theta):
-    """Return the first and second derivative of a body's overlap with a cone.
+    """Return the first and second derivatives of a body's overlap with a cone.
 
     The overlap phi is a function of the angle theta about the cone's axis.
 
@@ -135,20 +138,20 @@ def cone_derivatives(row, parts, cone, theta):
     Returns
     -------
     slope, second_derivative : float
-        First and second derivative of phi by the angle [m].
+        First and second derivatives of phi with respect to the angle [m].
     """
     cos, sin, nx, ny, nz, ux, uy, uz, wx, wy, wz = cone_axes(cone, theta)
     normal_r = cone[CONE_NORMAL_R]
     x, y, _z = vector_at(row, POSITION)
-    # the body's extent h along n, outermost point along u and w, and curvature matrix Q
+    # The body's extent h along n, outermost point along u and w, and curvature matrix Q
     h, along_u, along_w, q_uu, _q_uw, _q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
-    # the body's outermost point along n, seen from above
+    # The x and y coordinates of the body's outermost point along n
     px = x + h * nx + along_u * ux + along_w * wx
     py = y + h * ny + along_u * uy + along_w * wy
-    # phi changes as the normal turns along u; the surface's curvature adds to the
-    # second derivative
+    # phi changes as the normal turns along u. The curvature of the body's surface
+    # contributes to the second derivative.
     slope = normal_r * (ux * px + uy * py)
     second_derivative = normal_r * normal_r * q_uu - normal_r * (cos * px + sin * py)
     return slope, second_derivative
@@ -169,7 +172,7 @@ def climb_cone(row, parts, cone, theta):
         The angle about the cone's axis before the step [rad].
     """
     slope, second_derivative = cone_derivatives(row, parts, cone, theta)
-    # a Newton step; where phi is not concave or nearly flat, a short step uphill
+    # Make a Newton step, or a short step uphill if phi is nearly flat or not concave.
     turn = (
         -slope / second_derivative
         if second_derivative < -LEAST_SECOND_DERIVATIVE
@@ -202,26 +205,26 @@ def write_cone_contact(row, parts, cone, theta, geometry):
     """
     cos, sin, nx, ny, nz, ux, uy, uz, wx, wy, wz = cone_axes(cone, theta)
     x, y, z = vector_at(row, POSITION)
-    # the body's extent h along n, outermost point along u and w, and curvature matrix Q
+    # The body's extent h along n, outermost point along u and w, and curvature matrix Q
     h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
     gap = cone[CONE_OFFSET] - (nx * x + ny * y + nz * z + h)
-    # the effective radius depends on the contact point and is written below
+    # The effective radius depends on the contact point and is written below.
     write_contact(
         geometry, nx, ny, nz, gap, 0.0, h, along_u, along_w, ux, uy, uz, wx, wy, wz
     )
 
-    # (px, py, pz) is the contact point
+    # (px, py, pz) is the contact point.
     px, py, pz = x + geometry[ARM], y + geometry[ARM + 1], z + geometry[ARM + 2]
     distance = max(
         cos * px + sin * py, SMALLEST_CIRCLE
     )  # of the contact point from the axis
-    # a cone is concave: its curvature along the circle is negative
+    # A cone is concave, so its curvature along the circle is negative.
     wall_curvature_u = -cone[CONE_NORMAL_R] / distance
     geometry[RADIUS] = effective_radius(q_uu, q_uw, q_ww, wall_curvature_u, 0.0)
 
-    # the distance of the contact point along the line of the cone
+    # The distance of the contact point along the line of the cone
     distance_along = distance * cone[CONE_UP_R] + pz * cone[CONE_UP_Z]
     return distance_along >= cone[CONE_START] and distance_along <= cone[CONE_END]
 
@@ -230,7 +233,7 @@ def write_cone_contact(row, parts, cone, theta, geometry):
 def make_ring_step(row, parts, ring, theta, nx, ny, nz):
     """Make one Newton step towards the point of a ring's circle nearest to a body.
 
-    The unknowns are the angle theta of the nearest point of the circle and the normal
+    The unknowns are the angle theta of the nearest point on the circle and the normal
     n, which changes by a step (step_u, step_w) in its tangent plane. The equations for
     n are eliminated, so that one equation for theta remains.
 
@@ -241,7 +244,7 @@ def make_ring_step(row, parts, ring, theta, nx, ny, nz):
     ring : array (RING_COLUMNS,)
         The ring: a row of `Walls.rings`.
     theta : float
-        Angle of the point of the circle before the step [rad].
+        Angle of the point on the circle before the step [rad].
     nx, ny, nz : float
         Unit normal before the step, from the body to the circle.
 
@@ -258,23 +261,24 @@ def make_ring_step(row, parts, ring, theta, nx, ny, nz):
     x, y, z = vector_at(row, POSITION)
     dx, dy, dz = radius * cos - x, radius * sin - y, ring[RING_HEIGHT] - z
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
-    # the body's extent h along n, outermost point along u and w, and curvature matrix Q
+    # The body's extent h along n, outermost point along u and w, and curvature matrix Q
     h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
-    # The distance f of body and circle, and its gradient along u and w.
+    # The distance f between body and circle, and its gradient along u and w
     f = nx * dx + ny * dy + nz * dz - h
     gradient_u = dx * ux + dy * uy + dz * uz - along_u
     gradient_w = dx * wx + dy * wy + dz * wz - along_w
-    # Derivatives of f by theta. (tx, ty) is the derivative of the point of the circle.
+    # Derivatives of f with respect to theta. (tx, ty) is that of the point on the
+    # circle.
     tx, ty = -radius * sin, radius * cos
     slope = nx * tx + ny * ty
     second_derivative = -radius * (nx * cos + ny * sin)
-    # Mixed derivatives: how the gradient along u and w changes with theta.
+    # Mixed derivatives, which say how the gradient along u and w changes with theta
     mixed_u = ux * tx + uy * ty
     mixed_w = wx * tx + wy * ty
-    # The equations for n have the matrix A = Q + f I. Where it is not positive
-    # definite, use a multiple of the unit matrix.
+    # The equations for n have the matrix A = Q + f I. If it is not positive definite,
+    # use a multiple of the unit matrix.
     a_uu = q_uu + f
     a_ww = q_ww + f
     trace = q_uu + q_ww
@@ -299,7 +303,7 @@ def make_ring_step(row, parts, ring, theta, nx, ny, nz):
     else:
         turn = -math.copysign(UPHILL_TURN, reduced_slope)
     turn = limit_turn(turn)
-    # The step (step_u, step_w) of n that follows from this step of theta.
+    # The step (step_u, step_w) of n that follows from this step of theta
     gradient_u = gradient_u + mixed_u * turn
     gradient_w = gradient_w + mixed_w * turn
     step_u = (a_ww * gradient_u - q_uw * gradient_w) / determinant
@@ -348,8 +352,7 @@ def write_ring_contact(row, parts, ring, theta, nx, ny, nz, geometry):
     ring : array (RING_COLUMNS,)
         The ring: a row of `Walls.rings`.
     theta : float
-        Angle about the axis of the point of the circle that is nearest to the body
-        [rad].
+        Angle about the axis at which the circle is nearest to the body [rad].
     nx, ny, nz : float
         Unit normal n, from the body into the wall.
     geometry : array (8,)
@@ -360,25 +363,25 @@ def write_ring_contact(row, parts, ring, theta, nx, ny, nz, geometry):
     -------
     bool
         Whether the contact lies on the open part of the edge. The rest of the torus is
-        behind the adjoining walls: there the normal opposes one of the two gates.
+        behind the adjoining walls, where the normal opposes one of the two gates.
     """
     cos = math.cos(theta)
     sin = math.sin(theta)
     x, y, z = vector_at(row, POSITION)
     # Tangents of the body: u is the direction of the circle, made perpendicular to the
-    # normal; w is perpendicular to both.
+    # normal, and w is perpendicular to both.
     ux, uy, uz = -sin, cos, 0.0
     along_n = ux * nx + uy * ny
     ux, uy, uz = ux - along_n * nx, uy - along_n * ny, uz - along_n * nz
     inverse_length = 1.0 / math.sqrt(ux * ux + uy * uy + uz * uz)
     ux, uy, uz = ux * inverse_length, uy * inverse_length, uz * inverse_length
     wx, wy, wz = ny * uz - nz * uy, nz * ux - nx * uz, nx * uy - ny * ux
-    # the body's extent h along n, outermost point along u and w, and curvature matrix Q
+    # The body's extent h along n, outermost point along u and w, and curvature matrix Q
     h, along_u, along_w, q_uu, q_uw, q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
-    # From the body's surface to the circle in the middle of the torus, less the radius
-    # of the edge.
+    # The distance from the body's surface to the central circle of the torus, minus the
+    # radius of the edge
     gap = (
         nx * (ring[RING_RADIUS] * cos - x)
         + ny * (ring[RING_RADIUS] * sin - y)
@@ -400,7 +403,7 @@ def write_ring_contact(row, parts, ring, theta, nx, ny, nz, geometry):
 
 @inlined
 def solve_cone(row, parts, cone, theta):
-    """Return the angle at which the overlap with a cone has its maximum near a start.
+    """Find the maximum of the overlap with a cone near a starting angle.
 
     Parameters
     ----------
@@ -429,7 +432,7 @@ def solve_cone(row, parts, cone, theta):
 def solve_ring(row, parts, ring, theta, nx, ny, nz):
     """Return angle and normal (theta, nx, ny, nz) of a ring's point nearest to a body.
 
-    The search begins at the arguments, which are those of `make_ring_step`.
+    The search starts from the arguments, which are those of `make_ring_step`.
     """
     for _ in range(MOST_ITERATIONS):
         theta, nx, ny, nz, step = make_ring_step(row, parts, ring, theta, nx, ny, nz)
@@ -442,7 +445,8 @@ def solve_ring(row, parts, ring, theta, nx, ny, nz):
 def polar_coordinates(x, y):
     """Return the distance of a point from the axis [m], and cos and sin of its azimuth.
 
-    (x, y) is the point as seen along the axis. The azimuth of a point on the axis is 0.
+    (x, y) is the projection of the point along the axis. The azimuth of a point on the
+    axis is 0.
     """
     distance = math.sqrt(x * x + y * y)
     inverse = 1.0 / max(distance, LEAST_DISTANCE)
@@ -470,12 +474,12 @@ def write_sphere_cone_contact(x, y, z, radius, cone, geometry):
         How far the sphere's centre is beyond the wall's ends along its line [m];
         negative between them.
     """
-    # in the half plane through the axis and the sphere
+    # Work in the half plane from the axis through the centre of the sphere.
     distance, cos, sin = polar_coordinates(x, y)
     normal_r = cone[CONE_NORMAL_R]
     normal_z = cone[CONE_NORMAL_Z]
     gap = cone[CONE_OFFSET] - normal_r * distance - normal_z * z - radius
-    # a cone is concave: its curvature along the circle is negative
+    # A cone is concave, so its curvature along the circle is negative.
     circle_radius = max(distance + (radius + 0.5 * gap) * normal_r, SMALLEST_CIRCLE)
     contact_radius = effective_radius(
         radius, 0.0, radius, -normal_r / circle_radius, 0.0
@@ -483,7 +487,7 @@ def write_sphere_cone_contact(x, y, z, radius, cone, geometry):
     write_sphere_contact(
         geometry, normal_r * cos, normal_r * sin, normal_z, gap, contact_radius, radius
     )
-    # the distance of the sphere along the line of the cone, between its two ends
+    # The distance of the sphere's centre along the line of the cone
     distance_along = distance * cone[CONE_UP_R] + z * cone[CONE_UP_Z]
     return max(cone[CONE_START] - distance_along, distance_along - cone[CONE_END])
 
@@ -505,24 +509,24 @@ def write_sphere_ring_contact(x, y, z, radius, ring, geometry):
     Returns
     -------
     float
-        A lower bound of the distance to the open part of the edge [m]; negative or zero
-        on it.
+        A lower bound of the distance to the open part of the edge [m]. It is not
+        positive on this part.
     """
-    # In the half plane through the axis and the sphere: from its centre to the circle.
+    # The vector from the sphere's centre to the circle, in the half plane of the sphere
     distance, cos, sin = polar_coordinates(x, y)
     dr = ring[RING_RADIUS] - distance
     dz = ring[RING_HEIGHT] - z
     to_circle = math.sqrt(dr * dr + dz * dz)
     inverse_length = 1.0 / max(to_circle, LEAST_DISTANCE)
     nr, nz = dr * inverse_length, dz * inverse_length  # the normal
-    # the curvatures of the edge at this normal, then R* and the gap
+    # The curvatures of the edge at this normal, then R* and the gap
     wall_curvature_u, wall_curvature_w = ring_curvatures(ring, nr)
     contact_radius = effective_radius(
         radius, 0.0, radius, wall_curvature_u, wall_curvature_w
     )
     gap = to_circle - radius - ring[RING_EDGE_RADIUS]
     write_sphere_contact(geometry, nr * cos, nr * sin, nz, gap, contact_radius, radius)
-    # Behind one of the adjoining walls the normal opposes one of the two gates.
+    # Behind one of the adjoining walls, the normal opposes one of the two gates.
     return -min(
         dr * ring[RING_GATE_A_R] + dz * ring[RING_GATE_A_Z],
         dr * ring[RING_GATE_B_R] + dz * ring[RING_GATE_B_Z],

@@ -1,11 +1,11 @@
-"""The search for new contacts with walls, for bodies that may have reached one.
+"""Search for new contacts with walls, for bodies that may have reached one.
 
-The *path* of a body is its displacement plus that of the walls, both until now. A
+The *path* of a body is its displacement plus that of the walls, both until now. The
 search of a wall returns how far the body may move before the next search.
 `WallContacts.limit` is the path at which this search is due. `Bodies.wall_check` is the
-smallest limit of a body. `Bodies.wall_margin` is the smallest distance that is left
-until a body of a tile is due. `clumps` is an empty tuple in a simulation of smooth
-bodies, see `forces`.
+smallest limit of a body. `Bodies.wall_margin` is the smallest distance left until a
+body of a tile is due. `clumps` is an empty tuple if all bodies are smooth, see
+`forces`.
 
 Reads `Bodies.rows` and the walls. Writes `Bodies.wall_check`, `wall_margin` and
 `below_curved_walls`, the lists and limits of `WallContacts`, `counts`, and scratch
@@ -164,7 +164,7 @@ def search_due_walls(
     curved_walls_above,
     scratch,
 ):
-    """Find new contacts of body i with those planes and curved walls that are due.
+    """Find new contacts of body i with the planes and curved walls that are due.
 
     A wall is due when the path of the body has reached `WallContacts.limit`.
 
@@ -199,11 +199,11 @@ def search_due_walls(
     float
         The path at the body's next search [m].
     """
-    # all searches of this body use the positions of its spheres
+    # All searches for this body use the positions of its spheres.
     if len(clumps) > 0:
         write_clump_spheres(bodies, clumps, i, scratch.spheres)
     next_search = math.inf
-    # search the planes that are due; each gets a new limit
+    # Search the planes that are due. Each gets a new limit.
     for wall in range(walls.planes.shape[0]):
         if path >= plane_contacts.limit[wall, i]:
             free_distance = find_plane_contacts(
@@ -220,13 +220,13 @@ def search_due_walls(
             )
             plane_contacts.limit[wall, i] = path + free_distance
         next_search = min(next_search, plane_contacts.limit[wall, i])
-    # no point of the body is higher than this
+    # No point of the body is higher than this.
     highest_point = bodies.rows[i, state.POSITION + 2] + bounding_radius(bodies, i)
     if highest_point < curved_walls_above:
         bodies.below_curved_walls[i] = 1
     if bodies.below_curved_walls[i]:
         return next_search
-    # search the curved walls that are due
+    # Search the curved walls that are due.
     for wall in range(walls.cones.shape[0] + walls.rings.shape[0]):
         if path >= curved_contacts.limit[wall, i]:
             free_distance = find_curved_wall_contacts(
@@ -260,7 +260,7 @@ def search_due_bodies(
     begin,
     end,
 ):
-    """Find new contacts with walls for those bodies of a range that are due.
+    """Find new contacts with walls for the bodies of a range that are due.
 
     Parameters
     ----------
@@ -287,7 +287,7 @@ def search_due_bodies(
     """
     wall_path = walls.approach[state.WALL_PATH]
     for i in range(begin, end):
-        # body and wall may have come nearer by this path in total
+        # Body and wall may have approached each other by this path in total.
         path = bodies.displacement[i] + wall_path
         if path >= bodies.wall_check[i]:
             bodies.wall_check[i] = search_due_walls(
@@ -314,7 +314,7 @@ def smallest_wall_margin(bodies, wall_path, begin, end):
     bodies : Bodies
         State of all bodies, and the loads on them (`state.Bodies`).
     wall_path : float
-        How far any wall may have come nearer until now [m].
+        How far any wall may have approached a body until now [m].
     begin, end : int
         First body of the range, and its end.
     """
@@ -340,7 +340,7 @@ def find_new_wall_contacts(
     """Find new contacts with planes, cones, tubes and rings for bodies that are due.
 
     In a large simulation whose walls stand still, a tile of LANES bodies is skipped
-    until its fastest bodies may have moved by its `wall_margin`.
+    until its bodies may have moved by its `wall_margin`.
 
     Parameters
     ----------
@@ -365,7 +365,7 @@ def find_new_wall_contacts(
         Working memory of this thread (`state.Scratch`); it is overwritten.
     """
     n_bodies = counts[state.N_BODIES]
-    # only a large simulation has several shares of the loads
+    # Only a large simulation has several shares of the loads.
     if bodies.load.shape[0] == 1 or walls.approach[state.WALLS_MOVE] > 0.0:
         search_due_bodies(
             bodies,
@@ -381,7 +381,7 @@ def find_new_wall_contacts(
             n_bodies,
         )
         return
-    # one tile of bodies after another
+    # Handle one tile of bodies after another.
     for first_body in range(0, n_bodies, LANES):
         tile = first_body // LANES
         if bodies.wall_margin[tile] > state.ROUNDING:
@@ -400,7 +400,7 @@ def find_new_wall_contacts(
             first_body,
             end,
         )
-        # how far the bodies of this tile may move until one of them is due
+        # How far the bodies of this tile may move until one of them is due
         wall_path = walls.approach[state.WALL_PATH]
         bodies.wall_margin[tile] = smallest_wall_margin(
             bodies, wall_path, first_body, end
@@ -504,7 +504,7 @@ def find_new_mesh_contacts(
     wall_path = walls.approach[state.WALL_PATH]
     for mesh in range(meshes.box.shape[0]):
         for i in range(counts[state.N_BODIES]):
-            # body and mesh may have come nearer by this path in total
+            # Body and mesh may have approached each other by this path in total.
             path = bodies.displacement[i] + wall_path
             if (
                 path < mesh_contacts.limit[mesh, i]

@@ -3,16 +3,16 @@
 `search_plane` and `search_curved_wall` look for new contacts of a body.
 `follow_wall_contact` updates a contact with a cone or ring in each step (see
 `wall_contact`). The search and the force use the same point of the body, the touching
-point, to decide whether the body is on the wall.
+point, to decide whether the body is on the wall or beyond its end.
 
 A contact begins when a body in front of the wall reaches it. A body that overlaps the
-wall's surface beyond the wall's end, or from behind, is "past the wall": a contact that
-began with this overlap would throw the body away. So the body gets no contact until it
+wall's surface beyond the wall's end, or from behind, is "past the wall". A contact that
+began with this overlap would throw the body away, so the body gets no contact until it
 has been clear of the surface. `WallContacts.allowed_overlap` is the largest overlap
 with which a contact may begin. It is infinite unless the body is past the wall. For a
-body past a curved wall it is the overlap with the other wall from which the body slides
-onto this one. For a body past a plane it is 0.0; a body slides from a curved wall onto
-the plane with at most the overlap that it has with the curved wall.
+body past a curved wall, it is the overlap with the other wall from which the body
+slides onto this one. For a body past a plane, it is 0.0. However, a body may slide from
+a curved wall onto the plane, with at most the overlap that it has with the curved wall.
 
 Reads `Bodies.rows` and the rows of the walls. Writes the lists of `WallContacts` (body,
 wall, data), its `limit` and `allowed_overlap`, and `counts`.
@@ -50,17 +50,17 @@ from .wall_contact import (
 COSINES = np.cos(2.0 * np.pi * np.arange(state.STARTS) / state.STARTS)
 SINES = np.sin(2.0 * np.pi * np.arange(state.STARTS) / state.STARTS)
 # A body that overlaps a curved wall or mesh by more than this fraction of its bounding
-# radius came from behind, and no contact begins.
+# radius must have come from behind, so no contact begins.
 LARGEST_NEW_OVERLAP = 0.3
-# Two contacts of one body with one wall closer than this about the axis [rad] are the
-# same contact.
+# Two contacts of a body with the same wall are the same contact if their azimuths
+# differ by less than this [rad].
 SAME_AZIMUTH = 0.12
-# A body is searched again after it has moved by these fractions of its radius: when it
-# overlaps the surface beyond the wall's end, and when it has a contact with the wall (a
-# second contact may split off from the first).
+# The next search comes after a body has moved by these fractions of its radius: if it
+# overlaps the surface beyond the wall's end, and if it has a contact with the wall,
+# from which a second contact may split off.
 NEXT_SEARCH_BEYOND_END = 0.01
 NEXT_SEARCH_IN_CONTACT = 0.1
-# Newton steps for a contact that is followed from one time step to the next.
+# Newton steps for a contact that is followed from one time step to the next
 FOLLOWING_STEPS = 2
 FAR = 1e300  # no body moves by this distance [m]
 X, Y, Z = state.POSITION, state.POSITION + 1, state.POSITION + 2  # columns of a body
@@ -77,7 +77,7 @@ def direction_to_ring(row, ring, start):
     ring : array (RING_COLUMNS,)
         The ring: a row of `Walls.rings`.
     start : int
-        Index of the point, one of state.STARTS at equal angles about the axis.
+        Index of the point, one of state.STARTS points at equal angles about the axis.
 
     Returns
     -------
@@ -170,7 +170,7 @@ def drop_wall_contact(contacts, counts, length_index, k, ghost):
     """Remove contact k from a list and move the last contact to its index.
 
     The element that becomes free gets the ghost, a relaxed spring and a plane without
-    an edge, so no force acts there.
+    an edge, so that no force acts there.
 
     Parameters
     ----------
@@ -188,12 +188,12 @@ def drop_wall_contact(contacts, counts, length_index, k, ghost):
     """
     last = counts[length_index] - 1
     counts[length_index] = last
-    # the last contact moves to index k
+    # The last contact moves to index k.
     contacts.body[k] = contacts.body[last]
     contacts.wall[k] = contacts.wall[last]
     contacts.feature[k] = contacts.feature[last]
     move_contact(contacts.data, last, k)
-    # the old element of the last contact gets the ghost, on a plane without an edge
+    # The old element of the last contact gets the ghost, on a plane without an edge.
     contacts.body[last] = ghost
     put_contact(contacts.data, last, 0.0, 0.0, 1.0)
     contacts.data[last // LANES, state.SQUARED_RADIUS + last % LANES] = math.inf
@@ -201,7 +201,7 @@ def drop_wall_contact(contacts, counts, length_index, k, ghost):
 
 @inlined
 def has_other_contact(contacts, n_contacts, body, ignored):
-    """Return whether a body has a contact in a list other than an ignored one.
+    """Return whether a body has a contact in a list, leaving out one contact.
 
     Parameters
     ----------
@@ -212,7 +212,7 @@ def has_other_contact(contacts, n_contacts, body, ignored):
     body : int
         Index of the body.
     ignored : int
-        Index of the contact that does not count; -1 for none.
+        Index of the contact that is left out; -1 for none.
     """
     for k in range(n_contacts):  # noqa: SIM110  (kernels have no generators)
         if contacts.body[k] == body and k != ignored:
@@ -222,7 +222,7 @@ def has_other_contact(contacts, n_contacts, body, ignored):
 
 @inlined
 def overlap_with_other_walls(contacts, n_contacts, body, wall):
-    """Return the largest overlap of a body with curved walls except one [m], or 0.0.
+    """Return the largest overlap of a body with all curved walls but one [m], or 0.0.
 
     Parameters
     ----------
@@ -233,12 +233,12 @@ def overlap_with_other_walls(contacts, n_contacts, body, wall):
     body : int
         Index of the body.
     wall : int
-        Index of the wall that does not count; -1 for none.
+        Index of the wall that is left out; -1 for none.
     """
     overlap = 0.0
     for k in range(n_contacts):
         if contacts.body[k] == body and contacts.wall[k] != wall:
-            # curved walls keep the gap of each contact
+            # Contacts with curved walls keep their gap.
             gap = contacts.data[k // LANES, state.GAP + k % LANES]
             overlap = max(overlap, -gap)
     return overlap
@@ -248,7 +248,7 @@ def overlap_with_other_walls(contacts, n_contacts, body, wall):
 def record_slide_off(bodies, contacts, walls, n_contacts, k, overlap):
     """Record that contact k with a curved wall slid over the wall's end.
 
-    Change `allowed_overlap` and `limit` of the body, see `state.WallContacts`.
+    `allowed_overlap` and `limit` of the body are changed, see `state.WallContacts`.
 
     Parameters
     ----------
@@ -263,12 +263,12 @@ def record_slide_off(bodies, contacts, walls, n_contacts, k, overlap):
     k : int
         Index of the contact in its list.
     overlap : float
-        Overlap with which the body slid off [m]. The contact with the next wall begins
-        with at most this overlap, so that wall is searched in the next step.
+        Overlap with which the body slid off [m]. The contact with the next wall, which
+        is searched in the next step, may begin with at most this overlap.
     """
     wall = contacts.wall[k]
     i = contacts.body[k]
-    # a wall is searched when this path has reached its limit
+    # A wall is searched when this path has reached its limit.
     path = bodies.displacement[i] + walls.approach[state.WALL_PATH]
     # Any wall may be the next one: allow this overlap, and search all walls except this
     # one in the next step.
@@ -278,7 +278,7 @@ def record_slide_off(bodies, contacts, walls, n_contacts, k, overlap):
         )
         if other != wall:
             contacts.limit[other, i] = min(contacts.limit[other, i], path)
-    # a body that touches another wall is not past this one
+    # A body that touches another wall is not past this one.
     if not has_other_contact(contacts, n_contacts, i, k):
         contacts.allowed_overlap[wall, i] = overlap
         # A second contact may have split off since the last search, so the next search
@@ -335,10 +335,10 @@ def add_contact_if_new(
     """
     n_contacts = counts[state.N_CURVED]
     gap = geometry[contact_geometry.GAP]
-    # no overlap: the body cannot touch before it has moved by the gap
+    # Without an overlap, the body cannot touch before it has moved by the gap.
     if gap > 0.0:
         return gap
-    # a body that is past the wall may slide onto it from another wall
+    # A body that is past the wall may slide onto it from another wall.
     if allowed_overlap < math.inf:
         allowed_overlap = max(
             allowed_overlap, overlap_with_other_walls(contacts, n_contacts, body, wall)
@@ -346,14 +346,14 @@ def add_contact_if_new(
     if not is_on_wall or gap < -min(
         LARGEST_NEW_OVERLAP * radius, allowed_overlap + distance_moved
     ):
-        # the body is past the wall
+        # The body is past the wall.
         if allowed_overlap == math.inf and not has_other_contact(
             contacts, n_contacts, body, -1
         ):
             allowed_overlap = 0.0
         contacts.allowed_overlap[wall, body] = allowed_overlap
         return NEXT_SEARCH_BEYOND_END * radius
-    # add a new contact, with a relaxed spring
+    # Add a new contact, with a relaxed spring.
     if not has_contact_near(contacts, n_contacts, body, wall, theta):
         normal_to_world(walls, wall, geometry)
         k = add_wall_contact(contacts, counts, state.N_CURVED, body, wall, geometry)
@@ -379,9 +379,9 @@ def search_cone(
 ):
     """Search for contacts of body i with a cone, and add those that are new.
 
-    The overlap phi depends on an angle about the cone's axis. It is calculated at
-    STARTS equally spaced angles. The solver starts at each angle whose overlap is not
-    smaller than that of either neighbour.
+    The overlap phi depends on the angle about the cone's axis. It is computed at STARTS
+    equally spaced angles. The solver starts at each angle whose overlap is not smaller
+    than that of either neighbour.
 
     Parameters
     ----------
@@ -396,8 +396,9 @@ def search_cone(
     i : int
         Index of the body.
     radius, allowed_overlap, distance_moved : float
-        Its bounding radius, the largest overlap with which a contact may begin, and how
-        far the body may have moved since its last search [m], see `add_contact_if_new`.
+        Bounding radius of the body, largest overlap with which a contact may begin, and
+        how far the body may have moved since its last search [m]; see
+        `add_contact_if_new`.
     profile : array (STARTS,)
         Working memory for the overlaps; it is overwritten.
     geometry : array (8,)
@@ -410,8 +411,8 @@ def search_cone(
     """
     cone = walls.cones[wall]
     spacing = 2.0 * math.pi / state.STARTS
-    # Calculate the overlap phi at equally spaced angles. Reading `row` and `cone`
-    # outside of the loop would change the last bits of the result, see `jit`.
+    # Compute the overlap phi at equally spaced angles. Reading `row` and `cone` outside
+    # the loop would change the last bits of the result, see `jit`.
     for start in range(state.STARTS):
         nx = cone[state.CONE_NORMAL_R] * COSINES[start]
         ny = cone[state.CONE_NORMAL_R] * SINES[start]
@@ -425,7 +426,8 @@ def search_cone(
     shortest_distance = FAR
     for start in range(state.STARTS):
         overlap = profile[start]
-        # the angles form a circle: profile[-1], the last one, is before profile[0]
+        # The angles form a circle, so profile[-1], the last one, comes before
+        # profile[0].
         if (
             overlap < profile[start - 1]
             or overlap < profile[(start + 1) % state.STARTS]
@@ -467,9 +469,9 @@ def search_ring(
 ):
     """Search for contacts of body i with a ring edge, and add those that are new.
 
-    The distance between the body and the circle in the middle of the ring is calculated
-    at STARTS equally spaced angles. The solver starts at each angle whose distance is
-    not larger than that of either neighbour.
+    The distance between the body and the central circle of the ring is computed at
+    STARTS equally spaced angles. The solver starts at each angle whose distance is not
+    larger than that of either neighbour.
 
     Parameters
     ----------
@@ -484,8 +486,9 @@ def search_ring(
     i : int
         Index of the body.
     radius, allowed_overlap, distance_moved : float
-        Its bounding radius, the largest overlap with which a contact may begin, and how
-        far the body may have moved since its last search [m], see `add_contact_if_new`.
+        Bounding radius of the body, largest overlap with which a contact may begin, and
+        how far the body may have moved since its last search [m]; see
+        `add_contact_if_new`.
     profile : array (STARTS,)
         Working memory for the distances; it is overwritten.
     geometry : array (8,)
@@ -497,7 +500,7 @@ def search_ring(
         How far the body may move before the next search [m].
     """
     ring = walls.rings[wall - walls.cones.shape[0]]
-    # return early if the body's bounding sphere does not reach the ring
+    # Return early if the body's bounding sphere does not reach the ring.
     x, y, z = vector_at(row, state.POSITION)
     axial = abs(z - ring[state.RING_HEIGHT])
     radial = abs(math.sqrt(x * x + y * y) - ring[state.RING_RADIUS])
@@ -506,20 +509,21 @@ def search_ring(
     if clearance > 0.0:
         return clearance
     spacing = 2.0 * math.pi / state.STARTS
-    # the distance from points of the circle at equally spaced angles
+    # The distance from points on the circle at equally spaced angles
     for start in range(state.STARTS):
         nx, ny, nz, distance = direction_to_ring(row, ring, start)
         profile[start] = distance - extent(row, parts, nx, ny, nz)
     shortest_distance = FAR
     for start in range(state.STARTS):
         start_distance = profile[start]
-        # the angles form a circle: profile[-1], the last one, is before profile[0]
+        # The angles form a circle, so profile[-1], the last one, comes before
+        # profile[0].
         if (
             start_distance > profile[start - 1]
             or start_distance > profile[(start + 1) % state.STARTS]
         ):
             continue
-        # solve for the point of the circle that is nearest to the body
+        # Find the point on the circle that is nearest to the body.
         nx, ny, nz, _distance = direction_to_ring(row, ring, start)
         theta, nx, ny, nz = solve_ring(row, parts, ring, start * spacing, nx, ny, nz)
         is_open = write_ring_contact(row, parts, ring, theta, nx, ny, nz, geometry)
@@ -556,13 +560,13 @@ def distance_from_disc_axis(row, parts, nx, ny, nz, dx, dy, dz):
     nx, ny, nz : float
         Unit normal of the disc.
     dx, dy, dz : float
-        From the body's centre to the middle of the disc [m].
+        Vector from the body's centre to the centre of the disc [m].
     """
     ux, uy, uz, wx, wy, wz = tangents(nx, ny, nz)
     _h, along_u, along_w, _q_uu, _q_uw, _q_ww = support_terms(
         row, parts, nx, ny, nz, ux, uy, uz, wx, wy, wz
     )
-    # measure from the axis of the disc instead of the body's centre
+    # Measure from the axis of the disc instead of the body's centre.
     along_u -= ux * dx + uy * dy + uz * dz
     along_w -= wx * dx + wy * dy + wz * dz
     return math.sqrt(along_u * along_u + along_w * along_w)
@@ -603,7 +607,7 @@ def search_plane(
     nx, ny, nz = vector_at(plane, state.PLANE_NORMAL)
     point_x, point_y, point_z = vector_at(plane, state.PLANE_POINT)
     x, y, z = vector_at(row, state.POSITION)
-    # (dx, dy, dz) is the vector from the body's centre to the point of the plane
+    # (dx, dy, dz) is the vector from the body's centre to the point of the plane.
     dx, dy, dz = point_x - x, point_y - y, point_z - z
     height = nx * dx + ny * dy + nz * dz  # distance of the centre from the plane
     gap = height - extent(row, parts, nx, ny, nz)
@@ -626,7 +630,7 @@ def search_plane(
         if height < 0.0 or not is_on_disc or -gap > overlap:
             return -gap
         plane_contacts.allowed_overlap[wall, i] = math.inf
-    # add a new contact, which stores a copy of the plane
+    # Add a new contact, which stores a copy of the plane.
     set_vector(geometry, contact_geometry.NORMAL, nx, ny, nz)
     k = add_wall_contact(plane_contacts, counts, state.N_PLANE, i, wall, geometry)
     if k >= 0:
@@ -691,7 +695,7 @@ def write_sphere_contact_in_frame(x, y, z, radius, walls, wall, geometry):
 
 @inlined
 def write_sphere_body_contact(row, walls, wall, geometry):
-    """Fill `geometry` for a body that is a sphere; return whether it is on the wall.
+    """Fill `geometry` for a spherical body, and return whether it is on the wall.
 
     Parameters
     ----------
@@ -739,8 +743,9 @@ def search_sphere(
     i : int
         Index of the body.
     radius, allowed_overlap, distance_moved : float
-        Its radius, the largest overlap with which a contact may begin, and how far it
-        may have moved since its last search [m], see `add_contact_if_new`.
+        Radius of the sphere, largest overlap with which a contact may begin, and how
+        far the sphere may have moved since its last search [m]; see
+        `add_contact_if_new`.
     geometry : array (8,)
         Working memory for one contact (`contact_geometry`); it is overwritten.
 
@@ -903,7 +908,7 @@ def follow_wall_contact(
         is_on_wall = write_cone_contact(row, parts, cone, theta, geometry)
     else:
         ring = walls.rings[wall - n_cones]
-        # `lane_vector` would change the last bits of the result here, see `jit`
+        # Here `lane_vector` would change the last bits of the result, see `jit`.
         first = state.NORMAL + lane
         nx, ny, nz = (
             contact_tile[first],
