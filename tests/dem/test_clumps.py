@@ -241,7 +241,7 @@ def test_wrong_clumps_are_refused():
     )
     with pytest.raises(
         ValueError,
-        match=r"shapes has 'a': Clump, 'b': Shape; expected all of them a Shape or all",
+        match=r"shapes has 'a': Clump, 'b': Shape; expected only Shapes or only Clumps",
     ):
         scene({"a": bent(), "b": Shape.sphere(RADIUS, DENSITY, "body")})
 

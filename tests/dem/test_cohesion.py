@@ -486,7 +486,7 @@ def test_the_constants_of_each_law_are_known_and_asked_for_by_name():
         simulation(contact=coherent(0.1), contact_law="sjkr")
     with pytest.raises(
         ValueError,
-        match=r"surface_energy_j_m2 is no constant of .* 'hertz_mindlin'; expected none",
+        match=r"surface_energy_j_m2 is not a constant of .* 'hertz_mindlin'; expected none",
     ):
         simulation(contact=coherent(0.1))
     for wrong in (-0.1, math.inf, "much", None):

@@ -200,7 +200,7 @@ def test_a_series_has_the_times_and_writes_walls_at_rest_once(tmp_path):
     assert kept["position"].shape == (2, 3, 3)
     assert np.isnan(kept["position"][:, 1]).all()
     series(simulation)
-    value_error("expected later than the last one", series, simulation)
+    value_error("expected a time after the last one", series, simulation)
 
 
 def test_a_mesh_is_written_and_drawn_where_its_motion_has_brought_it(tmp_path):

@@ -174,7 +174,7 @@ class BenchTest(ABC, Generic[S]):
         Parameters
         ----------
         scene : Scene
-            The scene.
+            Settings, parameters, grain and seed of the run.
         largest_radius_m : float
             Bounding radius of the largest grain.
 
@@ -190,7 +190,7 @@ class BenchTest(ABC, Generic[S]):
         Parameters
         ----------
         scene : Scene
-            The scene.
+            Settings, parameters, grain and seed of the run.
         largest_scale : float, optional
             Relative size of the largest grain for which there is room.
         """
@@ -211,11 +211,11 @@ class BenchTest(ABC, Generic[S]):
         Parameters
         ----------
         scene : Scene
-            The scene.
+            Settings, parameters, grain and seed of the run.
         interval_s : float, optional
             Simulated time between two frames. Without it there are no frames.
         progress : function, optional
-            Function that is called with the simulated time [s].
+            Called with the simulated time [s] whenever the simulation has advanced.
         """
 
     def judge(self, outcome: Any, settings: SceneSettings) -> Verdict:
@@ -454,7 +454,7 @@ def register(name: str) -> Callable[[T], T]:
         does not define it.
         """
         if name in _REGISTRY:
-            raise ValueError(f"bench test {name!r} is registered already")
+            raise ValueError(f"bench test {name!r} is already registered")
         bench_class.name = name
         bench_class.statuses = (*bench_class.statuses, OUT_OF_BOUNDS)
         bench_test = bench_class()

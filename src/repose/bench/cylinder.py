@@ -508,7 +508,7 @@ class CylinderTest(BenchTest[CylinderSettings]):
         interval_s : float, optional
             Simulated time between the frames of a film; without it none are recorded.
         progress : function, optional
-            Called with the simulated time [s] after every advance.
+            Called with the simulated time [s] whenever the simulation has advanced.
 
         Returns
         -------
@@ -603,7 +603,7 @@ class CylinderTest(BenchTest[CylinderSettings]):
         Parameters
         ----------
         arrays : mapping
-            Arrays of the run by name, as from `run`.
+            Arrays of the run by name, as `run` returns them.
         scene : Scene
             Settings, parameters, grain and seed of the run.
 

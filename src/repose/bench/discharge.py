@@ -274,7 +274,7 @@ class DischargeTest(BenchTest[DischargeSettings]):
         interval_s : float, optional
             Simulated time between the frames of a film; without it none are recorded.
         progress : function, optional
-            Called with the simulated time [s] after every advance.
+            Called with the simulated time [s] whenever the simulation has advanced.
 
         Returns
         -------

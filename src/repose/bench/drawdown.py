@@ -488,7 +488,7 @@ class DrawdownTest(BenchTest[DrawdownSettings]):
         interval_s : float, optional
             Simulated time between the frames of a film; without it none are recorded.
         progress : function, optional
-            Called with the simulated time [s] after every advance.
+            Called with the simulated time [s] whenever the simulation has advanced.
 
         Returns
         -------

@@ -243,7 +243,7 @@ class RotatingDrum(BenchTest[R]):
         interval_s : float, optional
             Simulated time between the frames of a film; without it none are recorded.
         progress : Progress, optional
-            Called with the simulated time [s] after every advance.
+            Called with the simulated time [s] whenever the simulation has advanced.
 
         Returns
         -------
@@ -353,7 +353,7 @@ class RotatingDrum(BenchTest[R]):
         scale : array
             Their relative sizes (N,).
         scene : Scene
-            The scene.
+            Settings, parameters, grain and seed of the run.
 
         Returns
         -------
@@ -809,7 +809,7 @@ class DrumTest(RotatingDrum[DrumSettings]):
         scene : Scene
             Settings, parameters, grain and seed of the run.
         progress : Progress, optional
-            Called with the simulated time [s] after every advance.
+            Called with the simulated time [s] whenever the simulation has advanced.
 
         Returns
         -------
@@ -898,7 +898,7 @@ class DrumTest(RotatingDrum[DrumSettings]):
             If it is given, the run has frames at the times of the record, whatever the
             value. Without it the run has no frames.
         progress : function, optional
-            Called with the simulated time [s] after every advance.
+            Called with the simulated time [s] whenever the simulation has advanced.
 
         Returns
         -------

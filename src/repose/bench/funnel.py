@@ -548,7 +548,7 @@ class FunnelTest(BenchTest[FunnelSettings]):
         interval_s : float, optional
             Simulated time between the frames of a film; without it none are recorded.
         progress : function, optional
-            Called with the simulated time [s] after every advance.
+            Called with the simulated time [s] whenever the simulation has advanced.
         until_rest : bool, optional
             Whether the pour ends as soon as the grains rest. If not, or if they never
             rest, it lasts for `funnel.duration_s`.

@@ -758,7 +758,7 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
             Simulated time between the frames of a film of the grain that can roll.
             Without it none are recorded.
         progress : function, optional
-            Called with the simulated time [s] after every advance.
+            Called with the simulated time [s] whenever the simulation has advanced.
 
         Returns
         -------
@@ -809,7 +809,7 @@ class InclinedPlaneTest(BenchTest[InclinedPlaneSettings]):
         Parameters
         ----------
         arrays : mapping
-            Arrays of the run by name, as from `run`.
+            Arrays of the run by name, as `run` returns them.
         scene : Scene
             Settings, parameters, grain and seed of the run.
 

@@ -486,7 +486,7 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         interval_s : float, optional
             Simulated time between the frames of a film; without it none are recorded.
         progress : function, optional
-            Called with the simulated time [s] after every advance.
+            Called with the simulated time [s] whenever the simulation has advanced.
 
         Returns
         -------
@@ -581,7 +581,7 @@ class LiftedCylinderTest(BenchTest[LiftedCylinderSettings]):
         Parameters
         ----------
         arrays : mapping
-            Arrays of the run by name, as from `run`.
+            Arrays of the run by name, as `run` returns them.
         scene : Scene
             Settings, parameters, grain and seed of the run.
 

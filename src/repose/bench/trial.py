@@ -28,7 +28,7 @@ class Trial:
     interval_s : float, optional
         Simulated time between two frames. Without it no frames are recorded.
     progress : function, optional
-        Called with the simulated time [s] after every advance.
+        Called with the simulated time [s] whenever the simulation has advanced.
 
     Attributes
     ----------

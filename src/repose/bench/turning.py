@@ -314,7 +314,7 @@ class TurningTest(RotatingDrum[TurningSettings]):
         interval_s : float, optional
             Simulated time between the frames of a film; without it none are recorded.
         progress : function, optional
-            Called with the simulated time [s] after every advance.
+            Called with the simulated time [s] whenever the simulation has advanced.
 
         Returns
         -------

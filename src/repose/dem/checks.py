@@ -199,7 +199,7 @@ def check_name(argument: str, value: Any) -> str:
     """Check that an argument is the name of a shape, a material or a wall."""
     if not is_name(value):
         raise ValueError(
-            f"{argument} is {shown(value)}; expected a name, text that is not empty"
+            f"{argument} is {shown(value)}; expected a name, a non-empty string"
         )
     return value
 

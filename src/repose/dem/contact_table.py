@@ -163,7 +163,7 @@ def _check_constants_of_contact(law: Law, values: Mapping[str, float]) -> None:
     for name in values:
         if name not in law_names:
             raise ValueError(
-                f"{name} is no constant of contact_law {law.name!r}; "
+                f"{name} is not a constant of contact_law {law.name!r}; "
                 f"expected {', '.join(law_names) or 'none'}"
             )
 

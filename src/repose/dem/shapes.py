@@ -403,8 +403,8 @@ def are_clumps(shapes: Mapping[str, Shape | Clump]) -> bool:
     if any(is_clump) and not all(is_clump):
         kinds = [f"{name!r}: {type(shape).__name__}" for name, shape in shapes.items()]
         raise ValueError(
-            f"shapes has {', '.join(kinds)}; expected all of them a Shape "
-            "or all of them a Clump (a sphere is a clump of one)"
+            f"shapes has {', '.join(kinds)}; expected only Shapes or "
+            "only Clumps (a sphere is a clump of one sphere)"
         )
     return all(is_clump)
 

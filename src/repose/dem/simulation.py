@@ -334,7 +334,7 @@ class Simulation(Observables):
             steps_left -= self._advance(steps_left)
             if self.counts[state.FULL]:
                 raise RuntimeError(
-                    "a contact list overflowed within one step; bodies overlap wildly"
+                    "a contact list overflowed within one step; bodies overlap too much"
                 )
             # The engine stops early when a list of contacts fills up.
             if steps_left > 0:
@@ -609,7 +609,7 @@ def _count_steps_per_record(record_every_s: float | None, time_step: float) -> i
     if record_every_s is None:
         raise ValueError(
             "record_every_s is None; "
-            "expected above 0 where there is something to record"
+            "expected above 0, since there is something to record"
         )
     interval_s = check_positive("record_every_s", record_every_s)
     return max(1, round(interval_s / time_step))

@@ -219,7 +219,8 @@ class Cone:
         check_not_negative("top_radius_m", top_radius_m)
         if base_radius_m == top_radius_m == 0.0:
             raise ValueError(
-                "base_radius_m and top_radius_m are 0; expected at most one of them"
+                "base_radius_m and top_radius_m are both 0; "
+                "expected at most one of them to be 0"
             )
 
         # In the half plane (r, z) the cone is a line from the first circle, at z = 0, to

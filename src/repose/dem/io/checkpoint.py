@@ -92,8 +92,8 @@ def load(simulation_class: type[AnyWorld], path: str | os.PathLike) -> AnyWorld:
             path,
             "engine sources",
             sources,
-            f"{source_hash()!r}: only the sources that wrote a checkpoint "
-            "go on with the same bits",
+            f"{source_hash()!r}: a checkpoint continues identically only with "
+            "the sources that wrote it",
         )
     # Make a new simulation from the arguments, and give it the state of the saved one.
     try:

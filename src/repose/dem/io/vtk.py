@@ -312,7 +312,7 @@ class VtkSeries:
         last_time = self._states[-1].time_s if self._states else -math.inf
         if not (math.isfinite(time) and time > last_time):
             raise ValueError(
-                f"time_s is {time!r}; expected later than the last one, {last_time!r}"
+                f"time_s is {time!r}; expected a time after the last one, {last_time!r}"
             )
         # Write the new files before the .pvd file that lists them, so that it never
         # lists a missing file.
