@@ -349,9 +349,9 @@ def fill_to_level_and_rest(
     """Fill a trial up to a level of the bed, and wait until the grains are at rest.
 
     First, half of the likely number of grains is added. Once they are at rest, the
-    level of the bed (`bed_level_m`) shows how many grains are missing. These are added
-    in turn, until no grains are missing. The wait for rest ends at twice the time
-    `until_s` at the latest, even if the grains still move.
+    level of the bed (`bed_level_m`) shows how many grains are missing. Missing grains
+    are added in this way until there are enough. The wait for rest ends at twice the
+    time `until_s` at the latest, even if the grains still move.
 
     Parameters
     ----------

@@ -603,8 +603,8 @@ def _lay_down_and_tilt(trial: Trial, section: InclinedPlaneSettings) -> list[_Mo
     Parameters
     ----------
     trial : Trial
-        The plane without a free grain. It is advanced in place, until a limit is
-        exceeded.
+        The plane without a free grain. It is advanced in place. The advance ends early
+        if a limit is exceeded.
     section : InclinedPlaneSettings
         The section `inclined_plane` of the configuration.
 

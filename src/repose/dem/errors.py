@@ -20,7 +20,7 @@ def shown(value: object) -> str:
 
 
 def did_you_mean(word: str, names: Iterable[str]) -> str:
-    """Ask in a message whether the user meant the most similar name.
+    """Return a question for a message, whether the user meant the most similar name.
 
     The question is empty if no name is similar to the word.
     """

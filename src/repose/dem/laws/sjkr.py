@@ -17,7 +17,7 @@ with 1/S = 0 on a wall. This is about 2 pi R* delta. The radius of a smooth body
 geometric mean of its two radii of curvature at the contact. There is no attraction
 across a gap. The strongest pull depends on the stiffness. At rest without load,
 sqrt(delta) is about 3 pi k sqrt(R*) / (2 E*). Friction is limited by the normal force
-without cohesion, as in LIGGGHTS.
+without cohesion.
 
 Rows of the tile `scratch`, after those of `hertz_mindlin`: DENSITY is k, INVERSE_SUM
 1/S. A contact keeps in `history` the rows of `hertz_mindlin_rescaled`.
