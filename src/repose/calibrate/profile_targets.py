@@ -327,10 +327,12 @@ def _make_bench_targets(
 def _describe_scores(
     measured: MeasuredProfile, line: _MeasuredLine, profile_keys: Mapping[str, Any]
 ) -> Iterator[dict[str, Any]]:
-    """Yield the configuration of the target of each score, with the profile.
+    """Make a target for each score of a measured profile.
 
-    All scores have the same standard error. Their variances add up to the mean squared
-    error of a height.
+    A score is the coefficient of one of the functions that describe the profile. All
+    scores get the same standard deviation. Their variances add up to the variance of a
+    height, so each standard deviation is that of a height over the root of the number of
+    functions.
 
     Parameters
     ----------
@@ -339,12 +341,17 @@ def _describe_scores(
     line : _MeasuredLine
         The profile in its file.
     profile_keys : mapping
-        Further keys of the profile.
+        Further keys of the profile, which each target also contains.
+
+    Yields
+    ------
+    dict
+        The target of a score, as a configuration file has it.
     """
     profile = line.profile
-    root = math.sqrt(profile.functions)
+    sd_reduction = math.sqrt(profile.functions)
     low, high = compute_target_range(profile.height, line.sd, measured.repetitions)
-    half_range = (measured.within or 0.5 * (high - low)) / root
+    half_range = (measured.within or 0.5 * (high - low)) / sd_reduction
     section = {
         "name": profile.name,
         "x": list(profile.x),
@@ -355,7 +362,7 @@ def _describe_scores(
     for value in profile.scores(profile.z).tolist():
         yield {
             "value": value,
-            "sd": line.sd / root,
+            "sd": line.sd / sd_reduction,
             "repetitions": measured.repetitions,
             "range": [value - half_range, value + half_range],
             "profile": section.copy(),

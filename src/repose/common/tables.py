@@ -725,16 +725,17 @@ def _require_header(
     comments: Sequence[str],
     known_names: Iterable[str],
 ) -> None:
-    """Refuse a table whose first line has numbers, or whose header is another line.
+    """Check that the names of the columns are in the first line of a table.
 
-    A header that has at least one known name is accepted.
+    One known name in the first line is enough. Without any, the names may be in a later
+    line, for example below a title, or in a comment, or they may be missing.
 
     Parameters
     ----------
     path : path
         The file of the table, for messages.
     lines : list of str
-        All lines; empty ones replace the comments.
+        All lines of the file. Each comment is replaced by an empty line.
     comments : list of str
         The comments.
     known_names : iterable of str
@@ -743,26 +744,15 @@ def _require_header(
     Raises
     ------
     InputError
-        If a later line or a comment has known names, or if the first line has numbers.
+        If the first line has no known name, but a later line or a comment has, or if
+        the first line has numbers. The message says which of these it is.
     """
     known = {normalise_name(name) for name in known_names}
     header = _read_header(lines)
     if not known or _count_known_names(header, known):
         return
 
-    # A single name may be a word in a title, or the first cell of a row.
-    fewest = min(2, len(known))
-    cause = ""
-    if holds_numbers(_split_line(header)):
-        cause = "the first line has numbers"
-    for number, line in enumerate(lines, 1):
-        if _count_known_names(line, known) >= fewest:
-            cause = f"line {number} has them: remove the lines above it"
-            break
-    for comment in comments:
-        if _count_known_names(comment.lstrip(f' "{COMMENT_SIGN}'), known) >= fewest:
-            cause = f"{shown(comment)} has them, but is a comment: remove its #"
-            break
+    cause = _find_cause_of_missing_header(header, lines, comments, known)
     if cause:
         raise InputError(
             path,
@@ -770,6 +760,39 @@ def _require_header(
             value=header.strip(),
             allowed=f"names of the columns; {cause}",
         )
+
+
+def _find_cause_of_missing_header(
+    header: str, lines: Sequence[str], comments: Sequence[str], known: Collection[str]
+) -> str:
+    """Find out why the first line of a table has no known name.
+
+    Parameters
+    ----------
+    header : str
+        The first line that is not empty.
+    lines, comments : sequence of str
+        All lines, and the comments among them.
+    known : collection of str
+        The known names of columns, normalised.
+
+    Returns
+    -------
+    str
+        The cause, with advice; empty if none was found.
+    """
+    # A single known name may also be a word of a title, or the first cell of a row.
+    n_required_names = min(2, len(known))
+    for comment in comments:
+        text = comment.lstrip(f' "{COMMENT_SIGN}')
+        if _count_known_names(text, known) >= n_required_names:
+            return f"{shown(comment)} has them, but is a comment: remove its #"
+    for number, line in enumerate(lines, 1):
+        if _count_known_names(line, known) >= n_required_names:
+            return f"line {number} has them: remove the lines above it"
+    if holds_numbers(_split_line(header)):
+        return "the first line has numbers"
+    return ""
 
 
 def _count_known_names(line: str, known: Collection[str]) -> int:
