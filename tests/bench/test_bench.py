@@ -71,7 +71,7 @@ def test_a_bench_test_is_found_by_name_with_its_responses(spread):
     assert responses.response("spread_mm").apparatus == "spread"
     assert responses.list_responses("spread") == spread.responses
     input_error(f"one of {', '.join(names())}", bench, "shaker")
-    value_error("registered already", register("spread"), type(spread))
+    value_error("already registered", register("spread"), type(spread))
     for test in bench_tests():
         assert test.statuses[0] == "ok"
         assert test.settings.model_fields["seeds"].is_required()

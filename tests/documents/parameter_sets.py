@@ -884,7 +884,7 @@ def beside_article():
             f"would reach about {perfect_r_squared(DEFAULT)}, because the samples are noisy",
         ],
         [
-            "the article's six sets, simulated",
+            "the article's sets, simulated; it states five of six",
             "31.2 to 33.7°",
             f"[by `flank`](docs/results.md#the-published-parameter-sets-in-this-simulator) {degrees_of(article_sets[ANGLE])}, "
             f"by `straightest` {degrees_of(article_sets[STRAIGHTEST])}; target 31 to 34°",
@@ -1454,8 +1454,8 @@ def left_open():
         "parameters.** This error is [estimated](docs/uncertainty.md#the-discrepancy) from how much the piles of plausible models "
         f"of the berry differ. It is large: the {len(samples)} parameter sets that the run simulated first, all over the searched "
         f"ranges, differ by a standard deviation of only {angle_sd:.1f}° and {height_sd:.1f} mm. With a perfect simulator, the "
-        f"piles would narrow the 95 % interval of `{NARROWEST}` to {exact.narrowest} of its width, and still leave the other five "
-        "parameters open.\n\n"
+        f"piles would narrow the 95 % interval of `{NARROWEST}` to {exact.narrowest} of its width. Each of the other five intervals "
+        f"would keep {exact.others} of its width.\n\n"
         f"Of the {len(samples)} parameter sets, {len(meeting)} ({100 * len(meeting) / len(samples):.0f} %) gave piles inside both "
         f"target ranges, 31 to 34° and 64 to 69 mm. If we allow for the assumed error, "
         f"[{100 * region:.0f} % of all combinations of parameters](docs/uncertainty.md#the-region-that-is-not-excluded) remain "
@@ -1477,10 +1477,10 @@ def equal_berries():
     changes = (unequal[columns] - equal[columns]).dropna()
     angle, height = (mean_with_error(changes[column]) for column in columns)
     return (
-        "**All 500 simulated berries are equal**: smooth, 21.1 mm long, 11.4 mm wide and 9.9 mm thick, the mean of fifty berries of "
+        "**All 500 simulated berries are identical**: smooth, 21.1 mm long, 11.4 mm wide and 9.9 mm thick, the mean of fifty berries of "
         "15 to 25 mm. "
         "Real berries differ in size, but this hardly changes the pile: in "
-        f"{len(changes)} pairs of models, sizes that scatter as measured changed the angle by {angle}° and the Height by {height} mm.\n"
+        f"{len(changes)} pairs of models, berries that differ in size like the fifty changed the angle by {angle}° and the Height by {height} mm.\n"
     )
 
 
@@ -1741,7 +1741,7 @@ def article_results():
         ],
         [
             "4.2.2: drum",
-            "no angle; its times leave 27°",
+            "no angle; its times imply 27°",
             f"slip at {slip}°",
             results.format("the-drum-disagrees-with-the-article"),
         ],

@@ -159,8 +159,8 @@ def _describe_within(study: Results) -> Iterator[str]:
     for percent, probability in study.probability_within.items():
         if probability is not None:
             yield (
-                f"With a probability of {format_percent(probability)} {true_means} "
-                f"within {percent:g} % of {measured_means}, taken as exact."
+                f"The probability that {true_means} within {percent:g} % of "
+                f"{measured_means}, taken as exact, is {format_percent(probability)}."
             )
 
 
@@ -188,9 +188,9 @@ def _describe_optimism(study: Results) -> str:
             clauses.append(clause.rstrip())
     if not clauses:
         return (
-            "The expected optimism of this prediction was not computed: the search takes "
-            "places where the error of the surrogate helps, so the true probability is "
-            "mostly lower."
+            "The expected optimism of this prediction was not computed. The search favours "
+            "points where the surrogate errs towards the target, so the true probability "
+            "is mostly lower."
         )
     return f"This does not count the expected optimism ({'; '.join(clauses)})."
 
