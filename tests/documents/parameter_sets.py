@@ -1480,7 +1480,8 @@ def equal_berries():
         "**All 500 simulated berries are identical**: smooth, 21.1 mm long, 11.4 mm wide and 9.9 mm thick, the mean of fifty berries of "
         "15 to 25 mm. "
         "Real berries differ in size, but this hardly changes the pile: in "
-        f"{len(changes)} pairs of models, berries that differ in size like the fifty changed the angle by {angle}° and the Height by {height} mm.\n"
+        f"{len(changes)} pairs of models, berries that differ in size like the fifty changed the angle by {angle}° and the Height "
+        f"by {height} mm.\n"
     )
 
 
