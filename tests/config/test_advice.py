@@ -73,6 +73,7 @@ def test_grains_of_the_cones_volume_fill_it(config):
     cone = math.pi * 0.03**3 / (3 * math.tan(math.radians(30)) ** 2)
     config["funnel"]["berries"] = round(0.6 * cone / GRAIN_M3)
     assert advice.compare_volumes(config, GRAIN_M3)[1]
+    config["measure"]["response"] = "whole"
     for factor in (0.5, 2.0):
         config["funnel"]["berries"] = round(factor * 0.6 * cone / GRAIN_M3)
         sentence, fits = advice.compare_volumes(config, GRAIN_M3)
@@ -84,6 +85,15 @@ def test_grains_of_the_cones_volume_fill_it(config):
         )
         expected = math.ceil(0.6 * cone / GRAIN_M3)
         assert advice.count_needed_grains(config, GRAIN_M3) == expected
+
+
+def test_the_cone_of_a_part_of_the_side_is_smaller_than_the_pile(config):
+    """A line along the steep part of a side gives a steeper cone than the whole pile."""
+    cone = math.pi * 0.03**3 / (3 * math.tan(math.radians(30)) ** 2)
+    config["measure"]["response"] = "flank"
+    for factor, fits in ((0.5, False), (2.0, True), (3.0, False)):
+        config["funnel"]["berries"] = round(factor * 0.6 * cone / GRAIN_M3)
+        assert advice.compare_volumes(config, GRAIN_M3).fits is fits
 
 
 def test_a_height_alone_asks_for_a_slope(config):

@@ -29,6 +29,11 @@ SLOPES_DEG = (15.0, 45.0)
 # Largest ratio between the volumes of a pile and its cone, whichever is larger. A real
 # pile differs from a cone because it has a rounded top and a tail at the foot.
 VOLUME_FACTOR = 1.5
+# Lines of an angle that follow the whole side of a pile. A line along a part of the side
+# is steeper, so the cone of its angle is smaller than the pile: for goji berries, whose
+# sides have 26 degrees as a whole and 33 degrees in part, by this factor.
+WHOLE_SIDE_LINES = ("whole", "secant")
+PART_OF_SIDE_FACTOR = 1.7
 # By Hertz's law, the sinking is proportional to the modulus to the power of -2/3, so
 # the modulus is proportional to the sinking to the power of -3/2.
 MODULUS_EXPONENT = 1.5
@@ -339,8 +344,15 @@ def compare_volumes(config: Config, grain_m3: float) -> Filling:
 
     # The comparison depends on which of the two targets the study has.
     if height_mm is not None and angle_deg is not None:
+        largest_ratio = VOLUME_FACTOR
+        if config["measure"]["response"] not in WHOLE_SIDE_LINES:
+            largest_ratio *= PART_OF_SIDE_FACTOR
         return _compare_with_cone(
-            volume_m3, poured_text, height_mm=height_mm, angle_deg=angle_deg
+            volume_m3,
+            poured_text,
+            height_mm=height_mm,
+            angle_deg=angle_deg,
+            largest_ratio=largest_ratio,
         )
     if height_mm is not None:
         return _compare_slope(volume_m3, poured_text, height_mm)
@@ -356,7 +368,12 @@ def compare_volumes(config: Config, grain_m3: float) -> Filling:
 
 
 def _compare_with_cone(
-    volume_m3: float, poured_text: str, *, height_mm: float, angle_deg: float
+    volume_m3: float,
+    poured_text: str,
+    *,
+    height_mm: float,
+    angle_deg: float,
+    largest_ratio: float,
 ) -> Filling:
     """Compare the volume of the poured grains with the cone of both targets.
 
@@ -370,13 +387,15 @@ def _compare_with_cone(
         Description of this volume.
     height_mm, angle_deg : float
         Target for the height [mm], and target for the angle [deg].
+    largest_ratio : float
+        Largest volume of the grains, as a multiple of that of the cone.
     """
     cone_m3 = _compute_cone_volume_m3(height_mm, angle_deg)
     sentence = (
         f"{poured_text}; the cone of {angle_deg:g} deg and {height_mm:g} mm Height holds "
         f"{_format_volume(cone_m3)}"
     )
-    if 1 / VOLUME_FACTOR <= volume_m3 / cone_m3 <= VOLUME_FACTOR:
+    if 1 / VOLUME_FACTOR <= volume_m3 / cone_m3 <= largest_ratio:
         return Filling(sentence, fits=True)
     return Filling(
         f"WARNING: {sentence}, {format_significant(cone_m3 / volume_m3, 2)} times as much; count the "
