@@ -119,6 +119,7 @@ def test_the_rate_grows_with_the_outlet_as_beverloo_says_and_the_rate_hardly_dep
     slope, shift = np.polyfit(outlets, root, 1)
     assert np.abs(slope * outlets + shift - root).max() < 0.03 * root.mean()
     assert 0.5 < -shift / slope / SPHERE_MM < 3.0  # k, 1.4 for spheres
-    few = flow_g_s(berries=450, outlet_diameter_mm=60.0)
-    many = flow_g_s(berries=700, outlet_diameter_mm=60.0)
-    assert many == pytest.approx(few, rel=0.1)
+    # Single discharges scatter, so compare means over the same seeds.
+    few = [flow_g_s(seed, berries=450, outlet_diameter_mm=60.0) for seed in range(1, 7)]
+    many = [row[0] for row in flows]
+    assert np.mean(many) == pytest.approx(np.mean(few), rel=0.1)
