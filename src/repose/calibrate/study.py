@@ -325,9 +325,9 @@ class Study:
             `sample` and a column for each response, for any of the runs that `ask` gave,
             in any order. A run failed if a response is missing, NaN, None or infinite,
             or if a column `status` says anything but ok. With a column `run`, the number
-            of the run. Other columns are kept, texts in one line, and not read. But
-            parameters must equal those of `ask`. Without `sample` these are runs made before, which also need
-            a column for each parameter.
+            of the run. Other columns are kept, with their texts in one line, and not
+            read. But columns of parameters must equal those of `ask`. Without `sample`,
+            these are runs made before, which also need a column for each parameter.
 
         Raises
         ------

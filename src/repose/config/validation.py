@@ -430,7 +430,7 @@ class ConfigChecks:
         # Angles are measured with the height of a grain, which must be that of this
         # grain.
         if self._are_faultless("measure"):
-            measure = MeasureSettings.model_validate(self.config["measure"])
+            measure = SceneSettings(self.config).section("measure", MeasureSettings)
             self._add_faults(measure.misfits(axes_mm))
 
         # The time step must be short enough for it.

@@ -38,8 +38,8 @@ LARGEST_SHARE_OUTSIDE = 0.25
 LARGEST_USUAL_RADIUS_M = 0.05
 # Limits of the outline in heights of the pile. They are wider than those of photographs,
 # because the file may hold spheres of clumps, which are smaller than the grains.
-LARGEST_RISE_SHARE = 0.25
-LARGEST_DROP_SHARE = 0.5
+LARGEST_RISE_SHARE_OF_SPHERES = 0.25
+LARGEST_DROP_SHARE_OF_SPHERES = 0.5
 # Angles of a round pile differ between its views by less [degrees]. Those of a pile of
 # fewer grains depend on single grains.
 LARGEST_ANGLE_RANGE_DEG = 12.0
@@ -222,12 +222,16 @@ def list_doubts(shape: MeasuredShape) -> list[str]:
     rise_mm = float(np.median([measure_rise(sides, size) for sides in all_sides]))
     drop_mm = float(np.median([measure_drop(sides, size) for sides in all_sides]))
     doubts = []
-    if rise_mm > max(size.largest_rise_mm, LARGEST_RISE_SHARE * size.height_mm):
+    if rise_mm > max(
+        size.largest_rise_mm, LARGEST_RISE_SHARE_OF_SPHERES * size.height_mm
+    ):
         doubts.append(
             f"{DOUBT}: away from its crest the outline rises by {rise_mm / size.height_mm:.0%} of "
             "the Height, as of two piles"
         )
-    if drop_mm > max(size.largest_drop_mm, LARGEST_DROP_SHARE * size.height_mm):
+    if drop_mm > max(
+        size.largest_drop_mm, LARGEST_DROP_SHARE_OF_SPHERES * size.height_mm
+    ):
         doubts.append(
             f"{DOUBT}: the outline falls by {drop_mm / size.height_mm:.0%} of the Height at once, "
             "as of grains that still fall, or of a wall of particles"

@@ -21,7 +21,7 @@ from repose.measure.outline_shape import (
 )
 from repose.measure.photographs import finding
 from repose.measure.photographs.segmentation import Segmentation
-from repose.measure.pile import find_profile
+from repose.measure.pile import LOWEST_PILE_GRAINS, find_profile
 from repose.measure.results import Measurement
 
 BASE_ROW_ADVICE = "give --base-row, the row of the plate, or show the printed sheet"
@@ -35,9 +35,8 @@ MIN_HEIGHT_PX = 80  # of a pile: the angle of a lower one is off by up to 1.5 de
 
 TYPICAL_PILE_GRAINS = 8  # height of a pile in grains, if the size of these is unknown
 
-# Limits of the pile's shape, in heights of a grain and in heights of the pile
-LOWEST_PILE_GRAINS = 1.5  # below it is a layer
-LOWEST_MEETING = 0.7  # of the lines of both flanks, in heights of the pile
+# Heights at which the lines of both flanks may meet, in heights of the pile
+LOWEST_MEETING = 0.7
 HIGHEST_MEETING = 1.3
 
 # Limits of a base that was found without the sheet
